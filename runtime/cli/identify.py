@@ -118,7 +118,7 @@ def identify_command(
         bool,
         typer.Option(
             help="Fit the parameters again to all rows once the errors on the test part are "
-            "known (one log, methods without early stopping)."
+            "known (logs that are not streamed, methods without early stopping)."
         ),
     ] = True,
     save_statistics: Annotated[
@@ -211,7 +211,9 @@ def identify_command(
         _require_for_several(controller, delay is not None or encoder_bias or symmetric)
         from runtime.cli.several_logs import identify_several
 
-        result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
+        result, agreement = identify_several(
+            runs, lib, dataclasses.replace(settings, refit=refit), payload_of or (), options
+        )
         finish(result, folder, outputs, agreement)
         return
     usable = usable_columns([chosen])

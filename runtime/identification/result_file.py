@@ -295,7 +295,8 @@ def _net_facts(result: Identification) -> dict[str, Any]:
 def _trained_facts(result: Identification) -> dict[str, Any] | None:
     if result.trained is None:
         return None
-    return {"pi": result.trained.pi.tolist(), "friction_values": result.trained.phi.tolist()}
+    phi = dataclasses.replace(result, phi=result.trained.phi).usual_phi
+    return {"pi": result.trained.pi.tolist(), "friction_values": phi.tolist()}
 
 
 def _trace_facts(result: Identification) -> dict[str, Any] | None:

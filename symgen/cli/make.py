@@ -100,6 +100,15 @@ def build_command(
             dir_okay=False,
         ),
     ] = None,
+    densities: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="TOML file of densities (link = kg/m^3, default = kg/m^3 for all others) of links "
+            "without <inertial>, whose bodies are computed from their closed meshes.",
+            dir_okay=False,
+        ),
+    ] = None,
     mechanism: MechanismOption = None,
     arg: ArgumentOption = None,
     package: PackageOption = None,
@@ -160,10 +169,10 @@ def build_command(
             raise BuildError("--urdf and --description both name a robot; give one of them")
         urdf, name = published_urdf(description), name or description.lower()
     if urdf is None:
-        if project or config or masses or mechanism or arg or package:
+        if project or config or masses or densities or mechanism or arg or package:
             raise BuildError(
-                "the options --project, --masses, --mechanism, --arg, --package and --config "
-                "belong to your own robot; give its --urdf too"
+                "the options --project, --masses, --densities, --mechanism, --arg, --package and "
+                "--config belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
         if options != ChainOptions() or name:
@@ -175,7 +184,7 @@ def build_command(
             mechanism=read_mechanism(mechanism),
         )
         source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
-        request = _request_from_urdf(source, name, options, project, config)
+        request = _request_from_urdf(source, name, options, project, config, densities)
     levels = _levels(level, all_levels, request.name)
     with console.status(f"building {request.name}"):
         watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None
@@ -275,6 +284,7 @@ def _request_from_urdf(
     options: "ChainOptions",
     project: bool,
     config: list[Path] | None,
+    densities: Path | None = None,
 ) -> "BuildRequest":
     from symgen.build.config import RobotConfig, read_config
     from symgen.build.request import BuildRequest, bundled_request
@@ -287,6 +297,12 @@ def _request_from_urdf(
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
     text, mechanism = read_source(source, options.mechanism)
+    if densities is not None:
+        from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
+
+        folder = source.packages.file(source.path).parent
+        text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
+        say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
     options = replace(options, mechanism=mechanism)
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return _changed_request(bundled_request(robot), name, options)

@@ -38,8 +38,7 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import default_terms, geared
 
 ONE_LOG_ONLY = (
-    *("preparation", "validation", "test", "lam0", "controller", "certify", "refit"),
-    "friction_prior",
+    *("preparation", "validation", "test", "lam0", "controller", "certify", "friction_prior"),
 )
 """Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
 
@@ -84,7 +83,7 @@ def identify_logs(
     joins = not METHODS[chosen.method or DEFAULT].uses_validation
     cut = [parts_of(log, lib, terms, shares, joins) for log in logs]
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
-    result = fit.of(train, validation, test, progress=progress)
+    result = fit.of(train, validation, test, progress=progress, refit=chosen.refit, joins=joins)
     # The joined rows are prepared already; the result states how.
     train, validation, test = (
         part.replace(prepared=prepared[0].prepared)
@@ -164,8 +163,10 @@ class _Fit:
         test: Recording,
         certify: bool = True,
         progress: Callable[[int, float], None] | None = None,
+        refit: bool = False,
+        joins: bool = False,
     ) -> Identification:
-        """The result on prepared recordings."""
+        """The result on prepared recordings, fitted again to all their rows on request."""
         settings = replace(
             self.settings,
             preparation=Preparation(),
@@ -173,8 +174,12 @@ class _Fit:
             validation=validation,
             test=test,
             certify=certify,
+            refit=refit,
         )
-        return identify_assembled(assemble(train, self.lib, settings, progress=progress), settings)
+        assembly = assemble(train, self.lib, settings, progress=progress)
+        if refit:  # the parts are those of the same logs
+            assembly = replace(assembly, one_run=True, is_joined=joins)
+        return replace(identify_assembled(assembly, settings), one_run=False)
 
 
 def _left_out(

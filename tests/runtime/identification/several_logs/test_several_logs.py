@@ -71,6 +71,23 @@ def test_offsets_friction_and_payload_are_separated(lib, answer):
     assert result.predict(q, dq, ddq) == pytest.approx(rigid + extra)
 
 
+def test_parameters_come_from_all_rows(lib, sessions, answer, tmp_path):
+    """Property: errors are those of the training rows, parameters those of all rows, as of one log;
+    without the second fit both are the same.
+    """
+    first, _ = answer
+    result, _ = identify_logs(sessions, lib, friction_columns=FRICTION, refit=True)
+    assert first.trained is None
+    assert result.trained is not None
+    assert any("are fitted to all" in note for note in result.notes)
+    np.testing.assert_array_equal(first.pi, result.trained.pi)
+    assert (result.pi != first.pi).any()
+    assert result.predict_test() == pytest.approx(first.predict_test())
+    write_result(result, tmp_path, "test")
+    facts = json.loads((tmp_path / "result.json").read_text())["trained"]
+    assert np.shape(facts["friction_values"]) == (lib.n_joints, len(FRICTION.columns))
+
+
 def test_a_payload_that_is_not_given_shows(lib, sessions):
     """Property: without its payload the odd log stands out in both tables."""
     unknown = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]

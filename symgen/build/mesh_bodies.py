@@ -1,0 +1,216 @@
+"""Bodies of links without <inertial> from closed meshes of a stated density.
+
+    V = Σ_t det T_t / 6,   ∫ x = Σ_t det T_t / 24 Σ_i v_i,
+    ∫ x xᵀ = Σ_t det T_t / 120 (Σ_i v_i v_iᵀ + s sᵀ),   s = Σ_i v_i
+
+over the triangles t with corners v_1, v_2, v_3; each spans a tetrahedron with the origin, and the
+parts outside of the solid cancel. Source: Eberly, Polyhedral mass properties, 2002.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from symgen.build.sources import Packages
+from symgen.chain.document import Document, listing, numbers, origin
+from symgen.documents import toml_of
+from symgen.errors import BuildError, UrdfError
+from symgen.inspect.collada import is_sound
+
+DEFAULT = "default"
+"""Key of the density of all links that the file does not name."""
+LARGEST_MESH = 200 * 2**20
+"""Largest size of a mesh file that is read, bytes."""
+_MERGED = 1e-6
+"""Distance of two corners that are one, over the size of the mesh: STL repeats them in single
+precision."""
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Volume [m³], first moment (3,) [m⁴] and second moment ∫ x xᵀ (3, 3) [m⁵] of a solid."""
+
+    volume: float
+    first: Array
+    second: Array
+
+
+def read_densities(path: Path) -> dict[str, float]:
+    """Densities of links from a TOML file, kg/m³.
+
+    Raises:
+        BuildError: the file cannot be read, or an entry is not a positive number.
+    """
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"cannot read the densities '{path}': {error}") from None
+    for link, density in table.items():
+        is_number = isinstance(density, int | float) and not isinstance(density, bool)
+        if not (is_number and 0 < density < np.inf):
+            raise BuildError(
+                f"'{path}': expected link = density above 0 in kg/m^3, got '{link}' = {density!r}"
+            )
+    if not table:
+        raise BuildError(f"'{path}' states no density; write lines such as default = 1200")
+    return {link: float(density) for link, density in table.items()}
+
+
+def with_mesh_bodies(
+    urdf: str, folder: Path, densities: Mapping[str, float], packages: Packages
+) -> tuple[str, tuple[str, ...]]:
+    """Write <inertial> elements for links that have none, from their meshes.
+
+    Args:
+        urdf: text of the URDF.
+        folder: of the URDF, from which relative names of meshes count.
+        densities: link, or "default" for all others → kg/m³.
+        packages: where package:// searches.
+
+    Returns:
+        The text with the new elements, and the links that got one.
+
+    Raises:
+        UrdfError: a link is not in the URDF, has an <inertial>, or no link got a body.
+        BuildError: a mesh is missing, cannot be read or is not closed.
+    """
+    document = Document(urdf)
+    for link in (name for name in densities if name != DEFAULT):
+        if link not in document.links:
+            raise UrdfError(
+                f"--densities names the link '{link}', which the URDF does not define; its links "
+                f"are {listing(document.links)}"
+            )
+        if document.links[link].find("inertial") is not None:
+            raise UrdfError(
+                f"--densities names the link '{link}', which has an <inertial> in the URDF; leave "
+                "it out, or remove the <inertial>"
+            )
+    done = []
+    for name, link in document.links.items():
+        density = densities.get(name, densities.get(DEFAULT))
+        meshes = [] if density is None else _meshes(link)
+        if link.find("inertial") is not None or density is None or not meshes:
+            if name in densities:
+                raise UrdfError(
+                    f"--densities names the link '{name}', which has no mesh; state its mass with "
+                    "--masses"
+                )
+            continue
+        parts = [_placed(mesh, name, folder, packages) for mesh in meshes]
+        _write(link, density, parts)
+        done.append(name)
+    if not done:
+        raise UrdfError(
+            "--densities gives no link a body: every link has an <inertial>, or no mesh; leave the "
+            "option out"
+        )
+    return document.text(), tuple(done)
+
+
+def moments_of(vertices: Array, triangles: Array, owner: str) -> Moments:
+    """Volume and moments of a closed mesh.
+
+    Args:
+        vertices: (V, 3) m.
+        triangles: (T, 3) indices of vertices, all outward or all inward.
+        owner: name of the mesh, for messages.
+
+    Returns:
+        Its moments about the origin.
+
+    Raises:
+        BuildError: an edge belongs to one triangle alone, or the mesh has no volume.
+    """
+    size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+    grid = np.round(vertices / max(_MERGED * size, 1e-300))
+    corners = np.unique(grid, axis=0, return_inverse=True)[1].reshape(-1)[triangles]
+    proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    corners, triangles = corners[proper], triangles[proper]
+    edges = np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)])
+    both = np.unique(np.vstack([edges, edges[:, ::-1]]), axis=0, return_inverse=True)[1].reshape(-1)
+    balance = np.bincount(both[: len(edges)], minlength=int(both.max(initial=0)) + 1)
+    balance = balance - np.bincount(both[len(edges) :], minlength=len(balance))
+    v = vertices[triangles]
+    det = np.linalg.det(v) if len(v) else np.zeros(0)
+    volume = float(det.sum() / 6)
+    open_edges = int(np.abs(balance).sum() // 2)
+    if open_edges or not abs(volume) > 1e-9 * size**3:
+        reason = f"{open_edges} of its edges have no partner" if open_edges else "it has no volume"
+        raise BuildError(
+            f"{owner} is not a closed surface ({reason}), so its mass cannot be computed from a "
+            "density; close the mesh, or state the mass of the link with --masses"
+        )
+    sums = v.sum(axis=1)
+    first = np.einsum("t,ti->i", det, sums) / 24
+    second = np.einsum("t,tki,tkj->ij", det, v, v) + np.einsum("t,ti,tj->ij", det, sums, sums)
+    sign = np.sign(volume)  # triangles that look inward
+    return Moments(abs(volume), sign * first, sign * second / 120)
+
+
+def _meshes(link: Element) -> list[Element]:
+    """Shapes of a link with a mesh: visual ones, which are the part, else collision ones."""
+    for tag in ("visual", "collision"):
+        found = [shape for shape in link.findall(tag) if shape.find("geometry/mesh") is not None]
+        if found:
+            return found
+    return []
+
+
+def _placed(shape: Element, link: str, folder: Path, packages: Packages) -> Moments:
+    """Moments of one shape in the frame of its link."""
+    node = shape.find("geometry/mesh")
+    if node is None:
+        raise BuildError(f"expected a mesh of link '{link}', got another shape; add a mesh")
+    file = node.get("filename", "")
+    scale = numbers(node.get("scale", "1 1 1"), 3, f"link '{link}': scale of a mesh")
+    path = packages.file(Path(file.removeprefix("file://")))
+    path = path if path.is_absolute() else folder / path
+    rotation, translation = origin(shape, f"shape of link '{link}'")
+    vertices, triangles = _loaded(path, scale, link)
+    placed = vertices @ rotation.T + translation
+    return moments_of(placed, triangles, f"the mesh '{path.name}' of link '{link}'")
+
+
+def _loaded(path: Path, scale: Array, link: str) -> tuple[Array, Array]:
+    """Vertices (V, 3) and triangles (T, 3) of a mesh file."""
+    import coal
+
+    try:
+        if not path.is_file() or not 0 < path.stat().st_size < LARGEST_MESH:
+            raise ValueError("there is no such file, or it is empty or too large")
+        if path.suffix.lower() == ".dae" and not is_sound(path):
+            raise ValueError("it is damaged")
+        model = coal.MeshLoader().load(str(path), scale)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise BuildError(
+            f"cannot read the mesh '{path}' of link '{link}': {' '.join(str(error).split())}; "
+            "correct its name, or give --package DIR"
+        ) from None
+    triangles = [
+        [triangle[k] for k in range(3)]
+        for triangle in map(model.tri_indices, range(model.num_tris))
+    ]
+    return np.array(model.vertices()), np.array(triangles, dtype=np.intp).reshape(-1, 3)
+
+
+def _write(link: Element, density: float, parts: Sequence[Moments]) -> None:
+    """Add the <inertial> of a link: mass, centre, and inertia about the centre."""
+    volume = sum(part.volume for part in parts)
+    centre = np.sum([part.first for part in parts], axis=0) / volume
+    second = np.sum([part.second for part in parts], axis=0) - volume * np.outer(centre, centre)
+    inertia = density * (np.trace(second) * np.eye(3) - second)
+    node = SubElement(link, "inertial")
+    node.append(Element("origin", {"xyz": " ".join(f"{x:.17g}" for x in centre)}))
+    node.append(Element("mass", {"value": f"{density * volume:.17g}"}))
+    entries = {
+        f"i{'xyz'[i]}{'xyz'[k]}": f"{inertia[i, k] + 0.0:.17g}"
+        for i in range(3)
+        for k in range(i, 3)
+    }
+    node.append(Element("inertia", entries))

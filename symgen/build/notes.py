@@ -111,8 +111,8 @@ def _assumed(chain: Chain) -> list[str]:
         notes.append(
             "no moving link has an <inertial>, so each is a placeholder of "
             f"{PLACEHOLDER_MASS:g} kg: identification uses pc-ols, which needs no inertial prior; "
-            "for map, state masses by --masses FILE (TOML, link = kg), densities of closed meshes by "
-            "--densities FILE, or a prior file"
+            "for map, state masses by --masses FILE (TOML, link = kg), densities of closed meshes "
+            "by --densities FILE, or a prior file"
         )
     return notes
 

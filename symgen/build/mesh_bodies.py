@@ -92,10 +92,10 @@ def with_mesh_bodies(
                 "it out, or remove the <inertial>"
             )
     done = []
-    for name, link in document.links.items():
+    for name, element in document.links.items():
         density = densities.get(name, densities.get(DEFAULT))
-        meshes = [] if density is None else _meshes(link)
-        if link.find("inertial") is not None or density is None or not meshes:
+        meshes = [] if density is None else _meshes(element)
+        if element.find("inertial") is not None or density is None or not meshes:
             if name in densities:
                 raise UrdfError(
                     f"--densities names the link '{name}', which has no mesh; state its mass with "
@@ -103,7 +103,7 @@ def with_mesh_bodies(
                 )
             continue
         parts = [_placed(mesh, name, folder, packages) for mesh in meshes]
-        _write(link, density, parts)
+        _write(element, density, parts)
         done.append(name)
     if not done:
         raise UrdfError(

@@ -156,9 +156,9 @@ def moments_of(vertices: Array, triangles: Array, owner: str) -> Moments:
 def _meshes(link: Element) -> list[Element]:
     """Shapes of a link with a mesh: visual ones, which are the part, else collision ones."""
     for tag in ("visual", "collision"):
-        found = [shape for shape in link.findall(tag) if shape.find("geometry/mesh") is not None]
-        if found:
-            return found
+        shapes = [shape for shape in link.findall(tag) if shape.find("geometry/mesh") is not None]
+        if shapes:
+            return shapes
     return []
 
 

@@ -208,11 +208,11 @@ def identify_command(
     folder = out or Path("results") / f"{Path(log).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, overwrite)
     if several:
-        _require_for_several(controller, delay is not None or encoder_bias or symmetric)
+        _require_for_several(controller, encoder_bias or symmetric)
         from runtime.cli.several_logs import identify_several
 
         result, agreement = identify_several(
-            runs, lib, dataclasses.replace(settings, refit=refit), payload_of or (), options
+            runs, lib, dataclasses.replace(settings, refit=refit), payload_of or (), options, delay
         )
         finish(result, folder, outputs, agreement)
         return
@@ -263,8 +263,8 @@ def _require_for_several(controller: Path | None, drives: object) -> None:
         )
     if drives:
         raise IdentificationError(
-            "--delay, --encoder-bias and --symmetric belong to one log, but several are given; "
-            "identify each alone, and write torque_delay_s under [preparation] of its recipe"
+            "--encoder-bias and --symmetric belong to one log, but several are given; identify "
+            "each alone"
         )
 
 

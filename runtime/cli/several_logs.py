@@ -59,6 +59,7 @@ def identify_several(
     settings: Settings,
     payload_of: Sequence[str],
     options: LogOptions,
+    delay: str | None = None,
 ) -> "tuple[Identification, LogAgreement]":
     """Identify one set of parameters from several logs, and compare the logs.
 
@@ -68,6 +69,7 @@ def identify_several(
         settings: as for `identify_logs`, without splitting and friction columns.
         payload_of: LOG=FILE of the known payloads.
         options: how the logs are read and prepared.
+        delay: value of --delay.
 
     Returns:
         The joint identification, and how well the logs agree.
@@ -113,6 +115,11 @@ def identify_several(
             "identify or gains on one of them, and write its gains into the recipe"
         )
     names = _names(runs)
+    delays: list[dict[str, Any]] = []
+    if delay is not None:
+        from runtime.cli.several_delays import delay_notes, with_delays
+
+        data, delays = with_delays(names, data, lib, settings, delay)
     named = [
         NamedLog(name, each.recording, each.preparation, carried.get(log))
         for name, each, (log, _) in zip(names, data, runs, strict=True)
@@ -128,6 +135,9 @@ def identify_several(
     notes = [
         f"{name}: {note}" for name, each in zip(names, data, strict=True) for note in each.notes
     ]
+    if delays:
+        notes += delay_notes(delays)
+        agreement = replace(agreement, delays=tuple(delays))
     return replace(result, notes=(*notes, *result.notes)), agreement
 
 

@@ -125,6 +125,10 @@ KEYS: tuple[Key, ...] = (
     Key("sessions.payload_kg", "list", "known payload of every log", "(logs,)", "kg"),
     Key("sessions.train_samples", "list", "training rows of every log", "(logs,)", older=[]),
     Key("sessions.offsets", "list?", "torque offsets of every log", "(logs, n)", _SI, older=None),
+    Key(
+        *("sessions.delay_s", "list?", "delay of every log: name, value, sigma", "(logs,)", "s"),
+        is_optional=True,
+    ),
     Key("sessions.leave_one_out", "list", "errors of the fit to all other logs", "(logs,)"),
     Key("sessions.repeatability", "table", "spread of the fits to single logs"),
     Key("provenance", "table?", "how to compute the result again", older={}),

@@ -52,6 +52,7 @@ class LogAgreement:
         masses: link masses identified from every log alone, (logs, n) kg.
         spread: standard deviation of each base parameter over the logs, (n_b,).
         expected_spread: the same predicted by the covariances of the single fits, (n_b,).
+        delays: name, delay and standard deviation of every log [s]; None where not estimated.
     """
 
     names: tuple[str, ...]
@@ -62,6 +63,7 @@ class LogAgreement:
     masses: Array
     spread: Array
     expected_spread: Array
+    delays: tuple[dict[str, Any], ...] | None = None
 
     @property
     def ratio(self) -> float:
@@ -90,6 +92,7 @@ class LogAgreement:
             "payload_kg": list(self.carried),
             "train_samples": list(self.samples),
             "offsets": None if self.offsets is None else self.offsets.tolist(),
+            "delay_s": None if self.delays is None else list(self.delays),
             "leave_one_out": [
                 {
                     "name": log.name,

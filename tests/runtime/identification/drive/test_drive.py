@@ -206,3 +206,29 @@ def test_identify_writes_the_drives(lib: Library, tmp_path: Path, command: Comma
     assert [keys <= set(drive) for drive in facts["drive"]] == [True] * lib.n_joints
     assert set(facts["drive"][0]["sigma"]) == keys - {"joint", "sigma"}
     assert any("commanded by a control law" in warning for warning in facts["warnings"])
+
+
+def test_every_log_has_a_delay_of_its_own(lib: Library, command: Command, tmp_path: Path) -> None:
+    """Oracle: two logs of one robot whose torques act 12 and 31 ms late; both are recovered.
+
+    The delays err by the interpolation of the torque between rows of 5 ms and by the noise.
+    """
+    rng = np.random.default_rng(3)
+    first = replace(random_servo(lib, rng), pi=lib.pi0, bias=np.zeros(lib.n_joints))
+    for name, late in (("a", 0.012), ("b", 0.031)):
+        arrays = servo_arrays(
+            lib, replace(first, delay=np.array([late])), rng, noise=1e-2, seconds=8.0
+        )
+        logged = {key: values for key, values in arrays.items() if key != "tau_true"}
+        np.savez(tmp_path / f"{name}.npz", **logged)  # type: ignore[arg-type]
+    words = ("--robot", lib.folder, "--cutoff", 10, "--delay", "auto", "--no-report")
+    ran = command("identify", "a.npz", "b.npz", *words, "--out", "out")
+    assert ran.code == 0, ran.err
+    facts = json.loads((tmp_path / "out/result.json").read_text())
+    delays = facts["sessions"]["delay_s"]
+    assert [each["name"] for each in delays] == ["a", "b"]
+    assert delays[0]["value"] == pytest.approx(0.012, abs=5e-4)
+    assert delays[1]["value"] == pytest.approx(0.031, abs=5e-4)
+    assert "b: delay of the torque 3" in ran.out
+    # With both delays taken out the logs agree: the residual is that of the noise.
+    assert facts["torque_error_percent"]["after_overall"] < 1.0

@@ -104,11 +104,12 @@ class Safety:
                 f"a band of friction from 0 up is needed, got {100 * self.friction_band:g} %; 20 % "
                 "is usual"
             )
-        for name in ("viscous", "coulomb", "band"):
-            values = np.array(getattr(self, name), dtype=float)
+        given = {"viscous friction": self.viscous, "coulomb friction": self.coulomb}
+        for name, numbers in (given | {"a band of models": self.band}).items():
+            values = np.array(numbers, dtype=float)
             if not (np.isfinite(values) & (values >= 0)).all():
                 raise IdentificationError(
-                    f"{name} of the limits needs finite numbers from 0 up, got {values.tolist()}"
+                    f"{name} needs finite numbers from 0 up, got {values.tolist()}"
                 )
 
 

@@ -72,7 +72,7 @@ class Planner:
         """Tests for a mutant that is applied before the tests are imported.
 
         Tests of symbolic code evaluate it where they are imported, which no map shows: the files
-        that import the module come first, then tests of its room that execute the line.
+        that import the module come first, then tests that execute the line.
 
         Args:
             mutant: an altered line.
@@ -83,12 +83,16 @@ class Planner:
         """
         usable = self.known - self.broken
         module = mutant.path.removesuffix(".py").replace("/", ".")
-        near = {t for t in usable if self._is_near(t, module, room_tests)}
-        direct = {t for t in near if module in self._imported(t.split("::", maxsplit=1)[0])}
-        covering = self.lines.tests_of(mutant) & near
+        new = {
+            t
+            for t in usable
+            if t not in self.lines.seconds and self._is_near(t, module, room_tests)
+        }
+        direct = {t for t in usable if module in self._imported(t.split("::", maxsplit=1)[0])}
+        covering = self.lines.tests_of(mutant) & usable
         return [
-            *self._within(direct, self.budget_s),
-            *self._within(covering - direct, self.budget_s / 4),
+            *self._within(direct | new, self.budget_s),
+            *self._within(covering - direct - new, self.budget_s / 2),
         ]
 
     def _is_near(self, test: str, module: str, room_tests: Sequence[str]) -> bool:

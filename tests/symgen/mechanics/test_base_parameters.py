@@ -132,6 +132,41 @@ def test_repeated_columns_toy(one_joint: Chain) -> None:
     expected[[1, 6], 8] = 2, -0.25
     assert base.columns == (0, 1, 2, 3, 4, 5, 6, 7, 9)
     np.testing.assert_allclose(base.matrix, expected, rtol=0, atol=1e-13)
+    assert not np.signbit(base.matrix[base.matrix == 0]).any()  # no −0 in generated files
+
+
+def test_nearly_dependent_columns_toy(one_joint: Chain) -> None:
+    """Property: directions that fall without a gap are kept, those farthest from the span first.
+
+    Columns 5 to 9 are nearly parallel and differ by 3e-2 to 1e-6; column 4 repeats column 9, and
+    column 3 has a direction of its own of 5e-7: the copy is the one that is left out.
+    """
+    mixture = np.eye(10)
+    mixture[5:, 5:] = np.triu(np.ones((5, 5))) * np.array([1.0, 3e-2, 1e-3, 3e-5, 1e-6])[:, None]
+    mixture[:, 4] = mixture[:, 9]
+    mixture[:, 3] = mixture[:, 8]
+    mixture[3, 3] = 5e-7
+    base = numeric_base(one_joint, toy(mixture))
+    assert len(base.columns) == 9
+    (left,) = {4, 9} - set(base.columns)
+    (other,) = {4, 9} & set(base.columns)
+    expected = np.zeros(9)
+    expected[base.columns.index(other)] = 1.0
+    # Rounding over the smallest direction.
+    np.testing.assert_allclose(base.matrix[:, left], expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(("size", "lossless"), [(0.0, True), (1e-6, False)])
+def test_a_dropped_direction_above_rounding_is_a_loss(
+    one_joint: Chain, size: float, lossless: bool
+) -> None:
+    """Property: a direction of 1e-6 behind a clear gap is dropped, and Y_b β is not Y π."""
+    mixture = np.eye(10)
+    mixture[:, 8] = mixture[:, 1]
+    mixture[8, 8] = size
+    base = numeric_base(one_joint, toy(mixture))
+    assert len(base.columns) == 9
+    assert base.lossless == lossless
 
 
 def test_no_gap_is_an_error(one_joint: Chain) -> None:

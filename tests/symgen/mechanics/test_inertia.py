@@ -319,3 +319,16 @@ def test_a_thin_body_far_away_is_a_body() -> None:
     for x in (900.0, 1000.0, 1100.0):
         pi = call(PI, [0.1, x, 2 * x, -x, 0.3, 0.2, 0.1, 1e-2, 1e-2, 0.0])
         consistency.require_realisable(ca.DM(pi), "far")
+
+
+def test_every_entry_has_a_name_and_a_unit() -> None:
+    """Oracle: the units by hand, entry by entry."""
+    pi = dict(zip(inertia.PI_NAMES, inertia.PI_UNITS, strict=True))
+    lam = dict(zip(inertia.LAM_NAMES, inertia.LAM_UNITS, strict=True))
+    assert (pi["m"], pi["mX"], pi["mZ"], pi["XX"], pi["YZ"]) == (
+        *("kg", "kg*m", "kg*m", "kg*m^2", "kg*m^2"),
+    )
+    assert (lam["mu"], lam["x"], lam["z"]) == ("ln(kg)", "m", "m")
+    assert (lam["omega1"], lam["omega3"], lam["a"], lam["c"]) == (
+        *("rad", "rad", "kg^0.5*m", "kg^0.5*m"),
+    )

@@ -93,7 +93,13 @@ class Planner:
         return [
             *self._within(direct | new, self.budget_s),
             *self._within(covering - direct - new, self.budget_s / 2),
+            *self._within(self._beside(covering & usable) - covering - direct, self.budget_s / 2),
         ]
+
+    def _beside(self, tests: set[str]) -> set[str]:
+        """Tests of the files of some tests: a fixture that they share runs in the first one."""
+        files = {t.split("::", maxsplit=1)[0] for t in self._within(tests, self.budget_s / 2)}
+        return {t for t in self.known - self.broken if t.split("::", maxsplit=1)[0] in files}
 
     def _is_near(self, test: str, module: str, room_tests: Sequence[str]) -> bool:
         path = test.split("::", maxsplit=1)[0]

@@ -16,6 +16,7 @@ from symgen.collision.tables import collision_from_tables
 from symgen.errors import UrdfError
 from symgen.mechanics import dynamics, lagrange
 from symgen.mechanics.base_parameters import numeric_base
+from symgen.mechanics.coordinates import independent_mass
 from symgen.mechanics.mass_matrix import forward_dynamics, mass_matrix
 from symgen.mechanics.regrouping import regrouped
 from tests.oracle import Array, pinocchio_model, random_states
@@ -332,3 +333,13 @@ def test_a_wrong_coupling_is_refused_in_a_sentence(case: str) -> None:
     with pytest.raises(UrdfError, match=sentence) as caught:
         coupled(table, urdf)
     assert "\n" not in str(caught.value)
+
+
+def test_mass_of_independent_joints_is_projected() -> None:
+    """Oracle: Aᵀ M A by numpy, both triangles the same to the bit."""
+    chain = coupled(WRIST)
+    root = np.random.default_rng(0).normal(size=(4, 4))
+    a = np.array(chain.coupling.matrix)
+    mass = np.array(ca.DM(independent_mass(chain, ca.SX.sym("q", 2), ca.DM(root @ root.T))))
+    np.testing.assert_allclose(mass, a.T @ root @ root.T @ a, rtol=1e-12)
+    np.testing.assert_array_equal(mass, mass.T)

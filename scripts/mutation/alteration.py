@@ -25,6 +25,7 @@ def functions_by_file(folder: Path) -> dict[str, list[FunctionType]]:
     """
     found: dict[str, list[FunctionType]] = {}
     start = f"{folder}/"
+    gc.unfreeze()  # frozen objects are not listed
     for thing in gc.get_objects():
         if type(thing) is FunctionType and thing.__code__.co_filename.startswith(start):
             found.setdefault(thing.__code__.co_filename.removeprefix(start), []).append(thing)

@@ -142,8 +142,8 @@ def run(
         seed: of the sample.
         budget_s: CPU time of the tests per mutant [s].
         processes: number at a time.
-        again: True runs only those of the last run that survived.
-        resume: True keeps the outcomes so far and runs the other mutants.
+        again: True keeps the outcomes so far and runs those mutants that survived.
+        resume: True keeps the outcomes so far and runs the mutants without one.
         folder: of map, outcomes and survivors.
 
     Returns:
@@ -158,7 +158,7 @@ def run(
     last = {o.key: o.verdict for o in journal.read()} if again or resume else {}
     keys = {(room, m.path, m.before, m.after) for room, ms in drawn.items() for m in ms}
     journal.keep(rooms, keys & last.keys())
-    wanted = {SURVIVED} if again else {None}
+    wanted = ({SURVIVED} if again else set()) | (set() if again and not resume else {None})
     drawn = {
         room: [m for m in mutants if last.get((room, m.path, m.before, m.after)) in wanted]
         for room, mutants in drawn.items()
@@ -271,7 +271,7 @@ def _serve(tree: Path, server: Server, left: Path) -> None:
         sound, broken = (sorted(names) for names in (server.planner.sound, server.planner.broken))
         facts = {"jobs": rows, "sound": sound, "broken": broken}
         left.write_text(json.dumps(facts), encoding="utf-8")
-        code = 0
+        code = 0 if server.served else 1
     finally:
         sys.stdout.flush()
         os._exit(code)

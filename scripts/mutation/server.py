@@ -63,17 +63,18 @@ class Server:
         self.root, self.jobs, self.processes, self.report = root, jobs, processes, report
         self.planner_of = planner_of
         self.cold: list[Job] = []
+        self.served = False
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Serve every mutant."""
         items = {item.nodeid: item for item in session.items}
         planner = self.planner = self.planner_of(list(items))
+        functions = functions_by_file(self.root)
         if any(job.mutant.path.startswith("symgen/") for job in self.jobs):
             planner.extra = {name: BUILD_S for name, item in items.items() if _builds(item)}
         else:
             warm_up(session.items, planner.lines.seconds)
-        functions = functions_by_file(self.root)
         gc.freeze()
         sys.dont_write_bytecode = True
 
@@ -91,7 +92,7 @@ class Server:
                 altered(job)
             chosen = [items[name] for name in job.tests]
             session.config.pluginmanager.register(Watch(journal, planner.lines.seconds))
-            for item, after in zip(chosen, [*chosen[1:], None], strict=True):
+            for item, after in zip(chosen, [*chosen[1:], None], strict=bool(chosen)):
                 session.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
             return 0
 
@@ -113,6 +114,7 @@ class Server:
                     yield one
 
         serve(self.jobs, planned, work, self.processes, planner, self.report)
+        self.served = True
         return True
 
 

@@ -12,6 +12,8 @@ from pathlib import Path
 from scripts.mutation.line_map import LineMap
 from scripts.mutation.mutants import Mutant
 
+NEW_S = 0.05
+"""CPU time of a test that the map does not know [s]."""
 STEPS_S = (0.05, 0.3, 2.0, 1e9)
 """Tests up to these times [s] come one group after the other, each group sorted by file."""
 
@@ -138,4 +140,4 @@ class Planner:
         return ordered
 
     def _seconds(self, test: str) -> float:
-        return self.lines.seconds.get(test, 1.0) + self.extra.get(test, 0.0)
+        return self.lines.seconds.get(test, NEW_S) + self.extra.get(test, 0.0)

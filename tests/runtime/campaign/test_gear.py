@@ -19,7 +19,7 @@ from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.settings import VirtualFriction
 
 STROKE, PEAK_SPEED, WAVES, DELAY, NOISE = 1.4e-3, 0.15, 9.0, 8e-4, 0.02
-FINE, STEP = 8, 1.25e-4
+FINE, STEP = 4, 2.5e-4
 """Steps of the friction per row, and their length [s]: the stroke is passed in several of them."""
 
 

@@ -28,6 +28,8 @@ FORMAT = 1
 """Version of the file; a later one is refused."""
 MARK = "symgen_statistics"
 """Key of the version, by which the file is recognised."""
+LARGEST = 1e100
+"""Size from which on a number is damage: its square times that of another overflows."""
 _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "density")
 
@@ -166,7 +168,7 @@ def read_statistics(path: Path) -> UnitStatistics:
         and arrays["factor"].shape == (size, size)
         and base.ndim == 2
         and size == len(base) + len(joints) * len(columns)
-        and all(np.isfinite(each).all() for each in arrays.values())
+        and all((np.abs(each) < LARGEST).all() for each in arrays.values())
         and np.isfinite([*numbers.values(), slow, peak, stroke]).all()
         and numbers["rest"] >= 0
         and numbers["n_samples"] > 0

@@ -205,7 +205,9 @@ def test_a_log_gives_the_same_statistics_again(
     assert (tmp_path / "statistics.npz").stat().st_size < 60_000
 
 
-@pytest.mark.parametrize("damage", ["cut", "nan", "shape", "later", "robot", "pickle", "negative"])
+@pytest.mark.parametrize(
+    "damage", ["cut", "nan", "huge", "shape", "later", "robot", "pickle", "negative"]
+)
 def test_damaged_statistics_are_refused(damage: str, fleet: Fleet, tmp_path: Path) -> None:
     """Property: one sentence that says what to run."""
     path = tmp_path / "statistics.npz"
@@ -213,6 +215,7 @@ def test_damaged_statistics_are_refused(damage: str, fleet: Fleet, tmp_path: Pat
     arrays = dict(np.load(path))
     changes = {
         "nan": {"target": arrays["target"] * np.nan},
+        "huge": {"factor": arrays["factor"] * 1e200},
         "shape": {"factor": arrays["factor"][:-1]},
         "later": {MARK: np.asarray(99)},
         "robot": {"robot": np.asarray("../../evil")},

@@ -186,12 +186,12 @@ def test_excite_asks_before_the_search(
     command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: exit code 2 and one sentence before a search, --table none is an answer."""
-    from runtime.cli import excite
+    from runtime.cli import until
 
     def searching(*_: object, **__: object) -> None:
         raise IdentificationError("the search has begun")
 
-    monkeypatch.setattr(excite, "design", searching)
+    monkeypatch.setattr(until, "design", searching)
     words = ("excite", "--robot", lib.folder, "--out", "m.json", "--export", "ros")
     for options, sentence in (
         ((), "not checked: table; give --table Z for a table at this height or --table none, or "),

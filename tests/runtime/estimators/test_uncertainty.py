@@ -9,7 +9,7 @@ from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.residuals import LAGS
+from runtime.estimators.regression.residuals import LAGS, autocorrelation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.library import Library
@@ -142,6 +142,8 @@ def test_noise_whiteness_and_advice_are_those_of_the_residuals(lib: Library) -> 
     other = u.with_noise(rest, lib)
     power = np.sum(rest**2, axis=0) / (1000 - 43 / 7)
     np.testing.assert_allclose(other.noise, np.sqrt(power), rtol=1e-12)
+    within = np.abs(autocorrelation(rest)) < 1.96 / np.sqrt(1000)
+    np.testing.assert_array_equal(other.white, within.sum(axis=0) / LAGS)
     # 4 σ of a binomial share of LAGS lags.
     np.testing.assert_allclose(other.white, 0.95, atol=4 * np.sqrt(0.05 * 0.95 / LAGS))
     assert np.all(u.with_noise(np.cumsum(rest, axis=0), lib).white < 0.5)

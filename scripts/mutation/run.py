@@ -29,6 +29,8 @@ from scripts.mutation.server import HEAVY, QUIET, Job, Report, Server, enter, se
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 RESULTS = ROOT / "results" / "mutation"
+TEMPORARY = tempfile.gettempdir()
+"""As this process found it; a run points its tests to a folder of its own, which it removes."""
 NOTICED, SURVIVED, EQUIVALENT = "noticed", "survived", "equivalent"
 
 
@@ -238,7 +240,7 @@ def _run_package(
 
     Those that take effect at import come next, then the templates, one at a time.
     """
-    with tempfile.TemporaryDirectory(prefix="mutate-") as scratch:
+    with tempfile.TemporaryDirectory(prefix="mutate-", dir=TEMPORARY) as scratch:
         os.environ |= {"TMPDIR": scratch, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
         tempfile.tempdir = None
         left = Path(scratch, "left.json")

@@ -27,7 +27,10 @@ OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
 } | {
     f"--{name}"
-    for name in ("count", "designs", "first", "kind", "log", "help", "real", "map", "again")
+    for name in (
+        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
+        *("free", "latest", "throughput", "resume"),
+    )
 }
 """Options of the programs in scripts/ that pages name."""
 OF_CONSOLE = {"--show-completion"}

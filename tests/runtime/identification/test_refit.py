@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify
-from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory, basis_of
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -22,9 +21,9 @@ from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import retraced
-from runtime.identification.several_logs import identify_logs
+from runtime.identification.several_logs import NamedLog, identify_logs
 from runtime.library import Library
-from runtime.recording import Friction, Split, read_recording
+from runtime.recording import Friction, Preparation, Split, read_recording
 from runtime.recording.preprocessing import split
 from runtime.simulation import Plant, ideal, perturbed_lam, sample_times
 from tests.runtime.conftest import Command
@@ -86,12 +85,13 @@ def test_errors_are_those_of_the_training_fit(
 def test_methods_that_stop_by_validation_keep_the_training_fit(
     lib: Library, noisy: Recording
 ) -> None:
-    """Property: so do results with a test recording of their own; several logs refuse the field."""
+    """Property: so do results with a test recording of their own, and several logs."""
     for settings in ({"preset": "real"}, {"validation": noisy, "test": noisy}):
         result = identify(noisy, lib, refit=True, certify=False, **settings)
         assert result.trained is None
-    with pytest.raises(IdentificationError, match="a fit of several logs takes no refit"):
-        identify_logs([noisy, noisy], lib, refit=True)
+    logs = [NamedLog(name, noisy, Preparation()) for name in ("one", "two")]
+    result, _ = identify_logs(logs, lib, refit=True, preset="real")
+    assert result.trained is None
 
 
 def test_the_real_error_is_the_predicted_one(

@@ -70,6 +70,24 @@ def test_clock_that_cannot_be_is_refused():
         repair_clock(data.replace(dq=data.dq / 2), 1e-3)
 
 
+def test_clock_of_a_log_with_lost_rows_begins_where_the_log_does():
+    """Oracle: a tenth of the rows lost and stamped at a constant rate: the clock of the motion.
+
+    Where a fifth is lost, more than 15 % of the duration, the log is refused, long or short.
+    """
+    whole = sine(1.0, seconds=10.0)
+    whole = whole.replace(t=whole.t + 50.0)
+    kept = np.arange(10000) % 10 != 3
+    log = whole.take(kept, "").replace(t=whole.t[: kept.sum()])
+    fixed = repair_clock(log, 1e-3)
+    np.testing.assert_allclose(fixed.t, whole.t[kept], rtol=0, atol=1e-9)
+    few = np.arange(10000) % 5 != 3
+    for count in (8000, 400):
+        log = whole.take(few, "").take(slice(count), "").replace(t=whole.t[:count])
+        with pytest.raises(RecordingError, match="check the units of dq and t"):
+            repair_clock(log, 1e-3)
+
+
 def test_resample_fills_small_gaps_and_keeps_large_ones():
     """Oracle: linear motion comes back exactly on the grid; the hole is where it was."""
     rng = np.random.default_rng(3)

@@ -19,6 +19,7 @@ from runtime.recording.preprocessing import (
     segments,
     trim,
 )
+from runtime.recording.preprocessing import zero_phase as blocked
 from runtime.recording.preprocessing.zero_phase import zero_phase
 from tests.runtime.signals import sine, with_hole
 
@@ -50,6 +51,29 @@ def test_zero_phase_is_scipys(order, cutoff, count, period, seed):
     for x, y in zip(signals, found, strict=True):
         expected = scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)[rows]
         np.testing.assert_allclose(y, expected, atol=1e-14 / min(cutoff, 0.1) ** 3)
+
+
+@pytest.mark.parametrize("padding", [1, 2, 999])
+def test_zero_phase_of_few_and_many_padding_rows(padding):
+    """Oracle: `sosfiltfilt` with the fewest and the most rows of odd extension, at all rows."""
+    sections = scipy_signal.butter(2, 0.2, output="sos")
+    x = np.random.default_rng(7).normal(size=(1000, 2))
+    (y,) = zero_phase(sections, [x], padding, np.arange(1000))
+    expected = scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)
+    np.testing.assert_allclose(y, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("period", [1, 2, 7, 100])
+def test_zero_phase_filters_only_the_rows_it_needs(period, monkeypatch):
+    """Property: a log of eight blocks or more takes the matrices, whatever the period of rows."""
+
+    def refused(*_):
+        raise AssertionError("all rows were filtered")
+
+    monkeypatch.setattr(blocked, "both_directions", refused)
+    sections = scipy_signal.butter(4, 0.1, output="sos")
+    rows = np.arange(0, 2000, period)
+    assert len(zero_phase(sections, [np.ones((2000, 1))], 15, rows, period)[0]) == len(rows)
 
 
 def test_a_slow_filter_keeps_its_digits():
@@ -102,6 +126,22 @@ def test_thinned_rows_are_those_of_the_steps_one_by_one(measured, rate):
     for key in ("q", "dq", "ddq", "tau"):
         expected = getattr(slow, key)
         np.testing.assert_allclose(getattr(done, key), expected, atol=1e-10, rtol=1e-10)
+
+
+@pytest.mark.parametrize("measured", [("dq",), ()])
+def test_thinned_rows_at_both_ends_of_a_log(measured):
+    """Oracle: as above without trim, where the first and the last instant of the log stay.
+
+    1e-8: second differences at an edge multiply rounding of 1e-15 by 5e6.
+    """
+    data = recorded(measured)
+    data = data.take(slice(len(data) - 1 + len(data) % 2), "")
+    done = prepare(data, Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=500.0))
+    slow = decimate(differentiate(low_pass(data, 20.0)), 500.0)
+    assert {data.t[0], data.t[-1]} <= set(done.t)
+    for key in ("q", "dq", "ddq"):
+        expected = getattr(slow, key)
+        np.testing.assert_allclose(getattr(done, key), expected, atol=1e-8, rtol=1e-8)
 
 
 def test_derivatives_are_numpys():

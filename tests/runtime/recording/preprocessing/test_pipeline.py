@@ -21,6 +21,7 @@ from runtime.recording.preprocessing import (
     split,
     trim,
 )
+from runtime.recording.preprocessing.parts import prepared_parts
 from tests.runtime.signals import sine, with_hole
 
 STEPS = {
@@ -95,6 +96,18 @@ def test_split_parts_are_disjoint_and_whole(cuts):
         return
     np.testing.assert_array_equal(np.concatenate([part.t for part in parts]), data.t)
     assert [part.name for part in parts] == ["train", "validation", "test"]
+
+
+def test_a_rebuilt_clock_loses_no_row_at_the_ends_of_a_log():
+    """Oracle: prepared rows 2.3 ms early stay at the beginning of the log; within it two go."""
+    data = sine(1.0, rate=1000.0)
+    shares = Split((0.0, 0.5), (0.5, 0.75), (0.75, 1.0))
+    raw = split(data, shares)
+    early = prepared_parts(
+        data, shares, Preparation(), lambda part, _: part.replace(t=part.t - 0.0023)
+    )
+    assert [len(a) - len(b) for a, b in zip(raw, early, strict=True)] == [0, 2, 2]
+    assert early[0].t[0] == data.t[0] - 0.0023
 
 
 def test_split_without_samples_is_told():

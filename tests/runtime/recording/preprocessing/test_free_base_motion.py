@@ -1,0 +1,47 @@
+"""Motion of a free base: rows of an uneven clock come onto a uniform one, others stay."""
+
+import numpy as np
+import pytest
+
+from runtime.recording.free_base import Contacts, FreeBaseRecording
+from runtime.recording.preprocessing.free_base_motion import motion_of
+
+
+def swaying(t: np.ndarray) -> FreeBaseRecording:
+    """A base on a sine of 0.5 Hz without turning; its one wrench is known until 3 s."""
+    wave = np.sin(np.pi * t)
+    wrench = np.where(t[:, None] < 3.0, wave[:, None] * np.ones(6), np.nan)
+    contacts = Contacts(("foot",), np.zeros((1, 3)), wrench[:, None], "link")
+    turns = np.tile(np.eye(3), (len(t), 1, 1))
+    return FreeBaseRecording(
+        "log", t, wave[:, None], (), turns, np.outer(wave, [1.0, 0.0, 2.0]), contacts
+    )
+
+
+@pytest.mark.parametrize("cutoff", [None, 10.0])
+def test_an_uneven_clock_becomes_uniform(cutoff):
+    """Oracle: the sine at the instants of the new clock; unknown wrenches stay unknown.
+
+    Straight lines between samples 10 ms apart miss (ω h)²/8 = 1.2e-4 of a sine of 0.5 Hz.
+    """
+    t = np.arange(601) / 100.0
+    t[1:-1] += np.random.default_rng(1).uniform(-2e-3, 2e-3, 599)
+    motion = motion_of(swaying(t), ("joint",), cutoff)
+    np.testing.assert_allclose(motion.t, np.arange(601) / 100.0, atol=1e-9)
+    wave = np.sin(np.pi * motion.t[:, None])
+    inner = slice(60, -60)
+    np.testing.assert_allclose(motion.q[inner][:, [0, 6]], wave[inner] * [1, 1], atol=5e-4)
+    unknown = np.isnan(motion.contacts.wrench[:, 0, 0])
+    # The nearest logged row decides, 2 ms before or after its place.
+    np.testing.assert_array_equal(unknown[:299], False)
+    np.testing.assert_array_equal(unknown[302:], True)
+
+
+def test_a_uniform_clock_stays():
+    """Oracle: rows of a uniform clock, stamped within 1 % of a step, come out as they are."""
+    t = np.arange(601) / 100.0 + 4e-5 * (np.arange(601) % 2)
+    log = swaying(t)
+    motion = motion_of(log, ("joint",))
+    np.testing.assert_array_equal(motion.t, t)
+    np.testing.assert_array_equal(motion.q[:, :3], log.position)
+    np.testing.assert_array_equal(motion.contacts.wrench, log.contacts.wrench)

@@ -82,10 +82,8 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
 
 def inertia_from_entries(entries: Array) -> Array:
     """Symmetric (3, 3) from its entries xx, yy, zz, xy, xz, yz."""
-    inertia = np.zeros((3, 3))
-    for (i, j), value in zip(_ENTRIES, entries, strict=True):
-        inertia[i, j] = inertia[j, i] = value
-    return inertia
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def jacobian(bodies: Bodies, pi: Array) -> Array:

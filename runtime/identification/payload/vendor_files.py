@@ -79,10 +79,9 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     orders = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
     best = max(orders, key=lambda order: float(np.abs(np.diagonal(R[:, order])).sum()))
     J, R = J[list(best)], R[:, list(best)]
-    R = R * np.where(np.diagonal(R) < 0, -1.0, 1.0)
-    if np.linalg.det(R) < 0:  # turn the axis whose sign is the least certain
-        R[:, np.argmin(np.abs(np.diagonal(R)))] *= -1.0
-    return J, R
+    # Its sum is above 1, as the mean over the orders is Σ|R_ij|/3 ≥ Σ R_ij²/3 = 1; the trace of a
+    # reflection is 1 at most. With a positive diagonal R is therefore a rotation.
+    return J, R * np.where(np.diagonal(R) < 0, -1.0, 1.0)
 
 
 def kuka_angles(R: Array) -> tuple[float, float, float]:

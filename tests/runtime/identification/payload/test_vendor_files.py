@@ -2,13 +2,14 @@
 
 import json
 import re
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from runtime.identification.payload.body import Body, inertia_from_entries
-from runtime.identification.payload.vendor_files import kuka_angles, vendor_texts
+from runtime.identification.payload.vendor_files import kuka_angles, principal_axes, vendor_texts
 
 NUMBER = r"[-+0-9.e]+"
 
@@ -69,3 +70,25 @@ def test_angles_at_the_pole(b):
     R = Rotation.from_euler("ZYX", [20.0, b, 35.0], degrees=True).as_matrix()
     back = Rotation.from_euler("ZYX", kuka_angles(R)).as_matrix()
     np.testing.assert_allclose(back, R, rtol=0, atol=1e-12)
+
+
+def test_angles_next_to_the_pole_keep_the_third():
+    """Property: 5e-12 rad from B = 90° C is still told; without it the rotation is 5e-12 off."""
+    away = 5e-12
+    z, x = np.radians(20.0), np.radians(35.0)
+    Rz = np.array([[np.cos(z), -np.sin(z), 0], [np.sin(z), np.cos(z), 0], [0, 0, 1]])
+    Ry = np.array([[away, 0, 1], [0, 1, 0], [-1, 0, away]])
+    Rx = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
+    a, b, c = kuka_angles(Rz @ Ry @ Rx)
+    np.testing.assert_allclose([a, c], [z, x], rtol=0, atol=1e-4)  # rounding 1e-16 over 5e-12
+    assert np.pi / 2 - b == pytest.approx(away, rel=1e-4)
+
+
+@pytest.mark.parametrize("body", bodies())
+def test_principal_axes_turn_the_least(body):
+    """Oracle: every sign of the axes that is a rotation; the largest trace turns the least."""
+    _, R = principal_axes(body.inertia)
+    signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]
+    traces = [np.trace(R * sign) for sign in signs if np.linalg.det(R * sign) > 0]
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    assert np.trace(R) == pytest.approx(max(traces))

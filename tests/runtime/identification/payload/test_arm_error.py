@@ -1,0 +1,64 @@
+"""Covariance of a payload from the arm's model, and the weight of the prior, by direct algebra."""
+
+import numpy as np
+import pytest
+
+from runtime import identify_payload
+from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.identification.payload import ArmModel, mount_of
+from runtime.identification.payload import estimate as module
+from runtime.identification.payload.arm_error import arm_covariance
+from runtime.recording import Friction
+
+
+@pytest.fixture(scope="module")
+def arm(pi_true):
+    return ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth")
+
+
+def test_the_arm_counts_with_what_offsets_and_payload_leave_of_it(ideal_runs, lib, arm):
+    """Oracle: projections of the full matrices, offsets as columns; twice the share in energy."""
+    run = ideal_runs[0].take(slice(0, None, 10), "Every tenth row.")
+    count, noise = len(run), np.linspace(0.5, 2.0, 7)
+    Y = lib.regressor(run.q, run.dq, run.ddq)
+    columns = Y[:, :, mount_of(lib).columns]
+    spread = bodies_of(lib).spread(prior_of(lib, arm.pi).centre) / np.sqrt(CAD)
+    links = [Y[:, :, 10 * i : 10 * i + 10] @ spread[i] for i in range(7)]
+    model = (np.concatenate(links, axis=2) / noise[:, None]).reshape(7 * count, -1)
+    load = (columns / noise[:, None]).reshape(7 * count, -1)
+    levels = np.tile(np.eye(7), (count, 1)) / np.sqrt(count)
+
+    def without(matrix, known):
+        basis, size, _ = np.linalg.svd(known, full_matrices=False)
+        basis = basis[:, size > 1e-6 * size[0]]
+        return matrix - basis @ (basis.T @ matrix)
+
+    centred = without(load, levels)
+    left = without(without(model, levels), centred)
+    rest = np.random.default_rng(5).normal(size=7 * count) + 0.02 * left.sum(axis=1)
+    rest = without(without(rest, levels), centred)  # residual of a fit with both
+    seen = rest - without(rest, left)
+    scale = 2 * (seen @ seen) / np.sum(left**2)
+    assert 1e-5 < scale < 0.5
+    payload = np.linalg.inv(centred.T @ centred + np.eye(10))
+    gain = payload @ centred.T @ model
+
+    errors = rest.reshape(count, 7) * noise
+    found = arm_covariance(lib, arm, run, columns, noise, errors, payload)
+    # The directions next to the bound of rank carry a thousandth of the energy.
+    np.testing.assert_allclose(found, scale * gain @ gain.T, rtol=1e-3, atol=1e-9 * scale)
+
+
+def test_the_prior_weighs_one_sample_in_every_pass(ideal_runs, lib, arm, monkeypatch):
+    """Property: γ N = κ s², and s² = 1 once the rows are over their noise; 2000 rows, hence 5 %."""
+    weights, noise = [], 0.05 * np.random.default_rng(2).normal(size=ideal_runs[0].tau.shape)
+    problem = module.convex_problem
+
+    def noted(data, prior, gamma):
+        weights.append(gamma * data.count)
+        return problem(data, prior, gamma)
+
+    monkeypatch.setattr(module, "convex_problem", noted)
+    run = ideal_runs[0]
+    identify_payload(run.replace(tau=run.tau + noise), lib, arm=arm, kappa=0.01)
+    np.testing.assert_allclose(weights[1:-1], 0.01, rtol=0.05)

@@ -84,7 +84,7 @@ class Payload:
     arm: str
     status: str
     notes: tuple[str, ...]
-    gain_error: float = 0.0
+    gain_error: float
 
     def _repr_html_(self) -> str:
         """The ten values with their standard deviations, as a table for notebooks."""

@@ -47,7 +47,10 @@ def body_of(P: Array) -> RigidBody:
 
 
 def smallest_eigenvalue(P: Array) -> float:
-    """Smallest eigenvalue of P (4, 4) over its trace; ≥ 0 for a physically consistent body."""
+    """Smallest eigenvalue of P (4, 4) over its trace; ≥ 0 for a physically consistent body.
+
+    Without a trace it is the eigenvalue itself.
+    """
     return float(np.linalg.eigvalsh(P)[0]) / (abs(float(np.trace(P))) or 1.0)
 
 

@@ -58,6 +58,7 @@ def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Arra
 
 def pi_of(P: Array) -> Array:
     """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
-    inertia = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
+    sigma = P[:3, :3]
+    inertia = np.trace(sigma) * np.eye(3) - sigma
     entries = [inertia[e] for e in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     return np.array([P[3, 3], *P[:3, 3], *entries])

@@ -1,0 +1,132 @@
+"""Bounds, times and speeds of motions whose limits are known by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import load
+from runtime.errors import ExportError
+from runtime.excitation import COSINE, Safety, Trajectory
+from runtime.excitation.limits.nonlinear_limits import Braking
+from runtime.excitation.limits.safety import constraints
+from runtime.excitation.proof import certified_motion
+from runtime.excitation.proof.certificate import Use, certificate_of
+from runtime.excitation.proof.certified_motion import certified, fastest
+from runtime.excitation.proof.joint_bounds import joint_bounds
+from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
+from runtime.library import Library
+
+SAFETY = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))
+
+
+@pytest.mark.parametrize("proven", [True, False], ids=["proven", "measured"])
+def test_rest_peaks_in_the_middle_of_the_first_interval(
+    lib: Library, proven: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Closed form: all of 2000 intervals of 1 ms are alike, and the first is the largest."""
+    monkeypatch.setattr(Library, "bounds_motions", proven)
+    rest = Trajectory(lib.home, np.zeros((7, 2)), 2.0)
+    result = constraint_bounds(lib, constraints(lib, lib.home, SAFETY), rest)
+    assert {bound.constraint.kind for bound in result} >= {"braking", "torque", "table"}
+    times = np.array([bound.time for bound in result])
+    assert times == pytest.approx(np.full(len(result), 5e-4), rel=1e-12)
+    # Of 2 x 6000 intervals over 2 s, for two functions.
+    assert joint_bounds(lib, rest)[1] == pytest.approx(np.full((4, 7), 1 / 12000), rel=1e-12)
+
+
+def test_braking_exceeds_its_samples_by_its_bend_at_most(lib: Library) -> None:
+    """Closed form: h'' ≤ 2 (a² + v j)/k + a with the largest v, a, j of a slow cosine."""
+    a = np.zeros((7, 1))
+    a[:, 0] = 1e-5
+    motion = Trajectory(lib.home, a, 2.0)
+    (braking,) = [x for x in constraints(lib, lib.home, SAFETY) if isinstance(x, Braking)]
+    largest = [1e-5 * COSINE.bound(order, 1)[0] / 2.0**order for order in range(4)]
+    bounds = np.array([bound.bound for bound in constraint_bounds(lib, [braking], motion)])
+    dense = braking.values(np.stack(motion.at(lib, np.linspace(0, 2, 20_001)))).max(axis=0)
+    allowed = [
+        (2 / s.k * (largest[2] ** 2 + np.maximum(0, largest[1] + s.c) * largest[3]) + largest[2])
+        / braking.room(s)
+        for s in braking.sides
+    ]
+    # δ²/8 of 1 ms, and of the 0.1 ms between the samples; then rounding.
+    allowed = (1e-6 + 1e-8) / 8 * np.concatenate(allowed) + 1e-13
+    assert (bounds >= dense - 1e-13).all()
+    assert (bounds <= dense + allowed).all()
+
+
+def test_the_margin_is_the_rest_of_the_limit() -> None:
+    """Closed form: a quarter is used, or an eighth too much."""
+    rest = "joint", 0.0, 1.0, 1.0, "rad"
+    assert Use("position", 0.25, *rest).margin == 0.75
+    assert Use("position", 1.125, *rest).margin == -0.125
+
+
+@pytest.mark.parametrize(("free", "other"), [("upper", "lower"), ("lower", "upper")])
+def test_a_joint_limited_on_one_side_states_that_limit(
+    tiny_built: Path, free: str, other: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Closed form: the pendulum swings towards its free side, and comes from the other one."""
+    lib = load(tiny_built)
+    limits = lib.limits()
+    room = abs(float(limits[other][0] - lib.home[0]))
+    limits[free] = np.array([np.inf if free == "upper" else -np.inf])
+    monkeypatch.setattr(Library, "limits", lambda self: limits)
+    a = np.array([[1e-3 if free == "upper" else -1e-3]])
+    for sign in (1.0, -1.0):
+        position = certificate_of(lib, Trajectory(lib.home, sign * a, 10.0)).uses[0]
+        assert (position.kind, position.limit) == ("position", pytest.approx(room, rel=1e-12))
+        assert position.value == pytest.approx(position.bound * room, rel=1e-12)
+
+
+def pendulum(folder: Path, use: float) -> tuple[Library, Trajectory]:
+    """A pendulum that uses this share of its velocity limit and little of its range."""
+    lib = load(folder)
+    slow = Trajectory(lib.home, np.array([[1e-3]]), 1.0)
+    speed = float(joint_bounds(lib, slow)[0][1, 0])
+    return lib, Trajectory(lib.home, slow.coefficients, speed / use)
+
+
+def test_a_motion_that_holds_keeps_its_speed(
+    tiny_built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: nothing to slow down, and no second certificate is computed."""
+    motion = certified(*pendulum(tiny_built, 0.99))
+
+    def computed(*_: object) -> None:
+        raise AssertionError("a certificate was computed")
+
+    monkeypatch.setattr(certified_motion, "_certificate", computed)
+    assert motion.certificate.holds
+    assert fastest(motion) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("use", "advice"),
+    [
+        (1.5, "add --speed 66, at which"),
+        (80.0, "add --speed 1, at which"),
+        (120.0, "design another motion"),
+    ],
+)
+def test_the_speed_that_keeps_a_velocity_limit(tiny_built: Path, use: float, advice: str) -> None:
+    """Closed form: 1 / use of the velocity limit, in whole percents and at least one."""
+    motion = certified(*pendulum(tiny_built, use))
+    assert fastest(motion) == pytest.approx(int(100 / use) / 100, rel=1e-12)
+    with pytest.raises(ExportError, match=advice):
+        motion.require_limits()
+
+
+def test_no_speed_helps_where_the_position_breaks_too(
+    tiny_built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: of two broken limits one does not depend on the speed: no slower one is tried."""
+    lib = load(tiny_built)
+    motion = certified(lib, Trajectory(lib.home, np.array([[100.0]]), 1.0))
+    assert {use.kind for use in motion.certificate.broken} == {"position", "velocity"}
+
+    def computed(*_: object) -> None:
+        raise AssertionError("a certificate was computed")
+
+    monkeypatch.setattr(certified_motion, "_certificate", computed)
+    assert fastest(motion) == 0.0

@@ -8,11 +8,11 @@ import pytest
 from runtime import load
 from runtime.errors import ExportError
 from runtime.excitation import COSINE, Safety, Trajectory
-from runtime.excitation.limits.nonlinear_limits import Braking
+from runtime.excitation.limits.nonlinear_limits import Braking, Side
 from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof import certified_motion
 from runtime.excitation.proof.certificate import Use, certificate_of
-from runtime.excitation.proof.certified_motion import certified, fastest
+from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Library
@@ -36,23 +36,43 @@ def test_rest_peaks_in_the_middle_of_the_first_interval(
 
 
 def test_braking_exceeds_its_samples_by_its_bend_at_most(lib: Library) -> None:
-    """Closed form: h'' ≤ 2 (a² + v j)/k + a with the largest v, a, j of a slow cosine."""
-    a = np.zeros((7, 1))
-    a[:, 0] = 1e-5
-    motion = Trajectory(lib.home, a, 2.0)
-    (braking,) = [x for x in constraints(lib, lib.home, SAFETY) if isinstance(x, Braking)]
-    largest = [1e-5 * COSINE.bound(order, 1)[0] / 2.0**order for order in range(4)]
+    """Closed form: h'' ≤ 2 (a² + (v + c) j)/k + a with the largest v, a, j of a fast small cosine.
+
+    2 c ω/k = 12: its peak is where it is fastest, where the jerk is largest as well.
+    """
+    size, duration, c, k = 1e-4, 0.1, 0.1, 1.0
+    every = np.ones(7)
+    sides = [Side(s, k * every, c * every, lib.home + s * every) for s in (1.0, -1.0)]
+    braking = Braking(tuple(sides), lib.home, lib.joint_names)
+    motion = Trajectory(lib.home, size * np.ones((7, 1)), duration)
+    v, a, j = (size * COSINE.bound(order, 1)[0] / duration**order for order in (1, 2, 3))
     bounds = np.array([bound.bound for bound in constraint_bounds(lib, [braking], motion)])
-    dense = braking.values(np.stack(motion.at(lib, np.linspace(0, 2, 20_001)))).max(axis=0)
-    allowed = [
-        (2 / s.k * (largest[2] ** 2 + np.maximum(0, largest[1] + s.c) * largest[3]) + largest[2])
-        / braking.room(s)
-        for s in braking.sides
-    ]
-    # δ²/8 of 1 ms, and of the 0.1 ms between the samples; then rounding.
-    allowed = (1e-6 + 1e-8) / 8 * np.concatenate(allowed) + 1e-13
-    assert (bounds >= dense - 1e-13).all()
-    assert (bounds <= dense + allowed).all()
+    dense = braking.values(np.stack(motion.at(lib, np.linspace(0, duration, 20_001)))).max(axis=0)
+    # 2000 intervals, and the 20 000 between the samples; the room is 1 − c²/k.
+    squares = (duration / 2000) ** 2 + (duration / 20_000) ** 2
+    allowed = squares / 8 * (2 / k * (a**2 + (v + c) * j) + a) / (1 - c**2 / k)
+    assert (bounds >= dense - 1e-13).all()  # rounding of two evaluations of the basis
+    assert (bounds <= dense + allowed + 1e-13).all()
+
+
+@pytest.mark.parametrize("kind", ["torque", "torque rate", "tip speed"])
+def test_measured_bounds_exceed_samples_by_twice_their_bend(
+    lib: Library, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: second differences at 20 kHz of g; a bound is at most δ²/8 of twice the largest."""
+    monkeypatch.setattr(Library, "bounds_motions", False)
+    motion = Trajectory(lib.home, 1e-3 * np.random.default_rng(11).normal(size=(7, 3)), 2.2)
+    (constraint,) = [x for x in constraints(lib, lib.home, SAFETY) if x.kind == kind]
+    t, step = np.linspace(0, 2.2, 44_001, retstep=True)
+    g = constraint.values(np.stack(motion.at(lib, t)))
+    bend = np.abs(np.diff(g, 2, axis=0)).max(axis=0) / step**2
+    result = constraint_bounds(lib, [constraint], motion)
+    bounds = np.array([bound.bound for bound in result])
+    assert [bound.intervals for bound in result] == [1100 if constraint.even else 2200] * len(g[0])
+    assert (bounds >= g.max(axis=0) - 1e-13).all()
+    # 1 % for the bend between two samples; and what peaks between the 20 kHz.
+    allowed = (2 * 1.01 * 1e-6 + step**2) / 8 * bend
+    assert (bounds <= g.max(axis=0) + allowed + 1e-13).all()
 
 
 def test_the_margin_is_the_rest_of_the_limit() -> None:
@@ -130,3 +150,13 @@ def test_no_speed_helps_where_the_position_breaks_too(
 
     monkeypatch.setattr(certified_motion, "_certificate", computed)
     assert fastest(motion) == 0.0
+
+
+def test_what_is_pulled_inside_ends_on_its_limit(tiny_built: Path) -> None:
+    """Closed form: one part in 10⁹ below the share that may be used; 0.2 % too much stays."""
+    for share in (1.0, 0.9):
+        lib, motion = pendulum(tiny_built, 1.0005 * share)
+        bounds, _ = joint_bounds(lib, pulled_inside(lib, motion, share=share))
+        assert bounds[1, 0] / share == pytest.approx(1 - 1e-9, rel=1e-12)
+        lib, motion = pendulum(tiny_built, 1.002 * share)
+        assert pulled_inside(lib, motion, share=share).coefficients == motion.coefficients

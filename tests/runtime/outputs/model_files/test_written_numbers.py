@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring
 
+from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files import make_model
 from runtime.outputs.model_files.bodies import smallest_eigenvalue
+from runtime.outputs.model_files.formats import header
 from runtime.outputs.model_files.formats.sdf import sdf_text
 from runtime.outputs.model_files.franka_yaml import short_names
 from runtime.outputs.model_files.joint_friction import joint_friction
+from runtime.outputs.model_files.reload_check import TOLERANCE
 from runtime.recording import Friction
 
 
@@ -74,3 +77,22 @@ def test_sdf_limits_are_those_of_the_robot(arm: Library) -> None:
     free = {"lower": -1e16, "upper": 1e16}
     assert limits["z_turn"] == free
     assert limits["m_slide"] == {"lower": -1.0, "upper": 1.0, "effort": 10.0, "velocity": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("share", "is_kept"), [(0.0, True), (1.0, True), (1.1, False), (np.nan, False)]
+)
+def test_a_header_may_differ_by_its_tolerance(
+    share: float, is_kept: bool, arm: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: the tolerance itself is allowed; more, and what is not a number, is not."""
+    model = make_model(arm, arm.pi0)
+    arrays = header.header_arrays(model)
+    read = {f"arm_identified_{key}": array for key, array in arrays.items()}
+    monkeypatch.setattr(header.compiler, "read_back", lambda *_: read)
+    monkeypatch.setattr(header, "torque_difference", lambda *_: share * TOLERANCE)
+    if is_kept:
+        assert header.check_header(model, "").startswith("verified")
+    else:
+        with pytest.raises(ExportError, match="not written: the torques of pi differ"):
+            header.check_header(model, "")

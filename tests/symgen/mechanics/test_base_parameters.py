@@ -1,6 +1,7 @@
 """Base parameters: the numeric rank decision against the symbolic regrouping and known counts."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 from runtime.library import Library
 from symgen.build.request import bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.chain.mechanism import mechanism_from_table
 from symgen.errors import RankError
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base, regrouped_base
 from symgen.mechanics.dynamics import sampled_regressor
 from tests.conftest import TINY_URDF
+from tests.linkages import planar
 from tests.oracle import ask_pinocchio, pinocchio_model, random_states
 from tests.robots import CASES
 from tests.taylor import Array
@@ -176,6 +179,62 @@ def test_no_gap_is_an_error(one_joint: Chain) -> None:
     mixture = u @ np.diag(np.geomspace(1, 1e-15, 10)) @ v
     with pytest.raises(RankError, match=r"expected a gap of 1000 .* --snap 1e-4"):
         numeric_base(one_joint, toy(mixture))
+
+
+def test_states_of_a_closed_chain() -> None:
+    """Property: π about the pose of assembly, and the range; open or huge states count as others.
+
+    Column 3 repeats column 8; every tenth state has one entry that is not a number, and sizes of
+    states differ by 1e8.
+    """
+    linkage = planar(np.random.default_rng(2), "five-bar")
+    mechanism = mechanism_from_table(linkage.mechanism, "M")
+    chain = read_chain(linkage.urdf, ChainOptions(mechanism=mechanism))
+    bounded = replace(chain, joints=tuple(replace(j, lower=0.2, upper=0.6) for j in chain.joints))
+    assert chain.loops is not None
+    seen = []
+
+    def regressor(q: Array, dq: Array, ddq: Array) -> Array:
+        seen.append(q)
+        assert len(q) == len(dq) == len(ddq)
+        columns = 10 * len(chain.joints)
+        y = np.random.default_rng(1).normal(size=(len(q), 2, columns))
+        y[:, :, 3] = y[:, :, 8]
+        y *= 10.0 ** np.linspace(-4, 4, len(q))[:, None, None]
+        y[::10, 1, 5] = np.nan
+        return y
+
+    base = numeric_base(bounded, regressor)
+    assert len(base.columns) == 10 * len(chain.joints) - 1
+    expected = np.zeros(len(base.columns))
+    expected[base.columns.index(8)] = 1.0
+    np.testing.assert_allclose(base.matrix[:, 3], expected, atol=1e-12)
+    assert base.smallest_kept > 0.1  # no state outweighs the others
+    (states,) = seen
+    around, within = np.split(states, 2)
+    pose = np.array([chain.loops.assembly[k] for k in chain.loops.independent])
+    # Thousands of uniform draws come within 1 % of the ends.
+    np.testing.assert_allclose(around.min(axis=0), pose - np.pi, atol=0.06)
+    np.testing.assert_allclose(around.max(axis=0), pose + np.pi, atol=0.06)
+    np.testing.assert_allclose(within.min(axis=0), 0.2, atol=4e-3)
+    np.testing.assert_allclose(within.max(axis=0), 0.6, atol=4e-3)
+
+
+@pytest.mark.parametrize(("angle", "in_form"), [(5e-10, True), (5e-9, False)])
+def test_a_turned_frame_is_geometry_above_rounding(
+    fr3_chain: Chain, angle: float, in_form: bool
+) -> None:
+    """Property: a turn about z of 1e-9 rad is rounding of a frame; a larger one is not DH form."""
+    joint = fr3_chain.joints[1]
+    turn = np.array([[1.0, -angle, 0.0], [angle, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    rotation = tuple(map(tuple, (np.array(joint.rotation) @ turn).tolist()))
+    joints = (fr3_chain.joints[0], replace(joint, rotation=rotation), *fr3_chain.joints[2:])
+    turned = replace(fr3_chain, joints=joints)
+    if in_form:
+        assert len(regrouped_base(turned)[0]) == 43
+    else:
+        with pytest.raises(RankError, match=f"'{joint.name}' is not a revolute joint"):
+            regrouped_base(turned)
 
 
 def test_regrouping_refuses_other_geometry(robot: Callable[[str], Library]) -> None:

@@ -157,6 +157,15 @@ def test_without_an_estimate_noise_counts_as_white(rows: np.ndarray, rest: np.nd
     assert estimated.inflation == pytest.approx(1.0)
 
 
+def test_white_noise_is_the_power_per_free_equation() -> None:
+    """Oracle: four samples less three cosines leave one equation, of 1.5² · 4 = 9."""
+    turns = np.pi * (np.arange(4) + 0.5) / 4
+    rows = np.cos(np.outer(turns, [0, 1, 3]))[:, None]
+    target = 0.5 + 1.5 * np.array([[1.0], [-1.0], [-1.0], [1.0]]) + 3 * rows[:, :, 1]
+    estimated = coloured_noise_of_rows(rows, target)
+    assert (estimated.density, estimated.variance) == pytest.approx((9.0, 9.0), rel=1e-12)
+
+
 def test_residual_noise_knows_what_the_unknowns_took(lib: Library, noisy: Recording) -> None:
     """Oracle: each of 57 unknowns takes as much noise as `inflation` samples have."""
     rest = np.random.default_rng(0).normal(size=(1000, 7))

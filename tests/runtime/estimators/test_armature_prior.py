@@ -58,6 +58,8 @@ def test_the_prior_pulls_a_rotor_to_its_mean(
         ("armature = 3\n", "expects a table"),
         ('armature_from = "none.xml"\n', "cannot be read"),
         ("armature_from = 3\n", "cannot be read"),
+        ('[friction.fr3_joint1]\nviscous = ["0.5", 0.1]\n', r"friction\.fr3_joint1\.viscous"),
+        ("[friction.fr3_joint1]\nviscous = [true, 0.1]\n", r"friction\.fr3_joint1\.viscous"),
     ],
 )
 def test_a_wrong_prior_is_refused(lib: Library, tmp_path: Path, text: str, expected: str) -> None:

@@ -285,7 +285,7 @@ def uncertainty_of(
     )
     # A rotor column that a link's inertia explains: their sum is excited, so it counts.
     shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
-    known = int(np.sum(excited > 1e-9 * excited.max(initial=0.0)))
+    known = int(np.sum(excited > 1e-9 * excited[:1]))  # the largest is first
     rank = min(known + shared, len(base))
     return Uncertainty(
         root=root,

@@ -149,6 +149,25 @@ def test_noise_whiteness_and_advice_are_those_of_the_residuals(lib: Library) -> 
     assert np.all(u.with_noise(np.cumsum(rest, axis=0), lib).white < 0.5)
 
 
+def test_trust_counts_where_the_estimate_is_the_most_probable(lib: Library) -> None:
+    """Property: κ narrows the model of a prior, which `pi` is unless another method says so."""
+    rng = np.random.default_rng(3)
+    q, dq, ddq = 0.1 * rng.normal(size=(3, 100, 7))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.05 * rng.normal(size=q.shape)
+    s = Samples(q, dq, ddq, tau, np.zeros((100, 7, 0)))
+
+    def spread(kappa: float, **method: bool) -> np.ndarray:
+        u = uncertainty_of(
+            lib, s, lib.pi0, np.zeros(0), first_guess=lib.pi0, kappa=kappa, tests=False, **method
+        )
+        return np.linalg.norm(u.root[:, :-1], axis=1)
+
+    assert np.all(spread(1e6) < 0.02 * spread(1.0))
+    np.testing.assert_array_equal(spread(1e6), spread(1e6, is_most_probable=True))
+    wide = spread(1e6, is_most_probable=False)
+    np.testing.assert_array_equal(wide, spread(1.0, is_most_probable=False))
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e-5])
 def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library, unit: float) -> None:
     """Oracle: the rotor of joint 1 turns about the axis of link 1's ZZ; their sum is excited.

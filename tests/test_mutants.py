@@ -16,7 +16,15 @@ from scripts.mutation.line_map import LineMap
 from scripts.mutation.mutants import mutants_of
 from scripts.mutation.plan import Planner
 from scripts.mutation.rooms import ROOMS
-from scripts.mutation.run import EQUIVALENT, EQUIVALENTS, NOTICED, ROOT, SURVIVED, Outcome
+from scripts.mutation.run import (
+    EQUIVALENT,
+    EQUIVALENTS,
+    NOTICED,
+    ROOT,
+    SURVIVED,
+    Outcome,
+    equivalents,
+)
 from scripts.mutation.table import markdown
 
 PYTHON = '''"""A docstring with 1 < 2."""
@@ -172,3 +180,12 @@ def test_the_table_leaves_equivalent_mutants_out_of_the_share() -> None:
         for k, verdict in enumerate([NOTICED] * 3 + [SURVIVED, EQUIVALENT])
     ]
     assert markdown(outcomes).splitlines()[2] == "| convex | 5 | 3 | 1 | 1 | 75 % |"
+
+
+def test_every_equivalent_mutant_is_of_a_line_that_exists() -> None:
+    """Property: an entry names one file, a line of it, another line and a reason."""
+    for entry in equivalents():
+        assert set(entry) == {"path", "before", "after", "reason"}
+        text = (ROOT / entry["path"]).read_text(encoding="utf-8")
+        assert entry["before"] in {line.strip() for line in text.splitlines()}, entry
+        assert entry["after"] != entry["before"]

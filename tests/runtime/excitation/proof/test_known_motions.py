@@ -14,6 +14,7 @@ from runtime.excitation.proof import certified_motion
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside
 from runtime.excitation.proof.joint_bounds import joint_bounds
+from runtime.excitation.proof.motion_grid import MotionGrid
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Library
 
@@ -160,3 +161,14 @@ def test_what_is_pulled_inside_ends_on_its_limit(tiny_built: Path) -> None:
         assert bounds[1, 0] / share == pytest.approx(1 - 1e-9, rel=1e-12)
         lib, motion = pendulum(tiny_built, 1.002 * share)
         assert pulled_inside(lib, motion, share=share).coefficients == motion.coefficients
+
+
+@pytest.mark.parametrize(
+    ("duration", "count"), [(0.5, 2000), (2.0, 2000), (5.0, 5000), (5.0005, 5002), (5.0015, 5002)]
+)
+def test_intervals_last_a_millisecond_at_most(lib: Library, duration: float, count: int) -> None:
+    """Known cases: an even number of intervals, of 1 ms or less, and 2000 of a short motion."""
+    grid = MotionGrid(Trajectory(lib.home, np.zeros((7, 1)), duration))
+    assert grid.count == count
+    assert grid.step == pytest.approx(duration / count, rel=1e-15)
+    assert grid.step <= 1e-3

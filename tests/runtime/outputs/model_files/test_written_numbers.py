@@ -6,7 +6,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import make_model
+from runtime.outputs.model_files import EXPORT_FORMATS, make_model
 from runtime.outputs.model_files.bodies import smallest_eigenvalue
 from runtime.outputs.model_files.formats import header
 from runtime.outputs.model_files.formats.sdf import sdf_text
@@ -14,6 +14,7 @@ from runtime.outputs.model_files.franka_yaml import short_names
 from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.outputs.model_files.reload_check import TOLERANCE
 from runtime.recording import Friction
+from tests.runtime.outputs.model_files.test_model_files import drives_of_arm
 
 
 def test_short_names_lose_their_common_prefix() -> None:
@@ -96,3 +97,12 @@ def test_a_header_may_differ_by_its_tolerance(
     else:
         with pytest.raises(ExportError, match="not written: the torques of pi differ"):
             header.check_header(model, "")
+
+
+@pytest.mark.parametrize("kind", list(EXPORT_FORMATS))
+def test_formats_say_whether_they_write_a_folder(kind: str, arm: Library) -> None:
+    """Property: several files by their path where a format is a folder, otherwise one text."""
+    phi = np.full((arm.n_joints, 1), 0.5)
+    model = make_model(arm, arm.pi0, Friction(("viscous",)), phi, drives=drives_of_arm(arm))
+    written = EXPORT_FORMATS[kind].write(model)
+    assert isinstance(written, str) != EXPORT_FORMATS[kind].is_folder

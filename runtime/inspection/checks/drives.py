@@ -142,7 +142,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
         RuntimeFault: the recording cannot be prepared.
     """
     shares = _shares(recording, lib, plan.preparation)
-    if shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:
+    if shares is None or shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:
         return []
     columns = plan.friction.columns if plan.friction else ()
     handled = ROTOR.name in columns
@@ -171,7 +171,8 @@ def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
     return [Finding("rotor", level, sentence, evidence)]
 
 
-def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Shares:
+def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Shares | None:
+    """Shares of the joints that move; None where none does."""
     late = preparation.torque_delay_s
     usual = replace(filtered(recording, preparation), torque_delay_s=late)
     bare = recording.replace(columns=None, column_names=(), motors=None)
@@ -179,7 +180,7 @@ def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Sh
     size = np.linalg.norm(samples.tau, axis=0)
     moving = (np.ptp(samples.q, axis=0) > STILL) & (size > 0)
     if not moving.any():
-        return _Shares(0.0, 0.0, 0.0, np.zeros(lib.n_joints))
+        return None
     rest = samples.tau - samples.rigid(lib, lib.pi0)
     friction, _ = _left(samples, rest, DRIVE.index(ROTOR.name))
     drives, x = _left(samples, rest, len(DRIVE))

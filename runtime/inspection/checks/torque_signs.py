@@ -47,7 +47,7 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
 
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls
-    tau, n = torque_rows.samples.tau, torque_rows.lib.n_joints
+    n = torque_rows.lib.n_joints
     share = np.array(
         [[_regressed(torque_rows, model, i, j)[1] for j in range(n)] for i in range(n)]
     )
@@ -57,11 +57,7 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
     moved = np.flatnonzero(order != np.arange(n))
     if plan.torque is None or not moved.size:
         return plan, []
-    if (
-        np.median(best[moved]) < NEW
-        or np.median(best[moved] - present[moved]) < GAINED
-        or not tau.any()
-    ):
+    if np.median(best[moved]) < NEW or np.median(best[moved] - present[moved]) < GAINED:
         return plan, []
     columns_in_order = ", ".join(map(str, order))
     base = plan.torque.order or tuple(range(n))

@@ -18,14 +18,16 @@ def swaying(t: np.ndarray) -> FreeBaseRecording:
     )
 
 
+@pytest.mark.parametrize("jitter", [2e-3, 2e-4])
 @pytest.mark.parametrize("cutoff", [None, 10.0])
-def test_an_uneven_clock_becomes_uniform(cutoff):
+def test_an_uneven_clock_becomes_uniform(cutoff, jitter):
     """Oracle: the sine at the instants of the new clock; unknown wrenches stay unknown.
 
+    Steps deviate by up to 40 or 4 %, where 1 % is allowed.
     Straight lines between samples 10 ms apart miss (ω h)²/8 = 1.2e-4 of a sine of 0.5 Hz.
     """
     t = np.arange(601) / 100.0
-    t[1:-1] += np.random.default_rng(1).uniform(-2e-3, 2e-3, 599)
+    t[1:-1] += np.random.default_rng(1).uniform(-jitter, jitter, 599)
     motion = motion_of(swaying(t), ("joint",), cutoff)
     np.testing.assert_allclose(motion.t, np.arange(601) / 100.0, atol=1e-9)
     wave = np.sin(np.pi * motion.t[:, None])

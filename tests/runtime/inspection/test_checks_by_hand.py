@@ -1,0 +1,214 @@
+"""Checks of one signal each, on rows small enough that the result is known by hand."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from runtime.inspection import proposed_preparation as proposal
+from runtime.inspection.checks import gear_coupling, other_model, torque_delay
+from runtime.inspection.checks.drives import rotor
+from runtime.inspection.checks.file_layout import _untitled
+from runtime.inspection.checks.frozen import frozen
+from runtime.inspection.checks.gravity_direction import _finding, _Fit
+from runtime.inspection.checks.lost_rows import lost_rows
+from runtime.inspection.checks.order_scores import mismatches
+from runtime.inspection.checks.units import units
+from runtime.inspection.checks.unknown_gains import stated
+from runtime.inspection.cutoff_choice import CutoffCandidate, CutoffChoice
+from runtime.inspection.finding import INFO, Finding
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording.recipes.recipe import Signal, Time
+from tests.runtime.signals import sine
+
+
+def test_signals_that_stop_while_the_arm_moves_on() -> None:
+    """Oracle: rows 100 to 199 keep their value: seen by the step of q behind, or by q itself."""
+    t = np.arange(600) / 100.0
+    index = np.where((np.arange(600) >= 100) & (np.arange(600) < 200), 100, np.arange(600))
+    q, tau = np.sin(t)[:, None], np.cos(t)[:, None]
+    for stopped, signals in ((q[index], ["q", "tau"]), (q, ["tau"])):
+        log = Recording(t=t, q=stopped, tau=tau[index])
+        plan, (finding,) = frozen(log, Recipe())
+        assert finding.evidence == {"spans_s": [[1.0, 1.99]], "signals": [signals]}
+        assert plan.leave_out == ((1.0, 1.99),)
+    # The arm stood still: q goes on from where it was.
+    rest = np.sin(np.where(t < 1.0, t, np.where(t < 2.0, 1.0, t - 1.0)))[:, None]
+    assert frozen(Recording(t=t, q=rest, tau=rest), Recipe())[1] == []
+
+
+@pytest.mark.parametrize("with_velocity", [True, False])
+def test_lost_rows_are_counted(with_velocity: bool) -> None:
+    """Oracle: every 50th row lost: 79 of the 80 lie between rows, of 3919 steps of the clock."""
+    whole = sine(0.2, seconds=4.0)
+    whole = whole if with_velocity else whole.replace(dq=None)
+    kept = np.arange(4000) % 50 != 49
+    log = whole.take(kept, "").replace(t=whole.t[: kept.sum()])
+    (finding,) = lost_rows(log)
+    assert finding.evidence["share"] == pytest.approx(79 / 3919, rel=0.02)
+    assert lost_rows(whole) == []
+
+
+def test_order_of_the_joints_by_gravity(lib: Library) -> None:
+    """Oracle: torque proportional to gravity leaves nothing in its order alone."""
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 7)) + lib.home
+    still = np.zeros_like(q)
+    tau = 3.0 * lib.inverse_dynamics(q, still, still, lib.pi0)
+    orders = np.array([[1, 0, 2, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5, 6], [0, 3, 2, 1, 4, 5, 6]])
+    found = mismatches(q, tau, orders, lib)
+    assert found[1] < 1e-7  # sqrt(1 − cos²) of rounding 1e-16
+    assert (found[[0, 2]] > 0.2).all()
+
+
+@pytest.mark.parametrize(
+    ("time", "clock", "speed", "kinds"),
+    [
+        (Time(unit="s"), 1.0, 1.0, []),
+        (Time(rate_hz=1000.0), 1.0, 180 / np.pi, ["velocity_unit"]),
+        (Time(unit="s"), 1e3, 1.0, ["time_unit"]),
+        (Time(unit="s"), 1e3, 180 / np.pi, ["time_unit", "velocity_unit"]),
+        (Time(unit="s"), 1.0, 3.0, ["velocity_scale"]),
+    ],
+)
+def test_units_of_time_and_velocity(lib, clean, time, clock, speed, kinds) -> None:
+    """Oracle: the units that the log was written in, each changed alone and both together."""
+    head = clean.take(slice(2000), "")
+    dq = np.gradient(head.q, head.t, axis=0)
+    log = Recording(t=clock * head.t, q=head.q, dq=speed * dq)
+    plan = Recipe(time=time, position=Signal(unit="rad"), velocity=Signal(unit="rad/s"))
+    done, findings = units(log, plan, lib)
+    assert [each.kind for each in findings] == kinds
+    assert done.time.unit == ("ms" if clock > 1 else time.unit)
+    assert done.velocity.unit == ("deg/s" if speed > 50 else "rad/s")
+
+
+def test_currents_without_gains_keep_the_other_findings() -> None:
+    """Oracle: the finding on the unit gives its numbers to that on gains; the others stay."""
+    other = Finding("rest", INFO, "at rest")
+    unit = Finding("torque_unit", INFO, "currents", {"slopes": [2.0]})
+    torque = Signal(unit="A", gain=1.0)
+    plan = Recipe(time=Time(unit="s"), position=Signal(unit="rad"), torque=torque)
+    plan, findings = stated(plan, [unit, other])
+    assert [each.kind for each in findings] == ["rest", "current_gains"]
+    assert findings[1].evidence == {"slopes": [2.0]}
+    assert plan.torque is not None
+    assert plan.torque.gain is None
+
+
+@pytest.mark.parametrize(
+    ("slope", "tested", "is_reported"),
+    [(1.6, 1.5, True), (0.6, 0.7, True), (1.6, 0.7, False), (0.6, 1.5, False), (1.3, 1.5, False)],
+)
+def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
+    """Oracle: reported where the slope differs by 1.4 or more, on the side of the test."""
+    result = SimpleNamespace(is_contradicted=True, joint=1, gain=tested, statistic=9.0)
+    monkeypatch.setattr(other_model, "gain_test", lambda *_: result)
+    slopes = np.array([2.0, 2.0 * slope, 2.0]), np.ones(3, dtype=bool)
+    monkeypatch.setattr(other_model, "slopes_to_model", lambda _: slopes)
+    robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"))
+    rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
+    findings = other_model.joint_gain(rows, np.zeros((12, 1)))
+    assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
+
+
+def test_gear_that_couples_two_joints(monkeypatch) -> None:
+    """Oracle: residuals that are the speed of the other joint; none where one has no residual."""
+    monkeypatch.setattr(gear_coupling, "inflation_of", lambda *_: 1.0)
+    t = np.arange(400) / 100.0
+    dq = np.stack([np.sin(2 * np.pi * t), np.sin(5 * np.pi * t)], axis=1)
+    ddq = np.gradient(dq, t, axis=0)
+    robot = SimpleNamespace(n_joints=2, joint_names=("a", "b"))
+    for size, count in ((1.0, 1), (0.0, 0)):
+        samples = SimpleNamespace(tau=dq[:, ::-1] * [size, 1.0], dq=dq, ddq=ddq)
+        rows = SimpleNamespace(lib=robot, samples=samples)
+        findings = gear_coupling.coupling(rows, np.zeros((800, 1)), Friction())
+        assert len(findings) == count
+        for each in findings:
+            assert each.evidence["pairs"] == [[0, 1, pytest.approx(1.0)]]
+
+
+@pytest.mark.parametrize(("seconds", "searched"), [(4.0, 0.4), (30.0, 1.0)])
+def test_delay_of_a_parabola(monkeypatch, seconds, searched) -> None:
+    """Oracle: cost 1 + (δ − 0.1)²/s²: δ, its deviation s/√N, the reach a tenth, at most 1 s."""
+    cost = SimpleNamespace(cost=lambda d: 1 + ((d - 0.1) / 0.05) ** 2, freedom=lambda _: 400.0)
+    monkeypatch.setattr(torque_delay, "_Search", lambda *_: cost)
+    plan = Recipe(preparation=Preparation(filter="butterworth", cutoff_hz=5.0))
+    rows = SimpleNamespace(whole=sine(1.0, rate=100.0, seconds=seconds + 0.01))
+    shift, stated_delay = torque_delay.delay(rows, np.zeros((1, 1)), plan)
+    assert shift.evidence["delay_s"] == pytest.approx(0.1)
+    assert shift.evidence["sigma_s"] == pytest.approx(0.05 / 20, rel=1e-2)
+    assert shift.evidence["gain"] == pytest.approx(1 - 1 / 5, rel=1e-2)
+    assert shift.evidence["searched_s"] == pytest.approx(searched)
+    assert stated_delay.kind == "delay"
+
+
+@pytest.mark.parametrize(("stated_trim", "trim"), [(0.1, 0.25), (0.7, 0.7)])
+def test_trimmed_edges_follow_the_cutoff(monkeypatch, stated_trim, trim) -> None:
+    """Oracle: 4 Hz in place of 10 Hz trims 1/4 s, unless the recipe states another length."""
+    ten, four = (
+        CutoffCandidate(hz, "measured", score, score - 1.0, 0.1, 1.0)
+        for hz, score in ((10.0, 1.0), (4.0, 1.03))
+    )
+    ready = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=stated_trim)
+    choice = CutoffChoice((ten, four), ten, replace(ready, derivative="measured"), "chosen")
+    monkeypatch.setattr(proposal, "choose_cutoff", lambda *_: choice)
+    monkeypatch.setattr(
+        proposal,
+        "differentiation_of",
+        lambda _log, _lib, tried: SimpleNamespace(fails=tried.cutoff_hz > 5),
+    )
+    done, findings = proposal.proposed_preparation(sine(1.0), None, ready, None, Friction())
+    assert (done.cutoff_hz, done.trim_s) == (4.0, trim)
+    assert [each.kind for each in findings] == ["cutoff", "regressor"]
+
+
+def test_rotors_of_an_arm_that_stands_still(lib: Library) -> None:
+    """Property: where no joint moves nothing is said of rotors, whatever the torque."""
+    t = np.arange(1000) / 100.0
+    still = np.zeros((1000, 7))
+    log = Recording(t=t, q=still + lib.home, dq=still, ddq=still, tau=still + 5.0)
+    assert rotor(log, lib, Recipe()) == []
+
+
+def test_a_tilted_base_is_built_with_two_decimals() -> None:
+    """Oracle: gravity of a base turned by 30° about x, 9.81 (0, 1/2, −√3/2)."""
+    robot = SimpleNamespace(name="arm", folder=Path("arm"), gravity=np.array([0.0, 0.0, -9.81]))
+    vector = 9.81 * np.array([0.0, 0.5, -np.sqrt(0.75)])
+    finding = _finding(robot, vector, 9.81, (0.5, 0.01), {})
+    assert "--name arm_tilted --gravity 0,4.9,-8.5 " in finding.sentence
+    assert "the fitted gravity (0,4.9,-8.5 m/s²) 1 %" in finding.sentence
+    assert finding.evidence["gravity"] == pytest.approx(list(vector))
+
+
+def test_small_columns_of_free_bodies_count() -> None:
+    """Oracle: a torque along a column 1e-7 as long as the others is explained without gravity."""
+    rows = np.eye(6)
+    common = np.column_stack([rows[0], 1e-7 * rows[1]])
+    turns = [each[:, None] for each in rows[2:5]]
+    assert _Fit(common, turns, rows[1]).residual(np.eye(3)[0]) < 1e-9
+    assert _Fit(common, turns, rows[2]).residual(np.eye(3)[0]) < 1e-9
+    assert _Fit(common, turns, rows[5]).residual(np.eye(3)[0]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("width", "places"),
+    [
+        (14, {"position": 0, "torque": 7}),
+        (15, {"time": 0, "position": 1, "torque": 8}),
+        (22, {"time": 0, "position": 1, "velocity": 8, "torque": 15}),
+        (28, {"position": 0, "velocity": 7, "acceleration": 14, "torque": 21}),
+        (16, {}),
+        (7, {}),
+    ],
+)
+def test_columns_without_titles_by_their_number(width, places) -> None:
+    """Oracle: at most one column of time, then q τ, q dq τ or q dq ddq τ of seven joints."""
+    signals = dict(_untitled(width, "log.csv", "log", 7))
+    first = {
+        kind: part["where"]["column"] if kind == "time" else part["where"]["columns"][0]
+        for kind, part in signals.items()
+    }
+    assert first == places

@@ -40,5 +40,13 @@ def test_a_singular_matrix_has_no_margin() -> None:
     assert value(absent.margin) == 0.0
 
 
+def test_a_pair_of_zeros_is_not_turned() -> None:
+    """Property: rows whose entries of a column come out as zeros stay as they are, and finite."""
+    x = ca.SX.sym("x")
+    system = triangle(ca.vertcat(ca.horzcat(x, 3), ca.horzcat(x, 5)), ca.SX(ca.DM([1.0, 2.0])))
+    turned = ca.Function("turned", [x], [ca.horzcat(system.upper, system.right)])(0.0)
+    np.testing.assert_array_equal(np.asarray(turned), [[0.0, 3.0, 1.0], [0.0, 5.0, 2.0]])
+
+
 def value(matrix: ca.SX) -> np.ndarray:
     return np.asarray(ca.evalf(ca.SX(matrix)))

@@ -38,7 +38,7 @@ def zero_phase(
     Args:
         sections: of a low-pass, (s, 6).
         signals: (N, m) each, of any widths m.
-        padding: rows of odd extension at either end, fewer than N.
+        padding: rows of odd extension at either end, between 1 and N − 1.
         rows: (M,) indices, ascending.
         period: distance after which the pattern of rows repeats; only the computing time depends
             on it.

@@ -90,7 +90,10 @@ ROOMS = {
         ("symgen/emit",),
         tuple(
             f"tests/symgen/test_{name}.py"
-            for name in ("emit", "elimination", "schedule", "tile_program", "parts")
+            for name in (
+                *("emit", "emit_manifest", "elimination", "schedule"),
+                *("tile_program", "parts", "tiles", "lanes", "objects", "memory"),
+            )
         ),
     ),
     "convex.c": Room(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from bench.markdown import markdown_table
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording.formats.npz import open_npz
@@ -234,14 +235,14 @@ def walking_table(rows: list[Walk]) -> Table:
     return _table(title, _WALK, map(_walk_cells, rows))
 
 
-def recovery_markdown(rows: list[Trials]) -> str:
+def recoverymarkdown_table(rows: list[Trials]) -> str:
     """Table of `recovery` for docs/."""
-    return _markdown(_RECOVERY, map(_recovery_cells, rows))
+    return markdown_table(_RECOVERY, map(_recovery_cells, rows))
 
 
-def walking_markdown(rows: list[Walk]) -> str:
+def walkingmarkdown_table(rows: list[Walk]) -> str:
     """Table of `walking` for docs/."""
-    return _markdown(_WALK, map(_walk_cells, rows))
+    return markdown_table(_WALK, map(_walk_cells, rows))
 
 
 def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Table:
@@ -251,11 +252,6 @@ def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) 
     for row in rows:
         table.add_row(*row)
     return table
-
-
-def _markdown(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    lines = [heads, ("---",) * len(heads), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def facts(recovered: list[Trials], walks: list[Walk]) -> dict[str, Any]:

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import coal
 import numpy as np
-import pinocchio
 from scipy.optimize import minimize_scalar
 
+from bench.engines import TABLE, Engines
 from runtime import load
 from runtime.excitation import Limits, Safety, Trajectory, basis_of
 from runtime.excitation.limits.distance_limits import Clearance
@@ -23,22 +22,19 @@ from runtime.excitation.limits.nonlinear_limits import Torque
 from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
-from runtime.library import Array, Library, ProxyFacts
+from runtime.library import Array, Library
 from symgen.build.config import RobotConfig
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest
 from symgen.chain import read_chain
 from symgen.collision import CollisionModel
 from symgen.collision.model import BASE, Pair, Proxy
-from tests.oracle import pinocchio_model
 from tests.robots import CASES
 from tests.runtime.excitation.proof.spiked import Spiked
 
 ROBOTS = ("fr3", "ur5e", "xarm7", "gantry")
 DENSE, COARSE = 20_000, 1000
 """Rates of the check, Hz."""
-TABLE = -0.2
-"""Height of the table, m."""
 _RADIUS = 0.04
 """Of capsules along the links of robots without proxies, m."""
 _SHRUNK = 0.7
@@ -129,59 +125,6 @@ def certified_motion(
         if proof.holds:
             return motion, safety, proof
         a = _SHRUNK * a
-
-
-class Engines:
-    """Pinocchio's model of a robot, with the capsules of its links in coal."""
-
-    def __init__(self, lib: Library) -> None:
-        self.lib, self.model = lib, pinocchio_model(lib.urdf(), lib.gravity)
-        self._data = self.model.createData()
-        self._tip = self.model.getFrameId(lib.manifest.tip, pinocchio.BODY)
-        self._placed = {p.name: (p.joint + 1, *_shape(p)) for p in lib.proxies}
-        self._plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), TABLE)
-
-    def torques(self, states: Array) -> Array:
-        """Torques of states (3 or more, N, n), (N, n)."""
-        rows = zip(*states[:3], strict=True)
-        return np.array([pinocchio.rnea(self.model, self._data, *row) for row in rows])
-
-    def tip_speeds(self, states: Array) -> Array:
-        """Speeds of the tip, (N,) m/s."""
-        speeds = []
-        for q, dq in zip(*states[:2], strict=True):
-            pinocchio.forwardKinematics(self.model, self._data, q, dq)
-            v = pinocchio.getFrameVelocity(self.model, self._data, self._tip)
-            speeds.append(np.linalg.norm(v.linear))
-        return np.array(speeds)
-
-    def distances(self, states: Array, pairs: list[tuple[str, str]]) -> Array:
-        """Distance of every pair, (N, R) m; the second of a pair may be "table"."""
-        request, answer = coal.DistanceRequest(), coal.DistanceResult()
-        names = {name for pair in pairs for name in pair} - {"table"}
-        rows = []
-        for q in states[0]:
-            pinocchio.forwardKinematics(self.model, self._data, q)
-            where = {"table": (self._plane, coal.Transform3s.Identity())}
-            for name in names:
-                joint, shape, placement = self._placed[name]
-                pose = self._data.oMi[joint] * placement
-                where[name] = shape, coal.Transform3s(pose.rotation, pose.translation)
-            row = []
-            for one, other in pairs:
-                answer.clear()
-                row.append(coal.distance(*where[one], *where[other], request, answer))
-            rows.append(row)
-        return np.array(rows)
-
-
-def _shape(proxy: ProxyFacts) -> tuple[coal.CollisionGeometry, pinocchio.SE3]:
-    """Coal's capsules lie along z around the origin."""
-    start, end = np.array(proxy.start), np.array(proxy.end)
-    length = float(np.linalg.norm(end - start))
-    axis = end - start if length > 0 else np.array([0.0, 0.0, 1.0])
-    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis)
-    return coal.Capsule(proxy.radius, length), pinocchio.SE3(turn.matrix(), (start + end) / 2)
 
 
 def states_of(motion: Trajectory, t: Array) -> Array:

@@ -14,6 +14,7 @@ from typing import Any
 from rich.table import Table
 
 from bench.compiled import BenchError
+from bench.markdown import markdown_table
 
 _ROOT = Path(__file__).resolve().parents[2]
 _LIBRARIES = "import numpy, scipy.linalg"
@@ -156,5 +157,4 @@ def markdown(rows: Sequence[Row]) -> str:
     Returns:
         Its text.
     """
-    lines = [_HEADER, ("---",) * len(_HEADER), *_cells(rows)]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return markdown_table(_HEADER, _cells(rows))

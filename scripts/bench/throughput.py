@@ -19,6 +19,7 @@ from rich.table import Table
 
 from bench.batch import make_batch
 from bench.compiled import find
+from bench.markdown import markdown_table
 from bench.ours import Contender, Ours
 from runtime.library import Library
 from runtime.parallel import cores
@@ -176,5 +177,4 @@ def markdown(rows: list[Rate]) -> str:
     Returns:
         Its text.
     """
-    lines = [_HEADER, ("---",) * len(_HEADER), *_cells(rows)]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    return markdown_table(_HEADER, _cells(rows))

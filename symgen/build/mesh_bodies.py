@@ -15,7 +15,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from symgen.build.sources import Packages
-from symgen.chain.document import Document, listing, numbers, origin
+from symgen.chain.assumed_bodies import require_bare
+from symgen.chain.document import Document, numbers, origin
 from symgen.documents import toml_of
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.collada import is_sound
@@ -81,16 +82,7 @@ def with_mesh_bodies(
     """
     document = Document(urdf)
     for link in (name for name in densities if name != DEFAULT):
-        if link not in document.links:
-            raise UrdfError(
-                f"--densities names the link '{link}', which the URDF does not define; its links "
-                f"are {listing(document.links)}"
-            )
-        if document.links[link].find("inertial") is not None:
-            raise UrdfError(
-                f"--densities names the link '{link}', which has an <inertial> in the URDF; leave "
-                "it out, or remove the <inertial>"
-            )
+        require_bare(document, link, "--densities")
     done = []
     for name, element in document.links.items():
         density = densities.get(name, densities.get(DEFAULT))

@@ -29,6 +29,29 @@ _LEAST_RADIUS = 0.05
 """Least radius of a body, m: about that of a robot's wrist."""
 
 
+def require_bare(document: Document, link: str, option: str) -> None:
+    """Refuse a link that an option gives a body but that is unknown or has one.
+
+    Args:
+        document: the URDF.
+        link: name that the option states.
+        option: its name, for the message.
+
+    Raises:
+        UrdfError: the URDF does not define the link, or it has an <inertial>.
+    """
+    if link not in document.links:
+        raise UrdfError(
+            f"{option} names the link '{link}', which the URDF does not define; its links are "
+            f"{listing(document.links)}"
+        )
+    if document.links[link].find("inertial") is not None:
+        raise UrdfError(
+            f"{option} names the link '{link}', which has an <inertial> in the URDF; leave it "
+            "out, or remove the <inertial>"
+        )
+
+
 def assume_bodies(
     document: Document,
     masses: Mapping[str, float],
@@ -52,16 +75,7 @@ def assume_bodies(
         UrdfError: a mass is not positive, or its link does not exist or has an <inertial>.
     """
     for link, mass in masses.items():
-        if link not in document.links:
-            raise UrdfError(
-                f"--masses names the link '{link}', which the URDF does not define; its links are "
-                f"{listing(document.links)}"
-            )
-        if document.links[link].find("inertial") is not None:
-            raise UrdfError(
-                f"--masses names the link '{link}', which has an <inertial> in the URDF; leave it "
-                "out, or remove the <inertial>"
-            )
+        require_bare(document, link, "--masses")
         if not (math.isfinite(mass) and mass > 0):
             raise UrdfError(f"--masses: expected a mass above 0 kg for '{link}', got {mass:g}")
     moving_joints = [j for j in document.joints if document.kind(j) in MOVING]

@@ -10,26 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.estimators.regression.samples import samples_of
-from runtime.identification import metrics
-from runtime.identification.saved_result import read_result
 from runtime.library import Library
-from runtime.recording import Preparation, read_recording
-from runtime.recording.preprocessing import prepare
 from tests.runtime.conftest import Command
-
-KNOWN_RATE = "rate_hz = 5000"
-KNOWN_ZEROS = "offset = [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]"
-KNOWN_GEARS = """[gear]
-matrix = [
-    [32.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [0.0, 32.0, 0.0, 0.0, 0.0, 0.0],
-    [0.0, 0.0, 45.0, 0.0, 0.0, 0.0],
-    [0.0, 0.0, 0.0, -48.0, 0.0, 0.0],
-    [0.0, 0.0, 0.0, 0.0, 45.0, 0.0],
-    [0.0, 0.0, 0.0, 0.0, 32.0, 32.0],
-]
-"""
+from tests.runtime.inspection.published_logs import KNOWN_GEARS, KNOWN_RATE, KNOWN_ZEROS, in_band
 
 
 @pytest.fixture
@@ -45,25 +28,6 @@ def bare(shared_data: Path, tmp_path: Path):
         return folder
 
     return of
-
-
-def in_band(folder: Path, log: Path, recipe: Path, lib: Library, f_c: float, span) -> float:
-    """Overall error, in percent, of a result on the rows of a span of time, low-passed at f_c."""
-    saved, recording = read_result(folder), read_recording(log, recipe)
-    single = recording.recipe.preparation
-    plan = Preparation(
-        clock_tick=single.clock_tick,
-        max_gap_s=single.max_gap_s,
-        filter="butterworth",
-        cutoff_hz=f_c,
-        rate_hz=10 * f_c,
-        rest_speed=0.02,
-    )
-    rows = prepare(recording, plan, saved.friction, lib=lib)
-    rows = rows.take((rows.t >= span[0]) & (rows.t <= span[1]), "test")
-    s = samples_of(rows, lib)
-    rigid = lib.inverse_dynamics(s.q, s.dq, s.ddq, saved.pi)
-    return metrics.torque_error(s.tau, rigid + s.friction(saved.phi)).overall
 
 
 def facts_of(folder: Path) -> dict:

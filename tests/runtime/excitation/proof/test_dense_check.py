@@ -17,7 +17,8 @@ from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.limits.safety import TABLE_MARGIN
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
-from runtime.library import Library, ProxyFacts
+from runtime.library import Library
+from tests.collision_oracle import capsule_of, pair_distances
 from tests.oracle import pinocchio_model
 from tests.runtime.excitation.test_excitation import closed_form
 
@@ -97,23 +98,12 @@ def test_uses_hold_at_20_khz(case: Case) -> None:
             assert use(proof, kind) <= MARGIN + 1e-8
 
 
-def shape_of(proxy: ProxyFacts) -> tuple[coal.CollisionGeometry, pinocchio.SE3]:
-    """Coal's capsules lie along z around the origin; a capsule without length is a sphere."""
-    start, end = np.array(proxy.start), np.array(proxy.end)
-    length = float(np.linalg.norm(end - start))
-    axis = end - start if length > 0 else np.array([0.0, 0.0, 1.0])
-    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis)
-    shape = coal.Capsule(proxy.radius, length)
-    return shape, pinocchio.SE3(turn.matrix(), (start + end) / 2)
-
-
 class Scene:
     """Proxies, box and table in coal, moved by Pinocchio."""
 
     def __init__(self, lib: Library, safety: Safety) -> None:
         self._model = pinocchio_model(lib.urdf())
-        self._data = self._model.createData()
-        self._placed = {p.name: (p.joint + 1, *shape_of(p)) for p in lib.proxies}
+        self._placed = {p.name: (p.joint + 1, *capsule_of(p)) for p in lib.proxies}
         self.margins = {(pair.first, pair.second): pair.margin for pair in lib.pairs}
         lifted = list(lib.moving_proxies)
         if safety.carried is not None:
@@ -128,21 +118,7 @@ class Scene:
 
     def distances(self, q: np.ndarray, pairs: list[tuple[str, str]]) -> Iterator[list[float]]:
         """Distance of every pair at every position, m."""
-        request, answer = coal.DistanceRequest(), coal.DistanceResult()
-        plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
-        names = {name for pair in pairs for name in pair} - {"table"}
-        for state in q:
-            pinocchio.forwardKinematics(self._model, self._data, state)
-            where = {"table": (plane, coal.Transform3s.Identity())}
-            for name in names:
-                joint, shape, placement = self._placed[name]
-                pose = self._data.oMi[joint] * placement
-                where[name] = shape, coal.Transform3s(pose.rotation, pose.translation)
-            row = []
-            for one, other in pairs:
-                answer.clear()
-                row.append(coal.distance(*where[one], *where[other], request, answer))
-            yield row
+        return pair_distances(self._model, self._placed, 0.0, q, pairs)
 
 
 def test_distances_hold_at_20_khz(case: Case) -> None:

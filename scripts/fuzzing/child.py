@@ -62,6 +62,7 @@ def main() -> None:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         door.furnish(folder, lib)
+        watch.programs = door.programs
         watch.allowed = (str(root / "tmp"), str(folder / OUT))
         door.read(folder, lib)  # a good file is read, and everything it needs is imported
         warnings.simplefilter("error", RuntimeWarning)

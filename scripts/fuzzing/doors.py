@@ -1,6 +1,7 @@
 """Entry points of files: the file that is damaged, and the function that reads it."""
 
 import contextlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,12 +36,14 @@ class Door:
         furnish: writes good files.
         read: what reads it; (folder of the files, the robot) → anything.
         seal: called after the damage, for files that vouch for others by digest.
+        programs: that the reader may start.
     """
 
     file: str
     furnish: Callable[[Path, Library], None]
     read: Reader
     seal: Callable[[Path], None] | None = None
+    programs: tuple[str, ...] = ()
 
 
 def _log(file: str, furnish: Callable[[Path, Library], None], place: str = "") -> Door:
@@ -143,6 +146,7 @@ DOORS: dict[str, Door] = {
     "dh": Door("rows.toml", models.dh, readers.built("rows.toml")),
     "build-mjcf": Door("robot.xml", models.mjcf, readers.built("robot.xml")),
     "build-sdf": Door("robot.sdf", models.sdf, readers.built("robot.sdf")),
+    "build-xacro": Door("robot.xacro", models.xacro, readers.xacro, programs=(sys.executable,)),
     "masses": Door("masses.toml", models.masses, readers.masses),
     # Generated folders.
     "manifest": Door(

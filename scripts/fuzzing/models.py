@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 from runtime.library import Library
-from scripts.fuzzing.texts import DH, MECHANISM, MJCF, SDF
+from scripts.fuzzing.texts import DH, MECHANISM, MJCF, SDF, XACRO
 
 MODELS = Path(__file__).parents[2] / "symgen" / "robots"
 
@@ -45,6 +45,11 @@ def mjcf(folder: Path, _: Library) -> None:
 def sdf(folder: Path, _: Library) -> None:
     """An SDF model with a loop joint."""
     (folder / "robot.sdf").write_text(SDF)
+
+
+def xacro(folder: Path, _: Library) -> None:
+    """A xacro file."""
+    (folder / "robot.xacro").write_text(XACRO)
 
 
 def robot_config(folder: Path, _: Library) -> None:

@@ -137,6 +137,24 @@ def entities(data: bytes, rng: Rng) -> bytes:
     return doctype + data.partition(b"?>")[2].replace(b'name="', b'name="&e11;', 1)
 
 
+def expressions(data: bytes, rng: Rng) -> bytes:
+    """Expressions of xacro that compute for long, call Python, or expand without end."""
+    places = [match.span() for match in re.finditer(rb"\$[{(][^})]*[})]", data)]
+    if not places or rng.integers(6) == 0:
+        name = (b"rod", b"again")[int(rng.integers(2))]
+        call = b'<xacro:%s name="x" parent="y"><origin/></xacro:%s>' % (name, name)
+        macro = b'<xacro:macro name="again" params="name parent *origin">' + 2 * call
+        return data.replace(b"</robot>", macro + b"</xacro:macro>" + call + b"</robot>")
+    first, last = places[int(rng.integers(len(places)))]
+    word = (
+        *(b"${9**9**9}", b"${10**10**8}", b"${'a' * 10**9}", b"${[0] * 10**8}", b"${1/0}"),
+        *(b"${().__class__.__base__}", b"${__import__('os').system('touch hacked')}", b"${x}"),
+        *(b"$(find nothing)", b"$(env HOME)", b"$(cwd)", b"$(eval 1 + 1)", b"$(arg none)", b"${"),
+        *(b"${open('../canary.txt')}", b"${range(10**9)}", b"${max(range(10**9))}", b"${nan}"),
+        *(b"${sum(x for x in range(10**9))}", b"${'%s' % ('x' * 10**8)}", b"${(lambda: 1)}"),
+    )
+    return data[:first] + word[int(rng.integers(len(word)))] + data[last:]
+
 def keys(data: bytes, rng: Rng) -> bytes:
     """TOML keys of very many parts or letters, and texts that do not end."""
     long = (

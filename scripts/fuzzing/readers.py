@@ -182,6 +182,15 @@ def built(file: str) -> Reader:
     return read
 
 
+def xacro(folder: Path, _: Library) -> None:
+    """Expand and read a xacro file, in a process of little time."""
+    from symgen.chain import read_chain
+    from symgen.ros import Limits, Packages, expanded
+
+    limits = Limits(seconds=1, patience=60.0, memory=2**28)
+    read_chain(expanded(folder / "robot.xacro", {}, Packages(), limits))
+
+
 def fleet(folder: Path, lib: Library) -> None:
     """Compute the prior of a fleet."""
     (folder / OUT).mkdir(exist_ok=True)

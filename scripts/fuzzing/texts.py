@@ -113,6 +113,25 @@ inertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]
 of = {q1 = 0.5}
 """
 
+XACRO = """<?xml version="1.0"?>
+<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="1.5"/>
+<xacro:property name="length" value="${0.2 + 0.1}"/>
+<xacro:property name="box" value="${dict(x=0.01, y=0.02, z=0.02)}"/>
+<xacro:macro name="rod" params="name parent mass:=1.0 *origin">
+<joint name="${name}_joint" type="revolute"><xacro:insert_block name="origin"/>
+<parent link="${parent}"/><child link="${name}"/><axis xyz="0 1 0"/>
+<limit lower="${-pi/2}" upper="${pi/2}" velocity="3" effort="10"/></joint>
+<link name="${name}"><inertial><origin xyz="0 0 ${length/2}"/><mass value="${mass}"/>
+<inertia ixx="${box['x']}" ixy="0" ixz="0" iyy="${box['y']}" iyz="0" izz="${box['z']}"/></inertial>
+</link></xacro:macro>
+<link name="base"/>
+<xacro:rod name="upper" parent="base" mass="$(arg mass)"><origin xyz="0 0 0.5"/></xacro:rod>
+<xacro:if value="${length > 0.1}">
+<xacro:rod name="lower" parent="upper"><origin xyz="0 0 ${length}"/></xacro:rod></xacro:if>
+<xacro:unless value="true"><link name="none"/></xacro:unless>
+</robot>"""
+"""Macros, blocks, conditions and expressions of xacro."""
 SDF = """<sdf version="1.9"><model name="bar">
 <link name="A"><inertial><pose>0.2 0.01 0 0 0 0.3</pose><mass>1.1</mass><inertia><ixx>0.01</ixx>
 <iyy>0.03</iyy><izz>0.03</izz></inertia></inertial></link>

@@ -24,22 +24,24 @@ class Watch:
     Attributes:
         seen: what was forbidden.
         allowed: folders in which files may be made and removed.
+        programs: that may be started.
     """
 
     def __init__(self, allowed: Sequence[Path]) -> None:
         self.armed = False
         self.seen: list[str] = []
+        self.programs: tuple[str, ...] = ()
         self.allowed = tuple(str(folder) for folder in allowed)
         sys.addaudithook(self._hear)
 
     def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if not self.armed:
+        if not self.armed or (event == "subprocess.Popen" and arguments[0] in self.programs):
             return
         if event in FORBIDDEN or (event in CHANGING and not self._is_allowed(arguments)):
             self.seen.append(f"{event} {arguments!r:.200}")
         elif event == "open":
             name, _, flags = arguments
-            writes = isinstance(flags, int) and flags & WRITING
+            writes = isinstance(flags, int) and flags & WRITING and name != os.devnull
             if (writes and not self._is_allowed((name,))) or str(name).endswith(TEMPTING):
                 self.seen.append(f"open {arguments!r:.200}")
 

@@ -3,16 +3,16 @@
 | source | module |
 |---|---|
 | URDF | read as it is |
-| `package://PACKAGE/path` | `packages` finds the folder of the ROS package |
-| `.xacro` | `xacro_file` expands it |
+| `package://PACKAGE/path` | `symgen.ros` finds the folder of the ROS package |
+| `.xacro` | `symgen.ros` expands it |
 | `.toml` of modified DH rows | `symgen.chain.dh` |
 | MJCF | `mjcf` reads it with MuJoCo |
 | SDF | `sdf`, with the frames of `sdf_frames` |
 | name of a published robot | `published` |
 """
 
-from symgen.build.sources.packages import Packages
 from symgen.build.sources.published import published_urdf
 from symgen.build.sources.source import Source, read_source
+from symgen.ros import Packages
 
 __all__ = ["Packages", "Source", "published_urdf", "read_source"]

@@ -5,13 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from symgen.build.sources.mjcf import robot_from_mjcf
-from symgen.build.sources.packages import Packages
 from symgen.build.sources.sdf import robot_from_sdf
-from symgen.build.sources.xacro_file import expanded
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.mechanism import Mechanism
 from symgen.documents import text_of, toml_of
 from symgen.errors import BuildError
+from symgen.ros import Packages, expanded
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Folders of ROS packages: --package, then ROS_PACKAGE_PATH, then AMENT_PREFIX_PATH."""
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from symgen.errors import BuildError
 _DEPTH = 4
 """Levels below a folder of packages at which package.xml is searched."""
 _SCHEME = "package:/"
+_NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +28,12 @@ class Packages:
         """Folder of a package.
 
         Raises:
-            BuildError: no folder holds it.
+            BuildError: no folder holds it, or it is no name.
         """
+        if not _NAME.fullmatch(name):
+            raise BuildError(
+                f"'{name[:80]}' is not the name of a ROS package; it has letters, digits, '_' and '-'"
+            )
         for root in self._roots():
             if root.name == name and root.is_dir():
                 return root

@@ -1,0 +1,14 @@
+"""ROS packages and xacro: folders of packages, and xacro files expanded in a limited process.
+
+| module | content |
+|---|---|
+| `packages` | the folder of a ROS package |
+| `xacro_file` | xacro file → text of a URDF, in a child process |
+| `xacro_child` | that process: limits of time and memory, files that may be read |
+| `xacro_expressions` | expressions that compute, and do not reach the interpreter |
+"""
+
+from symgen.ros.packages import Packages
+from symgen.ros.xacro_file import Limits, expanded
+
+__all__ = ["Limits", "Packages", "expanded"]

@@ -1,0 +1,225 @@
+"""Process that expands one xacro file: a job of `xacro_file` on standard input, an answer as JSON.
+
+Limits are set before the file is opened. The functions of xacro that open files, evaluate expressions
+and read the environment are replaced; $(find PACKAGE) searches in `Packages`.
+"""
+
+import io
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from symgen.documents import LARGEST, text_of
+from symgen.errors import SymgenError
+from symgen.ros.packages import Packages
+from symgen.ros.xacro_expressions import BUILTINS, evaluate
+
+_SECRET = re.compile(r"TOKEN|SECRET|PASSW|CREDENTIAL|KEY", re.IGNORECASE)
+"""Environment variables that no robot description needs."""
+_MOST_MESSAGES = 20
+_LONGEST = 400
+"""Largest length of a message [characters]."""
+_MODIFIED = ("safe_eval", "parse", "load_yaml", "_global_symbols", "process_file")
+
+
+def main() -> None:
+    """Write {text, messages}, {reason}: why xacro refuses, or {refused}: a sentence of symgen."""
+    output, sys.stdout = sys.stdout, io.StringIO()
+    job = json.load(sys.stdin)
+    _limit(job["seconds"], job["memory"])
+    try:
+        answer = _expand(job)
+    except BaseException:  # no memory is left for an answer
+        os._exit(3)
+    try:
+        json.dump(answer, output)
+        output.flush()
+    except MemoryError:
+        os._exit(3)
+
+
+def _limit(seconds: int, memory: int) -> None:
+    """Limit processor time and memory; no file is written and no core is left."""
+    try:
+        import resource
+    except ImportError:  # Windows has a limit of time only, that of the parent
+        return
+    for name, soft, hard in (
+        ("RLIMIT_CPU", seconds, seconds + 5),
+        ("RLIMIT_AS", memory, memory),
+        ("RLIMIT_FSIZE", 0, 0),
+        ("RLIMIT_CORE", 0, 0),
+    ):
+        try:
+            resource.setrlimit(getattr(resource, name), (soft, hard))
+        except (ValueError, OSError):  # a lower limit is in force, or the system has none
+            continue
+
+
+def _expand(job: dict[str, Any]) -> dict[str, Any]:
+    xacro: Any = import_module("xacro")
+    substitutions: Any = import_module("xacro.substitution_args")
+    if any(not hasattr(xacro, name) for name in _MODIFIED) or not hasattr(substitutions, "_eval"):
+        return {"reason": "this version of xacro is not supported; run: pip install 'xacro>=2.1'"}
+    messages = sys.stderr = _Messages()
+    files = Files(Path(job["path"]), Packages(tuple(map(Path, job["folders"]))))
+    confine(xacro, substitutions, files)
+    try:
+        text = str(xacro.process_file(job["path"], mappings=job["arguments"]).toxml())
+    except Exception as error:  # xacro raises what the expressions of the file raise
+        return _refusal(error)
+    if len(text) > LARGEST:
+        return {"reason": f"the URDF has more than {LARGEST >> 20} MiB"}
+    return {"text": text, "messages": messages.lines}
+
+
+def _refusal(error: BaseException) -> dict[str, Any]:
+    causes = list(_causes(error))
+    for cause in causes:
+        if isinstance(cause, SymgenError):
+            return {"refused": str(cause)}
+        if isinstance(cause, MemoryError):
+            raise cause
+        if isinstance(cause, RecursionError):
+            return {"reason": "macros, includes or properties are nested without end"}
+    return {"reason": _one_line(str(error)) or type(causes[-1]).__name__}
+
+
+def _causes(error: BaseException) -> Iterator[BaseException]:
+    """An error and the errors that xacro wrapped into it."""
+    cause: BaseException | None = error
+    while cause is not None:
+        yield cause
+        cause = getattr(cause, "exc", None)
+
+
+def _one_line(text: str) -> str:
+    """A text without line ends, control characters and its middle, if it is long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text[: 2**20]).split())
+    half = _LONGEST // 2
+    return line if len(line) <= _LONGEST else f"{line[:half]} … {line[-half:]}"
+
+
+class _Messages(io.TextIOBase):
+    """The first messages that the file prints, as lines that a terminal does not interpret."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def write(self, text: str) -> int:
+        line = _one_line(text)
+        if line and len(self.lines) < _MOST_MESSAGES:
+            self.lines.append(line)
+        return len(text)
+
+
+class Files:
+    """Files that an expansion may read: those of its own package and of packages it names.
+
+    Attributes:
+        packages: where $(find PACKAGE) searches.
+        folders: the folders whose files may be read.
+    """
+
+    def __init__(self, path: Path, packages: Packages) -> None:
+        """Allow the package of a file, or its folder where it is in none, and `packages`.
+
+        Args:
+            path: the file that is expanded.
+            packages: --package folders.
+        """
+        real = path.resolve()
+        self.packages = packages
+        self.folders = [_package_of(real) or real.parent]
+        self.folders += [folder.resolve() for folder in packages.folders]
+        self._names: set[str] = set()
+
+    def find(self, name: str) -> str:
+        """Folder of a package, whose files may be read from now on."""
+        folder = self.packages.folder(name).resolve()
+        self.folders.append(folder)
+        self._names.add(name)
+        return str(folder)
+
+    def open(self, name: str | Path, *_: str) -> io.StringIO:
+        """Text of a file.
+
+        Raises:
+            OSError: it cannot be read, or is not a regular file.
+            ValueError: it lies elsewhere, is too large, or is not UTF-8.
+        """
+        path = Path(name)
+        if path.exists() and not self._may_read(path.resolve()):
+            raise ValueError(
+                f"'{path}' is outside of '{self.folders[0]}' and of the packages that the file "
+                "names; allow its folder with --package DIR"
+            )
+        try:
+            return io.StringIO(text_of(path))
+        except ValueError as error:
+            raise ValueError(f"'{path}': {error}") from None
+
+    def _may_read(self, real: Path) -> bool:
+        if any(real.is_relative_to(folder) for folder in self.folders):
+            return True
+        # An installation of links: share/PACKAGE/x.xacro is a link to the sources of PACKAGE.
+        package = _package_of(real)
+        return package is not None and package.name in self._names
+
+
+def _package_of(path: Path) -> Path | None:
+    """Nearest folder above a file that holds a package.xml."""
+    return next((folder for folder in path.parents if (folder / "package.xml").is_file()), None)
+
+
+def confine(xacro: Any, substitutions: Any, files: Files) -> None:
+    """Replace what opens files, evaluates expressions and reads the environment.
+
+    Args:
+        xacro: the module.
+        substitutions: its module of $(…).
+        files: what may be read.
+    """
+    xacro.open = files.open  # of includes and load_yaml: a name of the module hides the built-in one
+    xacro.safe_eval = evaluate
+    names = xacro._global_symbols
+    python = names["python"]
+    for key in [*dict.keys(python)]:
+        dict.pop(python, key)
+    dict.update(python, BUILTINS)
+    for key, value in [*names.items()]:
+        if getattr(value, "__module__", "") == "builtins" and key not in BUILTINS:
+            del names[key]
+    substitutions._eval_find = files.find
+    substitutions._eval_env = _environment
+    substitutions._eval_optenv = _optional_environment
+    functions = dict(substitutions._eval_dict) | BUILTINS
+    functions |= {"env": _environment, "optenv": _optional_environment, "find": files.find}
+    del functions["__builtins__"]
+
+    def evaluated(text: str, context: dict[str, Any]) -> str:
+        """Value of $(eval …), whose names are the arguments of the file."""
+        given = {
+            name: substitutions.convert_value(value, "auto")
+            for name, value in context.get("arg", {}).items()
+        }
+        return str(evaluate(text, given | functions | {"arg": lambda name: given[name]}))
+
+    substitutions._eval = evaluated
+
+
+def _environment(name: str) -> str:
+    if _SECRET.search(name):
+        raise ValueError(f"a robot description may not read the environment variable {name}")
+    if name not in os.environ:
+        raise ValueError(f"the environment variable {name} is not set")
+    return os.environ[name]
+
+
+def _optional_environment(name: str, default: str = "") -> str:
+    return _environment(name) if name in os.environ else default

@@ -155,6 +155,7 @@ def expressions(data: bytes, rng: Rng) -> bytes:
     )
     return data[:first] + word[int(rng.integers(len(word)))] + data[last:]
 
+
 def keys(data: bytes, rng: Rng) -> bytes:
     """TOML keys of very many parts or letters, and texts that do not end."""
     long = (

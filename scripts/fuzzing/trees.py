@@ -175,6 +175,7 @@ ATTRIBUTES = (
 def xml_tree(data: bytes, rng: Rng) -> bytes:
     """An XML document: elements and attributes changed, removed, doubled, grafted, nested."""
     try:
+        ElementTree.register_namespace("xacro", "http://www.ros.org/wiki/xacro")
         root = ElementTree.fromstring(data)  # noqa: S314  our own file, or what was made of it
     except (ElementTree.ParseError, ValueError):  # damaged before
         return data

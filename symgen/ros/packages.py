@@ -32,7 +32,8 @@ class Packages:
         """
         if not _NAME.fullmatch(name):
             raise BuildError(
-                f"'{name[:80]}' is not the name of a ROS package; it has letters, digits, '_' and '-'"
+                f"'{name[:80]}' is not the name of a ROS package; "
+                "expected letters, digits, '_', '-' and '.'"
             )
         for root in self._roots():
             if root.name == name and root.is_dir():

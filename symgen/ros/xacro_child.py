@@ -1,7 +1,7 @@
 """Process that expands one xacro file: a job of `xacro_file` on standard input, an answer as JSON.
 
-Limits are set before the file is opened. The functions of xacro that open files, evaluate expressions
-and read the environment are replaced; $(find PACKAGE) searches in `Packages`.
+Limits are set before the file is opened. The functions of xacro that open files, evaluate
+expressions and read the environment are replaced; $(find PACKAGE) searches in `Packages`.
 """
 
 import io
@@ -185,7 +185,8 @@ def confine(xacro: Any, substitutions: Any, files: Files) -> None:
         substitutions: its module of $(…).
         files: what may be read.
     """
-    xacro.open = files.open  # of includes and load_yaml: a name of the module hides the built-in one
+    # Includes and load_yaml: a name of the module hides the built-in one.
+    xacro.open = files.open
     xacro.safe_eval = evaluate
     names = xacro._global_symbols
     python = names["python"]

@@ -1,10 +1,10 @@
 """Expressions of xacro: Python's operators, calls, comprehensions and lambdas, without its inside.
 
 The check of the package xacro reads the names of the outermost code only, and $(eval …) has every
-built-in function; both let a robot file run programs. Here an attribute is read by `attribute`, at run
-time: an entry of a name space or of a YAML table, or a method of a number, text, list or table. No
-name begins with two underscores, `str.format` (it reads attributes) is left out, `type` answers for
-plain data, and `vars` is missing.
+built-in function; both let a robot file run programs. Here an attribute is read by `attribute`, at
+run time: an entry of a name space or of a YAML table, or a method of a number, text, list or table.
+No name begins with two underscores, `str.format` (it reads attributes) is left out, `type` answers
+for plain data, and `vars` is missing.
 """
 
 import ast
@@ -31,11 +31,13 @@ def plain_type(value: Any) -> type:
     raise TypeError("type() answers for numbers, texts, lists and tables only")
 
 
+_FUNCTIONS = (
+    *(list, dict, map, len, str, float, int, bool, min, max, round, sorted, range, abs, all, any),
+    *(complex, divmod, enumerate, filter, frozenset, hash, isinstance, issubclass, ord, repr),
+    *(reversed, slice, set, sum, tuple, zip),
+)
 BUILTINS: Mapping[str, Any] = {
-    **{f.__name__: f for f in (list, dict, map, len, str, float, int, bool, min, max, round)},
-    **{f.__name__: f for f in (sorted, range, abs, all, any, complex, divmod, enumerate, filter)},
-    **{f.__name__: f for f in (frozenset, hash, isinstance, issubclass, ord, repr, reversed, slice)},
-    **{f.__name__: f for f in (set, sum, tuple, zip)},
+    **{function.__name__: function for function in _FUNCTIONS},
     "type": plain_type,
     "True": True,
     "False": False,

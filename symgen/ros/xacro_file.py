@@ -80,8 +80,9 @@ def expanded(
         return str(answer["text"])
     if "refused" in answer:
         raise BuildError(answer["refused"])
-    hint = "; give it by --arg NAME=VALUE" if "ndefined substitution arg" in answer["reason"] else ""
-    raise BuildError(f"xacro cannot expand '{path}': {answer['reason']}{hint}")
+    reason = answer["reason"]
+    hint = "; give it by --arg NAME=VALUE" if "ndefined substitution arg" in reason else ""
+    raise BuildError(f"xacro cannot expand '{path}': {reason}{hint}")
 
 
 def _answer(path: Path, job: Mapping[str, Any], limits: Limits) -> dict[str, Any]:

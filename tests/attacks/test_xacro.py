@@ -46,8 +46,6 @@ CODE = (
 """Ways out of expressions; each gave an object of the interpreter, or would on other versions."""
 
 
-
-
 def written(folder: Path, body: str) -> Path:
     path = folder / "robot.xacro"
     path.write_text(f"{HEAD}{body}</robot>")
@@ -70,7 +68,7 @@ def test_no_expression_runs_code(tmp_path: Path) -> None:
         "answers = []\n"
         "for text in json.load(sys.stdin):\n"
         "    try: answers.append(repr(xacro.safe_eval(text, xacro.Table(xacro._global_symbols))))\n"
-        "    except (ValueError, NameError, AttributeError, TypeError) as error: answers.append('')\n"
+        "    except (ValueError, NameError, AttributeError, TypeError): answers.append('')\n"
         "print(json.dumps(answers))"
     )
     run = subprocess.run(
@@ -111,8 +109,8 @@ def test_an_expansion_ends(tmp_path: Path, body: str, sentence: str) -> None:
 
 
 def test_only_files_of_the_packages_are_read(tmp_path: Path) -> None:
-    """Property: includes and YAML tables of other folders, devices and secrets are refused; those of
-    the package of the file, of --package and of $(find …) are read.
+    """Property: includes and YAML tables of other folders, devices and secrets are refused; those
+    of the package of the file, of --package and of $(find …) are read.
     """
     (tmp_path / "secret.yaml").write_text("{word: 5}")
     inside = tmp_path / "arm"

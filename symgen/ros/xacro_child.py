@@ -199,7 +199,7 @@ def confine(xacro: Any, substitutions: Any, files: Files) -> None:
     substitutions._eval_find = files.find
     substitutions._eval_env = _environment
     substitutions._eval_optenv = _optional_environment
-    functions = dict(substitutions._eval_dict) | BUILTINS
+    functions = {**substitutions._eval_dict, **BUILTINS}
     functions |= {"env": _environment, "optenv": _optional_environment, "find": files.find}
     del functions["__builtins__"]
 

@@ -118,7 +118,7 @@ def identify_command(
         bool,
         typer.Option(
             help="Fit the parameters again to all rows once the errors on the test part are "
-            "known (logs that are not streamed, methods without early stopping)."
+            "known (methods without early stopping)."
         ),
     ] = True,
     save_statistics: Annotated[
@@ -200,7 +200,7 @@ def identify_command(
 
         mirrored_joints(lib.joint_names, tuple(symmetric))  # refused before the fit
     known = _prior(prior, lib)
-    wanted = Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust)
+    wanted = Settings(method, preset, known, seed=seed, robust=robust, refit=refit)
     settings = settings_for(lib, wanted)
     runs = runs_of(logs, run)
     several = f"{len(runs)}-" if len(runs) > 1 or payload_of else ""
@@ -211,9 +211,7 @@ def identify_command(
         _require_for_several(controller, encoder_bias or symmetric)
         from runtime.cli.several_logs import identify_several
 
-        result, agreement = identify_several(
-            runs, lib, dataclasses.replace(settings, refit=refit), payload_of or (), options, delay
-        )
+        result, agreement = identify_several(runs, lib, settings, payload_of or (), options, delay)
         finish(result, folder, outputs, agreement)
         return
     usable = usable_columns([chosen])
@@ -243,7 +241,6 @@ def identify_command(
             splitting=data.splitting,
             friction_columns=terms,
             controller=_controller(controller, lib),
-            refit=refit,
         ),
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )

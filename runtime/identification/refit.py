@@ -7,10 +7,12 @@ expects of a log is what `identify` reaches.
 """
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from runtime.estimators.methods import METHODS
+from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.settings import Settings
@@ -35,7 +37,6 @@ def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
         settings.refit
         and assembly.one_run
         and not np.array_equal(train.t, test.t)  # else all rows train already
-        and assembly.pieces is None
         and rows_of_joints
         and not METHODS[method].needs_samples(settings.preset)
     )
@@ -45,7 +46,7 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     """The same problem with the rows of all parts for training.
 
     Args:
-        assembly: problem and prepared parts of one recording.
+        assembly: problem and prepared parts of one recording, or of a streamed log.
 
     Returns:
         An assembly whose problem has all rows; its parts stay.
@@ -55,7 +56,23 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     rest = (test,) if assembly.is_joined else (problem.validation, test)
     rows = joined((problem.train, *rest))
     whole = replace(problem, train=rows, origin=None, terms=assembly.friction)
+    pieces = problem.pieces
+    if pieces is not None:  # a streamed log: `rows` are those of its windows
+        names = ("train", "test") if assembly.is_joined else ("train", "validation", "test")
+        whole = replace(whole, pieces=lambda _: chain.from_iterable(map(pieces, names)))
     return replace(assembly, problem=whole)
+
+
+def rows_of(problem: Problem, fit: Fit) -> int:
+    """Number of samples of a fit, all rows of a streamed log included.
+
+    Args:
+        problem: its samples.
+        fit: with its statistics, where the method keeps them.
+    """
+    if problem.pieces is None:
+        return len(problem.train)
+    return round((fit.statistics or problem.statistics()).n_samples)
 
 
 def joined(parts: tuple[Samples, ...]) -> Samples:

@@ -26,7 +26,7 @@ from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble
-from runtime.identification.refit import is_refitted, with_all_rows
+from runtime.identification.refit import is_refitted, rows_of, with_all_rows
 from runtime.identification.settings import Settings, settings_from
 from runtime.identification.without_prior import note_for, settings_for
 from runtime.library import Library
@@ -130,7 +130,8 @@ def identify_assembled(
     )
     if is_last:
         return result
-    return _refitted(result, _weighted(with_all_rows(given), method, chosen), chosen)
+    whole = _weighted(with_all_rows(given), method, chosen)
+    return _refitted(result, whole, chosen, rows_of(problem, fit))
 
 
 def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
@@ -146,15 +147,17 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
     return replace(assembly, problem=problem, notes=notes)
 
 
-def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Identification:
-    """The result with the parameters of a fit to all rows."""
+def _refitted(
+    result: Identification, whole: Assembly, settings: Settings, trained: int
+) -> Identification:
+    """The result of `trained` rows with the parameters of a fit to all rows."""
     fit = fit_by(whole.problem, result.method, settings.preset, settings.prior)
     if fit.status == Status.INTERRUPTED.value:
         note = "the fit to all rows was interrupted: parameters are those of the training rows"
         return replace(result, notes=(*result.notes, note))
     note = (
-        f"parameters and intervals are fitted to all {len(whole.problem.train)} rows; errors, loss "
-        f"and gap are those of the fit to the {len(result.train)} training rows alone"
+        f"parameters and intervals are fitted to all {rows_of(whole.problem, fit)} rows; errors, "
+        f"loss and gap are those of the fit to the {trained} training rows alone"
     )
     posterior = None
     if result.uncertainty:

@@ -3,6 +3,7 @@
     pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.estimators.regression`)
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
+    on request all rows of all parts → factor of the second fit (`runtime.identification.refit`)
 
 Blocks are prepared as the whole log would be (`blocks`), so that the factor is that of the whole.
 Every method that needs only factors and sums of the samples can be used.
@@ -59,7 +60,7 @@ from runtime.recording.recording import ALL
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
-WHOLE_ONLY = ("validation", "test", "lam0", "controller", "refit", "robust", "friction_prior")
+WHOLE_ONLY = ("validation", "test", "lam0", "controller", "robust", "friction_prior")
 """Fields of `Settings` that need a log held in memory."""
 
 
@@ -107,7 +108,8 @@ class StreamedAssembly:
         """Torque errors over the whole test part: first guess, result, URDF with friction."""
         lib = self.assembly.problem.lib
         self.report("predicting the test part")
-        models = [(lib.pi0, np.zeros(0)), (result.pi, result.phi)]
+        fit = result.trained or result
+        models = [(lib.pi0, np.zeros(0)), (fit.pi, fit.phi)]
         if result.urdf_phi is not None:
             models.append((lib.pi0, result.urdf_phi))
         scale, rests = np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
@@ -125,8 +127,8 @@ class StreamedAssembly:
         """Sentence on which figures come from all rows and which from windows."""
         blocks = {id(part.blocks): len(part.blocks) for part in self.parts.values()}
         return (
-            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the fit uses all "
-            f"{counts['train']} training samples and the torque error all {counts['test']} test "
+            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the fit of the errors "
+            f"uses all {counts['train']} training samples, the torque error all {counts['test']} test "
             "samples; the first weights and the residual correlations come from up to "
             f"{WINDOWS} windows of {LENGTH} samples"
         )

@@ -95,6 +95,28 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     assert result.streamed.spans["test"][0] == pytest.approx(whole.test.t[0], abs=0.01)
 
 
+def test_the_second_fit_is_that_of_the_whole_log(lib, log, tmp_path):
+    """Oracle: ols on all rows held in memory; the errors stay those of the training rows.
+
+    ols has no weights of windows, so that both differ by what the filter leaves beyond the overlap
+    (1e-13), times the condition of the raw columns.
+    """
+    write_recording(log, tmp_path / "x.npz")
+    same = {"preparation": PREPARATION, "friction_columns": FRICTION}
+    whole = identify(log, lib, "ols", refit=True, certify=False, **same)
+    file = open_streamed(tmp_path / "x.npz")
+    result = identify_streamed(file, lib, "ols", refit=True, **same)
+    alone = identify_streamed(file, lib, "ols", certify=False, **same)
+    assert result.beta == pytest.approx(whole.beta, rel=1e-6, abs=1e-8)
+    assert result.phi == pytest.approx(whole.phi, rel=1e-6, abs=1e-8)
+    assert np.array_equal(result.trained.pi, alone.pi)
+    assert np.abs(result.beta - alone.beta).max() > 1e-5
+    assert torque_errors(result)[1].overall == torque_errors(alone)[1].overall
+    rows = sum(result.streamed.samples[part] for part in ("train", "test"))
+    assert result.uncertainty.n_samples == rows
+    assert any(f"fitted to all {rows} rows" in note for note in result.notes)
+
+
 def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch):
     """Property: the same rows in the same order, read again from the spool, and the same refusal.
 

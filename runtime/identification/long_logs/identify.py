@@ -127,8 +127,8 @@ class StreamedAssembly:
         """Sentence on which figures come from all rows and which from windows."""
         blocks = {id(part.blocks): len(part.blocks) for part in self.parts.values()}
         return (
-            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the fit of the errors "
-            f"uses all {counts['train']} training samples, the torque error all {counts['test']} test "
+            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the first fit uses "
+            f"all {counts['train']} training samples, the torque error all {counts['test']} test "
             "samples; the first weights and the residual correlations come from up to "
             f"{WINDOWS} windows of {LENGTH} samples"
         )

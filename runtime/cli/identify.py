@@ -200,8 +200,10 @@ def identify_command(
 
         mirrored_joints(lib.joint_names, tuple(symmetric))  # refused before the fit
     known = _prior(prior, lib)
-    wanted = Settings(method, preset, known, seed=seed, robust=robust, refit=refit)
-    settings = settings_for(lib, wanted)
+    settings = settings_for(
+        lib,
+        Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust, refit=refit),
+    )
     runs = runs_of(logs, run)
     several = f"{len(runs)}-" if len(runs) > 1 or payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)

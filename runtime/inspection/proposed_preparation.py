@@ -13,6 +13,7 @@ from runtime.inspection.finding import INFO, Finding
 from runtime.inspection.regressor_choice import choose_regressor, differentiation_of
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.preprocessing import before_test
 
 WORSE = 0.05
 """Excess of a candidate's score over the best one up to which it may replace the chosen one."""
@@ -42,13 +43,14 @@ def proposed_preparation(
     """
     choice = choose_cutoff(recording, lib, preparation, splitting, terms)
     findings = [Finding("cutoff", INFO, choice.sentence)]
+    seen = before_test(recording, splitting)
     for ready in _candidates(choice):
-        quality = differentiation_of(recording, lib, ready)
+        quality = differentiation_of(seen, lib, ready)
         if quality is None or not quality.fails:
             if ready != choice.preparation:
                 findings.append(_instead(ready, choice))
             return _thinned(ready, recording), findings
-    taken, sentences = choose_regressor(recording, lib, choice.preparation, replaces=True)
+    taken, sentences = choose_regressor(seen, lib, choice.preparation, replaces=True)
     findings += [Finding("regressor", INFO, each) for each in sentences]
     return _thinned(taken or choice.preparation, recording), findings
 

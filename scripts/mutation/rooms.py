@@ -9,10 +9,17 @@ _E = "runtime/estimators"
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """Sources and tests, paths from the root of the repository; a folder stands for its files."""
+    """Sources and tests, paths from the root of the repository; a folder stands for its files.
+
+    Attributes:
+        sources: files and folders.
+        tests: files and folders.
+        robot: part of the names of the tests that count, where others compile for long.
+    """
 
     sources: tuple[str, ...]
     tests: tuple[str, ...]
+    robot: str = ""
 
     def files(self, root: Path) -> list[Path]:
         """Return the source files below `root`, sorted."""
@@ -29,6 +36,7 @@ _POSTERIOR = tuple(
     for name in ("map_estimate", "posterior_spread", "entropic_prior", "prior_test")
 )
 _MECHANICS = "symgen/mechanics"
+_TEMPLATES = "symgen/templates"
 
 ROOMS = {
     "convex": Room(
@@ -97,10 +105,23 @@ ROOMS = {
         ),
     ),
     "convex.c": Room(
-        ("symgen/templates/convex.c.jinja2",),
+        (f"{_TEMPLATES}/convex.c.jinja2",),
         (f"{_T}/estimators/convex/test_convex_compiled.py",),
+        "double",
     ),
     "descent.c": Room(
-        ("symgen/templates/descent.c.jinja2",), (f"{_T}/estimators/descent/test_descent.py",)
+        (f"{_TEMPLATES}/descent.c.jinja2",),
+        (f"{_T}/estimators/descent/test_descent.py",),
+        "double",
+    ),
+    "statistics.c": Room(
+        (f"{_TEMPLATES}/statistics.c.jinja2",),
+        (f"{_T}/estimators/regression/test_factor.py",),
+        "double",
+    ),
+    "excitation.c": Room(
+        (f"{_TEMPLATES}/excitation.c.jinja2", f"{_TEMPLATES}/eigen.h"),
+        (f"{_T}/excitation/search/test_condition_cost.py",),
+        "double",
     ),
 }

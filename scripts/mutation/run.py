@@ -173,7 +173,8 @@ def run(
                 journal.add(Outcome(room, m.path, m.line, m.before, m.after, EQUIVALENT))
             else:
                 package = m.path.split("/")[0]
-                jobs.setdefault(package, []).append((room, Job(m, ROOMS[room].tests)))
+                one = Job(m, ROOMS[room].tests, robot=ROOMS[room].robot)
+                jobs.setdefault(package, []).append((room, one))
     for library in HEAVY:
         __import__(library)
     os.environ.setdefault("SYMGEN_DATA", str(ROOT.parent / "shared"))

@@ -9,7 +9,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -31,11 +31,12 @@ BUILD_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A mutant, the tests of its room, and whether it is applied before the imports."""
+    """A mutant, tests of its room, tests that it meets, and a robot that their names contain."""
 
     mutant: Mutant
     room_tests: tuple[str, ...]
     tests: tuple[str, ...] = ()
+    robot: str = ""
 
 
 Report = Callable[[Job, Ended], None]
@@ -98,17 +99,18 @@ class Server:
 
         def planned(jobs: Sequence[Job]) -> Iterator[Job]:
             for job in jobs:
+                if not job.mutant.path.endswith(".py"):
+                    before = planner.of_room(job.room_tests, job.robot)
+                    self.cold.append(replace(job, tests=tuple(before)))
+                    continue
                 if job.mutant.path.startswith("symgen/"):
                     before = planner.importing(job.mutant, job.room_tests)
-                    self.cold.append(Job(job.mutant, job.room_tests, tuple(before)))
+                    self.cold.append(replace(job, tests=tuple(before)))
                     continue
-                tests = tuple(planner.tests(job.mutant, job.room_tests))
-                one = Job(job.mutant, job.room_tests, tests)
+                one = replace(job, tests=tuple(planner.tests(job.mutant, job.room_tests)))
                 path, text = self.root / job.mutant.path, job.mutant.text
                 loaded = functions.get(job.mutant.path, ())
-                if path.suffix != ".py" or (
-                    module_of(job.mutant) in sys.modules and not exchanges(loaded, path, text)
-                ):
+                if module_of(job.mutant) in sys.modules and not exchanges(loaded, path, text):
                     self.cold.append(one)
                 else:
                     yield one
@@ -146,7 +148,7 @@ def serve(
         for job, outcome in ended(planned(jobs), work, processes):
             by = outcome.by
             if by and by not in planner.sound | planner.broken:
-                single = Job(job.mutant, job.room_tests, (by,))
+                single = replace(job, tests=(by,))
                 (_, check), *_ = ended([single], partial(work, whole=True), 1)
                 (planner.broken if check.noticed else planner.sound).add(by)
             if by in planner.broken:
@@ -170,11 +172,14 @@ def serve_cold(
         processes: children at a time.
         report: called with each outcome.
     """
+    files_as_they_are = {root / job.mutant.path: job.mutant.whole for job in jobs}
 
     def work(job: Job, journal: Path, whole: bool = False) -> int:
         path = root / job.mutant.path
         enter(root)
         if path.suffix != ".py":  # a template: what reads it may be another process
+            for file, text in files_as_they_are.items():  # another mutant may have left its text
+                file.write_text(text, encoding="utf-8")
             path.write_text(job.mutant.whole if whole else job.mutant.text, encoding="utf-8")
         elif not whole:
             import_altered(module_of(job.mutant), path, job.mutant.text)
@@ -186,7 +191,7 @@ def serve_cold(
         for job in jobs:
             tests = tuple(t for t in job.tests if t not in planner.broken)
             if tests:
-                yield Job(job.mutant, job.room_tests, tests)
+                yield replace(job, tests=tests)
             else:
                 report(job, Ended(False, "", 0))
 

@@ -26,6 +26,7 @@ from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 from symgen.build.pipeline import build
+from symgen.build.processor import levels_of_processor
 from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
 from tests.robots import DATA, ONE_LEVEL
@@ -145,6 +146,27 @@ def arm(root: Path) -> Library:
     """The arm with every trap of an export."""
     request = BuildRequest("arm", ARM, ChainOptions(gravity=(1.5, -3.0, 9.0)))
     return load(build(request, root, levels=ONE_LEVEL).folder)
+
+
+@pytest.fixture(scope="session")
+def double(root: Path) -> Library:
+    """An arm of two joints, the second turns without end; its vectors are short or long."""
+    request = BuildRequest("double", (DATA / "double.urdf").read_text())
+    return load(build(request, root, levels=levels_of_processor()).folder)
+
+
+@pytest.fixture(scope="session")
+def any_robot(
+    request: pytest.FixtureRequest, robot: Callable[[str], Library], tiny_built: Path
+) -> Callable[[str], Library]:
+    """A robot by name, `tiny` and `double` included, which build fast."""
+
+    def get(name: str) -> Library:
+        if name == "double":
+            return request.getfixturevalue("double")
+        return load(tiny_built) if name == "tiny" else robot(name)
+
+    return get
 
 
 @dataclass(frozen=True, slots=True)

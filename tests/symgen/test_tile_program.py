@@ -67,6 +67,19 @@ def test_equal_divisors_are_inverted_once():
     assert program.uniform == 1
 
 
+def test_an_input_in_the_place_of_a_constant_is_divided_by():
+    """Oracle: (x0 − 3.5) / x1, where x1 takes the place that held 3.5 in CasADi's work vector."""
+    x = ca.SX.sym("x", 2)
+    kernel = make_kernel(
+        "toy", {Argument("x", (2,), "1"): x}, {Argument("y", (1,), "1"): (x[0] - 3.5) / x[1]}, ""
+    )
+    (_, _, held, _), (_, _, last, _) = kernel.instructions[1], kernel.instructions[3]
+    assert held == last, "CasADi orders the work vector in another way; find another expression"
+    body = "".join(tile_program(kernel).body)
+    assert "/ x[1 * VS]" in body
+    assert "0.2857" not in body
+
+
 def test_unknown_operation_is_named():
     """Property: an operation without C text is refused with its number and where to add it."""
     x = ca.SX.sym("x", 1)

@@ -8,30 +8,18 @@ import numpy as np
 import pinocchio
 import pytest
 
-from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import DEFAULT_ACCELERATION, DEFAULT_RANGE, Safety, design
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from tests.oracle import pinocchio_model
-from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.conftest import Command
 from tests.runtime.excitation.test_excitation import closed_form
 
 GetRobot = Callable[[str], Library]
 DURATION, HARMONICS = 5, 3
 WORDS = ("--duration", DURATION, "--harmonics", HARMONICS, "--starts", 1, "--out", "x.json")
-
-
-@pytest.fixture(scope="module")
-def double(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    """Two joints, the second turns without end."""
-    request = BuildRequest("double", (DATA / "double.urdf").read_text())
-    folder = tmp_path_factory.mktemp("double")
-    return load(build(request, folder, levels=ONE_LEVEL).folder)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Test rows take part in no choice: with a poisoned torque they change the test error alone."""
+"""Test rows take part in no choice: poisoned ones change the test error alone."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +13,15 @@ from runtime.identification.several_logs import NamedLog, identify_logs
 from runtime.inspection.cutoff_choice import choose_cutoff
 from runtime.inspection.default_friction import choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
+from runtime.inspection.proposed_preparation import proposed_preparation
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 
 SLOW = Preparation(filter="butterworth", cutoff_hz=1.0, max_gap_s=0.1)
 """Filter whose time constant is a twentieth of the log."""
 PARTS = Split((0.0, 0.6), (0.6, 0.8), (0.8, 1.0))
+EARLY = Split((0.0, 0.8), (0.8, 0.95), (0.95, 1.0))
+"""Parts whose validation rows are test rows of the others."""
 
 
 def poisoned(log: Recording) -> Recording:
@@ -27,6 +30,14 @@ def poisoned(log: Recording) -> Recording:
     test = log.t >= log.t[0] + 0.8 * log.duration
     tau[test] += 1e3 * np.random.default_rng(0).normal(size=(int(test.sum()), tau.shape[1]))
     return log.replace(tau=tau)
+
+
+def shaken(log: Recording) -> Recording:
+    """The same log with 0.01 rad of noise on the positions of its test rows."""
+    q = log.q.copy()
+    test = log.t >= log.t[0] + 0.8 * log.duration
+    q[test] += 1e-2 * np.random.default_rng(0).normal(size=(int(test.sum()), q.shape[1]))
+    return log.replace(q=q)
 
 
 @pytest.mark.parametrize("columns", [(), ("viscous", "coulomb")])
@@ -97,16 +108,28 @@ def test_a_streamed_log_has_not_seen_its_test_rows(
     assert_equal_models(*results)
 
 
-def test_choices_have_not_seen_the_test_rows(lib: Library, noisy: Recording) -> None:
+@pytest.mark.parametrize("spoil", [poisoned, shaken])
+def test_choices_have_not_seen_the_test_rows(lib: Library, noisy: Recording, spoil) -> None:
     """Property: cut-off and default friction are equal to the bit."""
     clean, dirty = (
         (
             choose_cutoff(log, lib, splitting=PARTS).sentence,
             choose_default_friction(log, lib, SLOW, PARTS),
         )
-        for log in (noisy, poisoned(noisy))
+        for log in (noisy, spoil(noisy))
     )
     assert clean == dirty
+
+
+def test_the_proposed_filter_has_not_seen_the_test_rows(lib: Library, noisy: Recording) -> None:
+    """Property: cut-off, derivative and regressor are equal, and noise in them would change one."""
+    steps, terms = Preparation(), Friction(("viscous", "coulomb"))
+    clean, dirty, elsewhere = (
+        proposed_preparation(log.replace(dq=None, ddq=None), lib, steps, parts, terms)
+        for log, parts in ((noisy, PARTS), (shaken(noisy), PARTS), (shaken(noisy), EARLY))
+    )
+    assert clean == dirty
+    assert clean[0] != elsewhere[0]
 
 
 def test_rows_next_to_another_part_are_dropped(lib: Library, noisy: Recording) -> None:

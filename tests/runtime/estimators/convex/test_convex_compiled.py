@@ -34,11 +34,17 @@ def problem(lib: Library, seed: int = 0, columns: int = 0) -> ConvexProblem:
     return convex_problem(data, prior_of(lib), CAD * data.variance / data.count)
 
 
+@pytest.fixture(params=["fr3", "double"])
+def arm(any_robot, request):
+    """The FR3, and an arm of two joints, whose vectors are mostly their remainders."""
+    return any_robot(request.param)
+
+
 @pytest.mark.parametrize("columns", [0, 2])
-@pytest.mark.parametrize("name", ["fr3", "tree"])
-def test_compiled_equals_reference(robot, name, columns):
+@pytest.mark.parametrize("name", ["fr3", "tree", "double"])
+def test_compiled_equals_reference(any_robot, name, columns):
     """Oracle: the NumPy steps, at every instruction set."""
-    lib = robot(name)
+    lib = any_robot(name)
     p = problem(lib, 1, columns)
     reference = minimise(p)
     for level in levels_here(lib):
@@ -50,10 +56,10 @@ def test_compiled_equals_reference(robot, name, columns):
         assert minimum.loss == pytest.approx(reference.loss, rel=1e-10)
 
 
-def test_compiled_path_equals_reference(fr3):
+def test_compiled_path_equals_reference(arm):
     """Oracle: the NumPy path; the same losses to far below its own certificate."""
-    p = problem(fr3, 2, 1)
-    ours, theirs = follow_compiled(fr3, p.data, p.prior), follow(p.data, p.prior)
+    p = problem(arm, 2, 1)
+    ours, theirs = follow_compiled(arm, p.data, p.prior), follow(p.data, p.prior)
     assert ours.converged
     assert theirs.converged
     np.testing.assert_allclose(ours.losses, theirs.losses, rtol=1e-9)
@@ -62,31 +68,31 @@ def test_compiled_path_equals_reference(fr3):
     assert ours.weight == pytest.approx(theirs.weight, rel=1e-3)
 
 
-def test_many_are_the_same_as_one_by_one(fr3):
+def test_many_are_the_same_as_one_by_one(arm):
     """Property: trials of one call equal single calls to the bit, for any number of threads."""
-    problems = [problem(fr3, seed) for seed in range(5)]
-    alone = [solve(fr3, p) for p in problems]
+    problems = [problem(arm, seed) for seed in range(5)]
+    alone = [solve(arm, p) for p in problems]
     assert len({m.loss for m in alone}) == 5
-    paths = [follow_compiled(fr3, p.data, p.prior) for p in problems[:3]]
+    paths = [follow_compiled(arm, p.data, p.prior) for p in problems[:3]]
     for threads in (1, 2, 3, 9):
-        for one, other in zip(alone, solve_many(fr3, problems, threads=threads), strict=True):
+        for one, other in zip(alone, solve_many(arm, problems, threads=threads), strict=True):
             np.testing.assert_array_equal(one.pi, other.pi)
         data, priors = [p.data for p in problems[:3]], [p.prior for p in problems[:3]]
-        for one, other in zip(paths, follow_many(fr3, data, priors, threads), strict=True):
+        for one, other in zip(paths, follow_many(arm, data, priors, threads), strict=True):
             np.testing.assert_array_equal(one.points, other.points)
-    assert solve_many(fr3, []) == []
+    assert solve_many(arm, []) == []
 
 
-def test_data_far_from_the_prior_are_minimised_by_continuation(fr3):
+def test_data_far_from_the_prior_are_minimised_by_continuation(arm):
     """Oracle: NumPy and C agree with 3 kg in the hand, where Newton's method alone fails."""
-    p = problem(fr3)
+    p = problem(arm)
     load = np.array([3.0, 0.06, -0.09, 0.45, 0.07, 0.07, 0.01, 0.002, -0.009, 0.0135])
     far = p.prior.centre.copy()
     far[-10:] += load
     p = dataclasses.replace(p, data=dataclasses.replace(p.data, target=p.data.factor @ far))
     direct = minimise(p)
     assert not direct.converged
-    ours, theirs = solve(fr3, p), minimise_anywhere(p)
+    ours, theirs = solve(arm, p), minimise_anywhere(p)
     assert ours.converged
     assert theirs.converged
     # Rounding through a Hessian of condition 1e6; measured 1e-14.
@@ -94,24 +100,24 @@ def test_data_far_from_the_prior_are_minimised_by_continuation(fr3):
     assert ours.loss < direct.loss / 5
 
 
-def test_fewer_bodies_than_the_robot_has(fr3):
+def test_fewer_bodies_than_the_robot_has(arm):
     """Oracle: the reference, on the ten unknowns of one body: a payload."""
-    whole = problem(fr3)
-    prior = prior_from(bodies_of(fr3), whole.prior.centre[-10:])
+    whole = problem(arm)
+    prior = prior_from(bodies_of(arm), whole.prior.centre[-10:])
     factor = whole.data.factor[:, -10:]
     rng = np.random.default_rng(0)
     target = factor @ prior.centre * 1.3 + rng.normal(size=len(factor))
     data = dataclasses.replace(whole.data, factor=factor, target=target)
     p = convex_problem(data, prior, 0.1)
-    ours, theirs = solve(fr3, p), minimise(p)
+    ours, theirs = solve(arm, p), minimise(p)
     assert ours.converged
     np.testing.assert_allclose(ours.pi, theirs.pi, atol=1e-9 * np.abs(theirs.pi).max())
 
 
-def test_a_path_ends_where_steps_run_out(fr3):
+def test_a_path_ends_where_steps_run_out(arm):
     """Property: with two steps per γ both stop at the same γ and say so."""
-    p = problem(fr3, 3)
-    ours = follow_compiled(fr3, p.data, p.prior, most_steps=2)
+    p = problem(arm, 3)
+    ours = follow_compiled(arm, p.data, p.prior, most_steps=2)
     theirs = follow(p.data, p.prior, most_steps=2)
     assert not ours.converged
     assert not theirs.converged
@@ -119,9 +125,9 @@ def test_a_path_ends_where_steps_run_out(fr3):
     np.testing.assert_allclose(ours.losses, theirs.losses, rtol=1e-9)
 
 
-def test_levels_without_the_program_take_the_reference(fr3, monkeypatch):
+def test_levels_without_the_program_take_the_reference(arm, monkeypatch):
     """Property: the door is the same; asking for C where there is none is refused."""
-    lib = load(fr3.folder, "portable")
+    lib = load(arm.folder, "portable")
     monkeypatch.setattr(lib, "_convex", None)
     p = problem(lib)
     np.testing.assert_array_equal(solve(lib, p).pi, minimise(p).pi)
@@ -131,55 +137,55 @@ def test_levels_without_the_program_take_the_reference(fr3, monkeypatch):
         lib.convex([], 1e-3, 10)
 
 
-def test_a_start_outside_does_not_converge(fr3):
+def test_a_start_outside_does_not_converge(arm):
     """Property: C has no exceptions; an impossible start comes back as it was, unconverged."""
-    p = problem(fr3)
-    minimum = solve(fr3, p, -p.prior.centre)
+    p = problem(arm)
+    minimum = solve(arm, p, -p.prior.centre)
     assert not minimum.converged
     assert minimum.steps == 0
     assert np.isfinite(minimum.pi).all()
 
 
-def test_further_priors_without_any_change_nothing(fr3):
+def test_further_priors_without_any_change_nothing(arm):
     """Property: an empty set of constraints is the plain problem."""
-    p = problem(fr3)
+    p = problem(arm)
     minimum, notes = constrained(Constraints(), p.data, p.prior, p.gamma)
     assert notes == ()
     # Another start: both stop within a decrement of 1e-3 γ, and Newton overshoots that.
-    np.testing.assert_allclose(minimum.pi, solve(fr3, p).pi, atol=1e-4)
+    np.testing.assert_allclose(minimum.pi, solve(arm, p).pi, atol=1e-4)
 
 
-def test_log_cholesky_is_the_factor_of_p(fr3):
+def test_log_cholesky_is_the_factor_of_p(arm):
     """Oracle: P = U Uᵀ by numpy, and the Jacobian by Taylor remainders."""
     rng = np.random.default_rng(0)
-    pi = fr3.pi_from_lam(fr3.lam0 + 0.05 * rng.normal(size=70))
-    theta = fr3.cholesky_from_pi(pi)
-    np.testing.assert_allclose(fr3.pi_from_cholesky(theta), pi, rtol=1e-9, atol=1e-12)
-    a, d, s, t = (theta.reshape(7, 10)[0][k] for k in (0, slice(1, 4), slice(4, 7), slice(7, 10)))
+    pi = arm.pi_from_lam(arm.lam0 + 0.05 * rng.normal(size=arm.lam0.size))
+    theta = arm.cholesky_from_pi(pi)
+    np.testing.assert_allclose(arm.pi_from_cholesky(theta), pi, rtol=1e-9, atol=1e-12)
+    a, d, s, t = (theta.reshape(-1, 10)[0][k] for k in (0, slice(1, 4), slice(4, 7), slice(7, 10)))
     upper = np.diag([*np.exp(d), 1.0])
     upper[0, 1], upper[1, 2], upper[0, 2], upper[:3, 3] = s[0], s[1], s[2], t
     p = np.exp(2 * a) * upper @ upper.T
-    np.testing.assert_allclose(p, fr3.pseudo_inertia(pi)[0], rtol=1e-9, atol=1e-12)
-    v = rng.normal(size=70)
-    blocks = fr3.cholesky_jacobian(theta)
-    along = np.einsum("kij,kj->ki", blocks, v.reshape(7, 10)).ravel()
-    assert_second_order(taylor_slope(fr3.pi_from_cholesky, theta, v, along, 1e-1), 3.0)
-    flat = fr3.pi0.copy()
+    np.testing.assert_allclose(p, arm.pseudo_inertia(pi)[0], rtol=1e-9, atol=1e-12)
+    v = rng.normal(size=arm.lam0.size)
+    blocks = arm.cholesky_jacobian(theta)
+    along = np.einsum("kij,kj->ki", blocks, v.reshape(-1, 10)).ravel()
+    assert_second_order(taylor_slope(arm.pi_from_cholesky, theta, v, along, 1e-1), 3.0)
+    flat = arm.pi0.copy()
     flat[4:7] = 0.0
-    assert np.isnan(fr3.cholesky_from_pi(flat)).any()
+    assert np.isnan(arm.cholesky_from_pi(flat)).any()
 
 
-def test_bodies_of_little_weight_are_solved_as_exactly(fr3):
+def test_bodies_of_little_weight_are_solved_as_exactly(arm):
     """Property: with γ of 1e-6 for one body Newton ends by the smallest weight, not the largest.
 
     The gradient of that body then vanishes in units of its own γ: a decrement of 1e-3 γ_min leaves
     √(2e-3) of its prior's deviation at most, where one of 1e-3 γ_max could leave 45 of them.
     """
-    p = problem(fr3, 4)
-    gamma = np.full(7, p.gamma)
-    gamma[3] *= 1e-6
+    p = problem(arm, 4)
+    gamma = np.full(arm.n_links, p.gamma)
+    gamma[-2] *= 1e-6
     weighted = convex_problem(p.data, p.prior, gamma)
-    ours, theirs = solve(fr3, weighted), minimise(weighted)
+    ours, theirs = solve(arm, weighted), minimise(weighted)
     assert ours.converged
     assert ours.decrement <= 1e-3 * gamma.min() or ours.decrement <= 4e-16 * ours.loss
     assert ours.steps == theirs.steps

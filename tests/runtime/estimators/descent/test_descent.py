@@ -55,12 +55,18 @@ def both(p: Problem, preset: Preset):
     return [f(descent(p), preset) for f in (descend, descend_by_steps)]
 
 
+@pytest.fixture(params=["fr3", "double"])
+def arm(any_robot, request):
+    """The FR3, and an arm of two joints, whose vectors are mostly their remainders."""
+    return any_robot(request.param)
+
+
 @pytest.mark.parametrize("columns", [0, 2])
 @pytest.mark.parametrize("batch", [None, 64])
-@pytest.mark.parametrize("name", ["fr3", "tree", "gantry"])
-def test_same_answers_as_the_reference(robot, name, batch, columns):
+@pytest.mark.parametrize("name", ["fr3", "tree", "gantry", "double"])
+def test_same_answers_as_the_reference(any_robot, name, batch, columns):
     """Oracle: the NumPy loop; 100 steps on every level, same draws, same validations."""
-    lib = robot(name)
+    lib = any_robot(name)
     preset = Preset(AdamOptions(1e-3), StoppingRule(100, NEVER), batch)
     for level in levels_here(lib):
         compiled, reference = both(problem(load(lib.folder, level), columns), preset)
@@ -77,30 +83,30 @@ def test_same_answers_as_the_reference(robot, name, batch, columns):
 
 
 @pytest.mark.parametrize("batch", [None, 64])
-def test_patience_is_counted_like_the_reference(fr3, batch):
+def test_patience_is_counted_like_the_reference(arm, batch):
     """Oracle: the NumPy loop; same last iteration where the threshold is far above rounding."""
     preset = Preset(AdamOptions(1e-2), StoppingRule(5000, 20, 5, 1e-3), batch)
-    compiled, reference = both(problem(fr3), preset)
+    compiled, reference = both(problem(arm), preset)
     assert compiled.status is reference.status is Status.PATIENCE
     assert compiled.iterations == reference.iterations < 5000
     assert compiled.validation == pytest.approx(reference.validation, rel=1e-9)
 
 
-def test_pieces_make_the_whole(fr3, monkeypatch):
+def test_pieces_make_the_whole(arm, monkeypatch):
     """Property: cutting a run into pieces changes nothing, to the bit."""
     preset = Preset(AdamOptions(1e-3), StoppingRule(200, NEVER), 32)
-    whole = both(problem(fr3), preset)[0]
+    whole = both(problem(arm), preset)[0]
     monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 7)
-    pieces = both(problem(fr3), preset)[0]
+    pieces = both(problem(arm), preset)[0]
     np.testing.assert_array_equal(whole.x, pieces.x)
     assert whole.trace == pieces.trace
 
 
-def test_a_watch_sees_the_iterates_and_changes_nothing(fr3):
+def test_a_watch_sees_the_iterates_and_changes_nothing(arm):
     """Oracle: the point after k steps of the NumPy loop that ends there; ended descents stay."""
     seen: dict[int, list[np.ndarray]] = {}
     preset = Preset(AdamOptions(1e-3), StoppingRule(30, NEVER), 32)
-    pair = [descent(problem(fr3)), descent(problem(fr3, seed=5))]
+    pair = [descent(problem(arm)), descent(problem(arm, seed=5))]
     watched = descend_many(pair, preset, watch=Watch(10, lambda k, x: seen.update({k: x})))
     plain = descend_many(pair, preset)
     assert [outcome.trace for outcome in watched] == [outcome.trace for outcome in plain]
@@ -116,12 +122,12 @@ def test_a_watch_sees_the_iterates_and_changes_nothing(fr3):
         )
 
 
-def test_motors_of_several_joints_descend_by_steps(fr3, monkeypatch):
+def test_motors_of_several_joints_descend_by_steps(arm, monkeypatch):
     """Property: one coupled problem among several is enough; compiled columns are of one joint."""
     monkeypatch.setattr("runtime.estimators.descent.adam.descend_by_steps", lambda d, _: id(d))
-    pair = [descent(problem(fr3)), descent(problem(fr3))]
+    pair = [descent(problem(arm)), descent(problem(arm))]
     coupled = dataclasses.replace(
-        pair[1].problem.train, coupling=Coupling(np.eye(7), (False,) * 2, (False,) * 2)
+        pair[1].problem.train, coupling=Coupling(np.eye(arm.n_joints), (False,) * 2, (False,) * 2)
     )
     pair[1] = dataclasses.replace(
         pair[1], problem=dataclasses.replace(pair[1].problem, train=coupled)
@@ -130,7 +136,7 @@ def test_motors_of_several_joints_descend_by_steps(fr3, monkeypatch):
     assert descend_many(pair, preset) == [id(d) for d in pair]
 
 
-def test_interruption_keeps_the_best(fr3, monkeypatch):
+def test_interruption_keeps_the_best(arm, monkeypatch):
     """Property: Ctrl-C between two pieces returns what was reached."""
     monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 50)
 
@@ -139,37 +145,37 @@ def test_interruption_keeps_the_best(fr3, monkeypatch):
             raise KeyboardInterrupt
 
     preset = Preset(AdamOptions(1e-3), StoppingRule(5000, NEVER), None)
-    outcome = both(problem(fr3, progress=stop), preset)[0]
+    outcome = both(problem(arm, progress=stop), preset)[0]
     assert outcome.status is Status.INTERRUPTED
     assert outcome.iterations == 100
     assert outcome.validation == min(outcome.trace.validation)
 
 
 @pytest.mark.parametrize("patience", [20, NEVER])
-def test_interruption_of_the_last_piece_is_reported(fr3, patience):
+def test_interruption_of_the_last_piece_is_reported(arm, patience):
     """Property: Ctrl-C while the last iterations run stops what comes after the descent, too."""
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     preset = Preset(AdamOptions(1e-3), StoppingRule(400, patience, threshold=1e9), None)
-    one = descend(descent(problem(fr3, progress=stop)), preset)
-    many = descend_many([descent(problem(fr3))] * 2, preset, progress=stop)
+    one = descend(descent(problem(arm, progress=stop)), preset)
+    many = descend_many([descent(problem(arm))] * 2, preset, progress=stop)
     assert one.iterations == min(patience, 400)
     assert [outcome.status for outcome in (one, *many)] == [Status.INTERRUPTED] * 3
 
 
-def test_divergence_is_said(fr3):
+def test_divergence_is_said(arm):
     """Property: a step that leaves the numbers ends the run; the best point is finite."""
     preset = Preset(AdamOptions(1e4), StoppingRule(100, NEVER), None)
-    outcome = descend(descent(problem(fr3)), preset)
+    outcome = descend(descent(problem(arm)), preset)
     assert outcome.status is Status.DIVERGED
     assert np.isfinite(outcome.x).all()
 
 
-def test_levels_without_a_loop_take_the_reference(fr3, monkeypatch):
+def test_levels_without_a_loop_take_the_reference(arm, monkeypatch):
     """Property: without a compiled loop the door is the same; asking for one is refused."""
-    lib = load(fr3.folder, "portable")
+    lib = load(arm.folder, "portable")
     monkeypatch.setattr(lib, "_adam", None)
     monkeypatch.setattr(lib, "_levenberg", None)
     preset = Preset(AdamOptions(1e-3), StoppingRule(20, NEVER), None)
@@ -184,10 +190,10 @@ def test_levels_without_a_loop_take_the_reference(fr3, monkeypatch):
 
 
 @pytest.mark.parametrize("columns", [0, 2])
-@pytest.mark.parametrize("name", ["fr3", "tree"])
-def test_levenberg_gives_the_answers_of_its_reference(robot, name, columns):
+@pytest.mark.parametrize("name", ["fr3", "tree", "double"])
+def test_levenberg_gives_the_answers_of_its_reference(any_robot, name, columns):
     """Oracle: the NumPy steps; every level, accepted and rejected steps alike."""
-    lib = robot(name)
+    lib = any_robot(name)
     for level in levels_here(lib):
         d = descent(problem(load(lib.folder, level), columns))
         ours, theirs = (f(d, LevenbergOptions(30)) for f in (levenberg_descend, levenberg_by_steps))
@@ -199,53 +205,54 @@ def test_levenberg_gives_the_answers_of_its_reference(robot, name, columns):
         np.testing.assert_allclose(ours.x, theirs.x, rtol=1e-8, atol=1e-9)
 
 
-def test_levenberg_finds_the_truth_of_clean_data(fr3):
+def test_levenberg_finds_the_truth_of_clean_data(arm):
     """Oracle: the robot that made the data, from a start 15 % away."""
     rng = np.random.default_rng(3)
-    q, dq, ddq = rng.normal(size=(3, 400, 7))
-    lam = fr3.lam0 * (1 + 0.05 * rng.uniform(-1, 1, fr3.lam0.size))
-    tau = fr3.torque(q, dq, ddq, lam)
-    data = Samples(q, dq, ddq, tau, np.zeros((400, 7, 0)))
+    q, dq, ddq = rng.normal(size=(3, 400, arm.n_joints))
+    lam = arm.lam0 * (1 + 0.05 * rng.uniform(-1, 1, arm.lam0.size))
+    tau = arm.torque(q, dq, ddq, lam)
+    data = Samples(q, dq, ddq, tau, np.zeros((400, arm.n_joints, 0)))
     start = lam * (1 + 0.15 * rng.uniform(-1, 1, lam.size))
-    p = Problem(fr3, data, data, np.ones(7), start)
+    p = Problem(arm, data, data, np.ones(arm.n_joints), start)
     outcome = levenberg_descend(descent(p), LevenbergOptions(200))
     first = descent(p).objective.value(start)
     assert first > 1e-3
     # Thin axes make the last digits slow: measured 6e-11 from 0.1; a wrong block or sign of the
     # Jacobian stops four orders earlier.
     assert outcome.validation < 1e-8 * first
-    residual = fr3.torque(q, dq, ddq, outcome.x) - tau
+    residual = arm.torque(q, dq, ddq, outcome.x) - tau
     assert np.abs(residual).max() < 1e-3
 
 
-def test_levenberg_stops_when_the_numbers_end(fr3):
+def test_levenberg_stops_when_the_numbers_end(arm):
     """Property: a start without finite loss is said; nothing moves."""
-    p = problem(fr3, start=np.full(fr3.lam0.size, 800.0))
+    p = problem(arm, start=np.full(arm.lam0.size, 800.0))
     outcome = levenberg_descend(descent(p), LevenbergOptions(5))
     assert outcome.status is Status.DIVERGED
     assert outcome.iterations == 0
 
 
-def test_levenberg_keeps_what_it_has_on_interruption(fr3):
+def test_levenberg_keeps_what_it_has_on_interruption(arm):
     """Property: Ctrl-C after three steps returns the third point."""
 
     def stop(iteration: int, _: float) -> None:
         if iteration == 3:
             raise KeyboardInterrupt
 
-    outcome = levenberg_descend(descent(problem(fr3, progress=stop)), LevenbergOptions(50))
+    outcome = levenberg_descend(descent(problem(arm, progress=stop)), LevenbergOptions(50))
     assert (outcome.status, outcome.iterations) == (Status.INTERRUPTED, 3)
-    three = levenberg_descend(descent(problem(fr3)), LevenbergOptions(3))
+    three = levenberg_descend(descent(problem(arm)), LevenbergOptions(3))
     np.testing.assert_array_equal(outcome.x, three.x)
 
 
 @pytest.mark.parametrize("batch", [None, 32])
-def test_many_at_once_are_the_same_as_one_by_one(fr3, batch):
+def test_many_at_once_are_the_same_as_one_by_one(arm, batch):
     """Property: trials of one call equal single calls to the bit, for any number of threads."""
     preset = Preset(AdamOptions(1e-2), StoppingRule(700, 20, 5, 1e-4), batch)
     rng = np.random.default_rng(0)
     trials = [
-        problem(fr3, start=fr3.lam0 * (1 + 0.1 * rng.normal(size=70)), seed=k) for k in range(5)
+        problem(arm, start=arm.lam0 * (1 + 0.1 * rng.normal(size=arm.lam0.size)), seed=k)
+        for k in range(5)
     ]
     alone = [descend(descent(p), preset) for p in trials]
     assert len({outcome.iterations for outcome in alone}) > 1
@@ -260,10 +267,10 @@ def test_many_at_once_are_the_same_as_one_by_one(fr3, batch):
             )
 
 
-def test_fit_many_equals_fit_adam(fr3):
+def test_fit_many_equals_fit_adam(arm):
     """Property: the door for many problems gives each one its own answer, and reports progress."""
     preset = Preset(AdamOptions(1e-3), StoppingRule(100, NEVER), None)
-    trials, seen = [problem(fr3, start=fr3.lam0 * k) for k in (0.9, 1.0, 1.1)], []
+    trials, seen = [problem(arm, start=arm.lam0 * k) for k in (0.9, 1.0, 1.1)], []
     fits = fit_many(trials, preset, progress=seen.append)
     for trial, fit in zip(trials, fits, strict=True):
         np.testing.assert_array_equal(fit.pi, fit_adam(trial, preset).pi)

@@ -22,13 +22,7 @@ from runtime.library import Library, load
 from symgen.build.compiler import find_compiler, machine
 from tests.robots import levels_here
 
-ROBOTS = ["fr3", "tree", "gantry", "tiny"]
-
-
-@pytest.fixture(scope="module")
-def any_robot(robot, tiny_built):
-    """A robot by name, the pendulum included."""
-    return lambda name: load(tiny_built) if name == "tiny" else robot(name)
+ROBOTS = ["fr3", "tree", "gantry", "tiny", "double"]
 
 
 def drawn(lib: Library, count: int, k: int = 0, seed: int = 0, size: float = 1.0) -> Samples:

@@ -39,10 +39,10 @@ def assert_same(got: tuple[float, np.ndarray], wanted: tuple[float, np.ndarray])
     assert np.abs(got[1] - wanted[1]).max() <= (1e-12 + 400 * rounding) * np.abs(wanted[1]).max()
 
 
-@pytest.mark.parametrize("name", ["fr3", "ur5", "tree", "gantry"])
-def test_the_cost_is_that_of_lapack_on_all_levels(robot, name: str) -> None:
+@pytest.mark.parametrize("name", ["fr3", "ur5", "tree", "gantry", "double"])
+def test_the_cost_is_that_of_lapack_on_all_levels(any_robot, name: str) -> None:
     """Oracle: numpy.linalg.eigh on the regressor of the portable kernels."""
-    lib = robot(name)
+    lib = any_robot(name)
     levels = at_every_level(lib)
     rng = np.random.default_rng(0)
     for duration, size in ((10.0, 0.2), (10.0, 0.5), (4.0, 0.2)):

@@ -201,7 +201,11 @@ def _place(parts: Path, lib: Library, piece: Piece) -> Path:
     """File of a part, named by model, files and their state."""
     facts = [f"{VERSION} {lib.manifest.model_hash}"]
     for path, name in piece:
-        state = path.stat()
+        try:
+            state = path.stat()
+        except OSError:  # a link that leads nowhere, or a file just removed: reading it says so
+            facts.append(f"{name} missing")
+            continue
         facts.append(f"{name} {state.st_size} {state.st_mtime_ns}")
     mark = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
     return parts / f"part-{mark[:24]}.npz"

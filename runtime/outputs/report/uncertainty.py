@@ -108,7 +108,10 @@ def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     spread = None if com is None else np.array(com, dtype=float)
     if spread is not None and spread.shape != (3,):
         raise ValueError("com_sigma, expected three numbers")
-    return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
+    verdicts = tuple(map(str, raw["verdicts"]))
+    if len(verdicts) != len(PI_NAMES):
+        raise ValueError(f"verdicts, expected {len(PI_NAMES)} words per link")
+    return LinkUncertainty(float(raw["mass_sigma"]), spread, verdicts)
 
 
 def _named(verdicts: tuple[str, ...], word: str) -> str:

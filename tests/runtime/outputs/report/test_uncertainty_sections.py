@@ -1,10 +1,12 @@
 """Tables of the report on uncertainty."""
 
 import numpy as np
+import pytest
 
 from runtime.outputs.report.uncertainty import (
     LinkUncertainty,
     ResultUncertainty,
+    read_uncertainty,
     uncertainty_sections,
 )
 
@@ -32,3 +34,14 @@ def test_the_gain_that_a_log_cannot_show_has_a_column() -> None:
     table = uncertainty_sections(known, ("joint1", "joint2"), ("link1",))[1].table
     assert [row[-1] for row in table.rows] == ["45\N{NO-BREAK SPACE}%", "any"]
     assert len(uncertainty_sections(older, ("joint1", "joint2"), ("link1",))[1].table.header) == 4
+
+
+def test_a_link_with_too_few_verdicts_is_damaged() -> None:
+    """Property: a result.json with nine words for ten parameters is refused when it is read."""
+    link = {"mass_sigma": 1.0, "com_sigma": None, "verdicts": ["identified"] * 9}
+    facts = {
+        **{"advice": "", "n_eff": 1.0, "inflation": 1.0, "boundary": False},
+        **{"links": [link], "noise": [1.0], "model_band": [1.0], "white": [1.0]},
+    }
+    with pytest.raises(ValueError, match="verdicts, expected 10 words"):
+        read_uncertainty(facts, 1, 1)

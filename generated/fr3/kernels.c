@@ -1,13 +1,20 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 5d43b4906c5067b3754be95ebb1b2ba83b0ef6d37ba457a2db122f81480e907f.
+ * Model 0c1949b81a3b9558a93cdc1b1c1be44fdf6a94cfbc891ee4e5b9cac64039767b.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
 #include "fr3.h"
 
+/* `symgen build` defines QUICK: functions that no loop calls are compiled without optimisation. */
+#if defined(QUICK) && defined(__GNUC__) && !defined(__clang__)
+#define UNHURRIED __attribute__((optimize("O0")))
+#else
+#define UNHURRIED
+#endif
+
 const char *fr3_model_hash(void)
 {
-    return "5d43b4906c5067b3754be95ebb1b2ba83b0ef6d37ba457a2db122f81480e907f";
+    return "0c1949b81a3b9558a93cdc1b1c1be44fdf6a94cfbc891ee4e5b9cac64039767b";
 }
 
 #if defined(__x86_64__)
@@ -12955,6 +12962,7 @@ void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double
 }
 
 /* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations. */
+UNHURRIED
 void fr3_cholesky_from_pi(const double pi[10], double theta[10])
 {
     const double t1 = log(pi[0]);
@@ -13037,6 +13045,7 @@ void fr3_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *
 }
 
 /* Eqs. 4.18-4.23. 1491 operations. */
+UNHURRIED
 void fr3_lam_from_pi(const double pi[10], double lam[10])
 {
     const double t1 = log(pi[0]);
@@ -14552,6 +14561,7 @@ void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam)
 }
 
 /* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations. */
+UNHURRIED
 void fr3_nearest_realisable(const double pi[10], const double floor[1], double realisable[10])
 {
     realisable[0] = pi[0];
@@ -26468,6 +26478,7 @@ void fr3_torque_rate_batch(long n, const double *q, long q_step, const double *d
 }
 
 /* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4305 operations. */
+UNHURRIED
 void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], const double seed[7], double gradient[28])
 {
     gradient[0] = 0.0;
@@ -30815,6 +30826,7 @@ void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const d
 }
 
 /* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3109 operations. */
+UNHURRIED
 void fr3_torque_course(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double ddddq[7], const double pi[70], double tau[7], double dtau[7], double ddtau[7])
 {
     const double t4 = (-0.316) * pi[23];
@@ -38574,6 +38586,7 @@ void fr3_speed_bounds_batch(long n, const double *q_sup, long q_sup_step, double
 }
 
 /* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 2702 operations. */
+UNHURRIED
 void fr3_coriolis_matrix(const double q[7], const double dq[7], const double pi[70], double C[49])
 {
     const double t1 = sin(q[1]);
@@ -41339,6 +41352,7 @@ void fr3_coriolis_matrix_batch(long n, const double *q, long q_step, const doubl
 }
 
 /* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 2793 operations. */
+UNHURRIED
 void fr3_slotine_li_regressor(const double q[7], const double dq[7], const double dq_r[7], const double ddq_r[7], double Y[490])
 {
     Y[0] = 0.0;
@@ -44636,6 +44650,7 @@ void fr3_slotine_li_regressor_batch(long n, const double *q, long q_step, const 
 }
 
 /* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 300 operations. */
+UNHURRIED
 void fr3_frame_jacobians(const double q[7], double J[336])
 {
     J[0] = 0.0;
@@ -45286,6 +45301,7 @@ void fr3_frame_jacobians_batch(long n, const double *q, long q_step, double *J)
 }
 
 /* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 415 operations. */
+UNHURRIED
 void fr3_mobility_bound(const double pi[70], double S[49])
 {
     const double t3 = pi[3] / pi[0];

@@ -1,13 +1,20 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 74fcc4b58a5dad4b5025ee1e1c2e763258019821da65b1e5325a9e7c78d84a56.
+ * Model c21ebb6e731925fd62f2b57232dab620c334cf90d6cf10e9b1a623bc947b91ae.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
 #include "ur5e.h"
 
+/* `symgen build` defines QUICK: functions that no loop calls are compiled without optimisation. */
+#if defined(QUICK) && defined(__GNUC__) && !defined(__clang__)
+#define UNHURRIED __attribute__((optimize("O0")))
+#else
+#define UNHURRIED
+#endif
+
 const char *ur5e_model_hash(void)
 {
-    return "74fcc4b58a5dad4b5025ee1e1c2e763258019821da65b1e5325a9e7c78d84a56";
+    return "c21ebb6e731925fd62f2b57232dab620c334cf90d6cf10e9b1a623bc947b91ae";
 }
 
 #if defined(__x86_64__)
@@ -9619,6 +9626,7 @@ void ur5e_barrier(const double pi[10], double pivot[1], double log_det[1], doubl
 }
 
 /* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations. */
+UNHURRIED
 void ur5e_cholesky_from_pi(const double pi[10], double theta[10])
 {
     const double t1 = log(pi[0]);
@@ -9701,6 +9709,7 @@ void ur5e_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double 
 }
 
 /* Eqs. 4.18-4.23. 1491 operations. */
+UNHURRIED
 void ur5e_lam_from_pi(const double pi[10], double lam[10])
 {
     const double t1 = log(pi[0]);
@@ -11216,6 +11225,7 @@ void ur5e_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam)
 }
 
 /* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations. */
+UNHURRIED
 void ur5e_nearest_realisable(const double pi[10], const double floor[1], double realisable[10])
 {
     realisable[0] = pi[0];
@@ -19689,6 +19699,7 @@ void ur5e_torque_rate_batch(long n, const double *q, long q_step, const double *
 }
 
 /* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 3429 operations. */
+UNHURRIED
 void ur5e_torque_rate_adjoint(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double pi[60], const double seed[6], double gradient[24])
 {
     gradient[0] = 0.0;
@@ -23156,6 +23167,7 @@ void ur5e_torque_rate_adjoint_batch(long n, const double *q, long q_step, const 
 }
 
 /* tau of Eq. 4.3 and its two first derivatives in time along a motion. 2556 operations. */
+UNHURRIED
 void ur5e_torque_course(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double ddddq[6], const double pi[60], double tau[6], double dtau[6], double ddtau[6])
 {
     const double t1 = sin(q[1]);
@@ -29560,6 +29572,7 @@ void ur5e_speed_bounds_batch(long n, const double *q_sup, long q_sup_step, doubl
 }
 
 /* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 1565 operations. */
+UNHURRIED
 void ur5e_coriolis_matrix(const double q[6], const double dq[6], const double pi[60], double C[36])
 {
     const double t1 = sin(q[1]);
@@ -31175,6 +31188,7 @@ void ur5e_coriolis_matrix_batch(long n, const double *q, long q_step, const doub
 }
 
 /* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 1508 operations. */
+UNHURRIED
 void ur5e_slotine_li_regressor(const double q[6], const double dq[6], const double dq_r[6], const double ddq_r[6], double Y[360])
 {
     Y[0] = 0.0;
@@ -33057,6 +33071,7 @@ void ur5e_slotine_li_regressor_batch(long n, const double *q, long q_step, const
 }
 
 /* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 180 operations. */
+UNHURRIED
 void ur5e_frame_jacobians(const double q[6], double J[252])
 {
     J[0] = 0.0;
@@ -33503,6 +33518,7 @@ void ur5e_frame_jacobians_batch(long n, const double *q, long q_step, double *J)
 }
 
 /* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 339 operations. */
+UNHURRIED
 void ur5e_mobility_bound(const double pi[60], double S[36])
 {
     const double t3 = pi[3] / pi[0];

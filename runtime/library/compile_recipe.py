@@ -20,9 +20,9 @@ REFERENCE = "casadi"
 _FLAG = re.compile(
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
     r"|-ffp-contract=fast|-fno-tree-(slp-)?vectorize"
-    r"|-fno-(tree-dse|tree-vrp|ipa-(icf|modref|sra)|cprop-registers|rerun-cse-after-loop|ree)"
+    r"|-fno-(tree-dse|tree-vrp|ipa-(icf|modref|sra)|dse|cprop-registers|rerun-cse-after-loop|ree)"
     r"|--param=lra-max-considered-reload-pseudos=20"
-    r"|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
+    r"|-DQUICK|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
 )
 _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
 _WORD = re.compile(r"[a-z0-9_]{0,16}")
@@ -32,7 +32,8 @@ _WORD = re.compile(r"[a-z0-9_]{0,16}")
 class Group:
     """Files that are compiled alike, the level they make and the machine they are for ("": all).
 
-    `gcc` are flags for a compiler that supports all of them; they shorten compilation.
+    `gcc` are flags for a compiler that supports all of them; they shorten compilation. `beside` are
+    flags of a level that is compiled beside a better one, which is loaded in its place.
     """
 
     level: str
@@ -40,6 +41,7 @@ class Group:
     sources: tuple[str, ...]
     flags: tuple[str, ...]
     gcc: tuple[str, ...]
+    beside: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ def read_recipe(folder: Path) -> CompileRecipe:
                     sources=_all(_FILE, group["sources"]),
                     flags=_all(_FLAG, group["flags"]),
                     gcc=_all(_FLAG, group["gcc"]),
+                    beside=_all(_FLAG, group["beside"]),
                 )
                 for group in _list(raw["groups"])
             ),

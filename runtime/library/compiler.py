@@ -77,7 +77,8 @@ def compile_folder(
     Raises:
         LibraryError: the compiler fails; the message holds its first lines.
     """
-    units = []
+    units: list[tuple[int, Words, Path]] = []
+    has_better = False  # levels are listed from the best on
     spared = {group.gcc for group in recipe.groups if _accepts(compiler, group.gcc)}
     for group in recipe.groups:
         flags = [_spelled(flag, compiler) for flag in group.flags]
@@ -85,6 +86,8 @@ def compile_folder(
         if (group.level and group.level not in levels) or not _accepts(compiler, sets):
             continue
         flags += group.gcc if group.gcc in spared else ()
+        flags += group.beside if has_better else ()
+        has_better |= bool(group.level)
         for name in group.sources:
             made = target.parent / f"{Path(name).stem}_{group.level}.o"
             command = (*compiler, *recipe.flags, *flags, "-c", name, "-o", str(made))

@@ -37,8 +37,15 @@ VECTOR_FLAGS = (
     "-fno-tree-slp-vectorize",
 )
 
+QUICK = ("-DQUICK",)
+"""The functions of kernels.c that no loop calls are compiled without optimisation."""
+FALLBACK = ("-O0",)
+"""The portable level beside a better one, which processors that lack the better one load."""
+
 GCC_PLAIN = ("-fno-tree-dse", "--param=lra-max-considered-reload-pseudos=20")
 """Passes that GCC skips at -O1, see `GCC_WIDE`."""
+GCC_ONCE = (*GCC_PLAIN, "-fno-dse")
+"""Passes that GCC skips where nothing but sums and products of numbers is compiled."""
 GCC_WIDE = (
     *GCC_PLAIN,
     "-fno-tree-vrp",
@@ -151,6 +158,7 @@ class Compilation:
         self._folder, self._compiler = folder, find_compiler()
         _require_levels(wanted)
         self._units: dict[str, list[tuple[str, list[str]]]] = {}
+        has_better = False  # levels are listed from the best on
         spared = {tuple(group["gcc"]) for group in how["groups"]}  # only GCC accepts them
         spared = {flags for flags in spared if _accepts(self._compiler, flags)}
         for group in how["groups"]:
@@ -166,6 +174,8 @@ class Compilation:
                     )
                 continue  # an older compiler; the loader takes the best of the others
             flags += group["gcc"] if tuple(group["gcc"]) in spared else []
+            flags += group["beside"] if has_better else []
+            has_better |= bool(level)
             for name in group["sources"]:
                 unit = f"{Path(name).stem}_{level}.o" if level else f"{Path(name).stem}.o"
                 self._units.setdefault(name, []).append((unit, flags))
@@ -216,8 +226,8 @@ def how_to_compile(
 ) -> dict[str, Any]:
     """Flags of all files, groups of files with further flags, and flags of the link; JSON-ready.
 
-    A group has the level that it belongs to, the machine that it is for ("" means all), and flags
-    that only GCC takes.
+    A group has the level that it belongs to, the machine that it is for ("" means all), flags
+    that only GCC takes, and flags that are added where a better level is compiled as well.
 
     Args:
         once: files compiled once.
@@ -229,11 +239,12 @@ def how_to_compile(
     """
 
     def group(sources: Sequence[str], flags: Sequence[str], level: str = "", of: str = "") -> Any:
-        spared = GCC_PLAIN if PLAIN[0] in flags else GCC_WIDE if WIDE[0] in flags else ()
+        plain = GCC_PLAIN if level else GCC_ONCE
+        spared = plain if PLAIN[0] in flags else GCC_WIDE if WIDE[0] in flags else ()
         lists = {"sources": [*sources], "flags": [*flags], "gcc": [*spared]}
-        return {"level": level, "machine": of, **lists}
+        return {"level": level, "machine": of, **lists, "beside": [*FALLBACK * (level in PORTABLE)]}
 
-    groups = [group(once, PLAIN)]
+    groups = [group(once, (*PLAIN, *QUICK))]
     for name, levels in (*LEVELS.items(), ("", PORTABLE)):
         for level, (width, architecture) in levels.items():
             if name and level in PORTABLE:

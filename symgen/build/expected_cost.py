@@ -11,10 +11,10 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from symgen.build.compiler import REFERENCE, level_names
+from symgen.build.compiler import PORTABLE, REFERENCE, level_names
 from symgen.kernel import Kernel
 
-_ONCE = (0.5, 8.8e-5)
+_ONCE = (0.45, 5.5e-5)
 """Sources of no level: seconds, and seconds per instruction."""
 _PER_LEVEL = {
     "v4": (3.2, 4.7e-5),
@@ -24,6 +24,8 @@ _PER_LEVEL = {
     "portable": (2.0, 4.2e-5),
     REFERENCE: (0.15, 3.7e-5),
 }
+_FALLBACK = (0.9, 3.3e-5)
+"""The portable level beside a better one."""
 _COMPILER_MB = (52.0, 2.5e-3)
 """Memory of one compiler process: MB, and MB per instruction."""
 _PYTHON_MB = 150.0
@@ -69,7 +71,9 @@ def expected_cost(
     """
     operations = sum(len(kernel.instructions) for kernel in kernels)
     wanted = tuple(name for name in level_names() if not levels or name in levels)
-    pairs = (_ONCE, *(_PER_LEVEL[name] for name in wanted))
+    is_fallback = bool({*wanted} - {*PORTABLE, REFERENCE})
+    of_level = _PER_LEVEL | (dict.fromkeys(PORTABLE, _FALLBACK) if is_fallback else {})
+    pairs = (_ONCE, *(of_level[name] for name in wanted))
     at_once = min(cores or os.cpu_count() or 1, 4)  # of the files four are large
     return ExpectedCost(
         operations,

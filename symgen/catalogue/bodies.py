@@ -79,6 +79,7 @@ def body_kernels() -> tuple[Kernel, ...]:
             "theta with U(theta) U(theta)' = P; NaN unless P is positive definite",
             "link",
             rare=True,
+            unhurried=True,
         ),
         make_kernel(
             "lam_from_pi",
@@ -87,6 +88,7 @@ def body_kernels() -> tuple[Kernel, ...]:
             "Eqs. 4.18-4.23",
             "link",
             rare=True,
+            unhurried=True,
         ),
         make_kernel(
             "nearest_realisable",
@@ -95,6 +97,7 @@ def body_kernels() -> tuple[Kernel, ...]:
             "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
             "link",
             rare=True,
+            unhurried=True,
         ),
         make_kernel(
             "inertia_matrix",

@@ -36,6 +36,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
         "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
         "of the base, one below the other",
         rare=True,
+        unhurried=True,
     )
     if chain.floating:
         return (jacobians,)
@@ -45,6 +46,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
         {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
         "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
         rare=True,
+        unhurried=True,
     )
     if "coriolis_matrix" in omitted:
         return (jacobians, bound)
@@ -59,6 +61,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
             },
             "C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric",
             rare=True,
+            unhurried=True,
         ),
         make_kernel(
             "slotine_li_regressor",
@@ -70,6 +73,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
             },
             "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",
             rare=True,
+            unhurried=True,
         ),
         jacobians,
         bound,

@@ -87,6 +87,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
             },
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
             rare=True,
+            unhurried=True,
         ),
         make_kernel(
             "torque_course",
@@ -98,6 +99,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
             },
             "tau of Eq. 4.3 and its two first derivatives in time along a motion",
             rare=True,
+            unhurried=True,
         ),
     )
 

@@ -167,7 +167,7 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
     escapes = {"in_comment": in_comment, "in_markdown": in_markdown, "in_code": in_code}
     environment.filters.update(escapes)
     environment.tests["idle_in"] = lambda name, lines: (
-        not any(re.search(rf"\b{name}\b", line) for line in lines)
+        re.search(rf"\b{name}\b", "\n".join(lines)) is None
     )
     environment.tests["containing"] = lambda line, text: text in line
     return lambda template, context: environment.get_template(template).render(context)

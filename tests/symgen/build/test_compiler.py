@@ -227,3 +227,20 @@ def test_a_wanted_level_that_the_compiler_does_not_support_is_named(
     monkeypatch.setenv("CC", str(old))
     with pytest.raises(CompilerError, match=f"cannot compile for the level '{best}'"):
         compile_library([source], source.with_name("libtwice.so"), [source], wanted=[best])
+
+
+def test_the_portable_level_beside_a_better_one_is_not_optimised(source: Path) -> None:
+    """Property: -O0 for the portable level where another level is compiled, -O1 where none is."""
+    names = [name for name in level_names() if name != REFERENCE]
+    if len(names) == 1:
+        pytest.skip("this machine has the portable level only")
+    source.write_text("typedef double number;\n")  # no name twice in the library
+
+    def last_option(wanted: tuple[str, ...]) -> str:
+        done = compile_library([], source.with_name("lib.so"), [source], wanted=wanted)
+        portable = next(c for c in done.commands if "-DLEVEL=portable" in c)
+        return [flag for flag in portable if flag.startswith("-O")][-1]
+
+    assert last_option((names[-2], "portable")) == "-O0"
+    assert last_option(()) == "-O0"
+    assert last_option(("portable",)) == "-O1"

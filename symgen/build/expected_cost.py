@@ -11,7 +11,8 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from symgen.build.compiler import PORTABLE, REFERENCE, level_names
+from symgen.build.compile_recipe import PORTABLE, REFERENCE
+from symgen.build.compiler import level_names
 from symgen.kernel import Kernel
 
 _ONCE = (0.45, 5.5e-5)

@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from symgen import __version__
-from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
+from symgen.build.compile_recipe import how_to_compile
+from symgen.build.compiler import Compilation, Compiled, sha256_of
 from symgen.build.exchange import replace_folder, require_no_foreign_file
 from symgen.build.expected_cost import ExpectedCost, expected_cost
 from symgen.build.facts import initial_parameters, model_facts

@@ -6,7 +6,8 @@ operating system, before there is a library.
 
 from pathlib import Path
 
-from symgen.build.compiler import LEVELS, PORTABLE, accepts_level, find_compiler, machine
+from symgen.build.compile_recipe import LEVELS, PORTABLE
+from symgen.build.compiler import accepts_level, find_compiler, machine
 
 _V2 = frozenset({"pni", "ssse3", "cx16", "sse4_1", "sse4_2", "popcnt", "lahf_lm"})
 _V3 = _V2 | {"fma", "movbe", "avx", "f16c", "bmi1", "avx2", "bmi2", "abm"}

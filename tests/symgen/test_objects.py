@@ -12,7 +12,8 @@ import pinocchio
 import pytest
 
 from runtime.library import Library
-from symgen.build.compiler import FLAGS, LEVELS, VECTOR_FLAGS, machine
+from symgen.build.compile_recipe import FLAGS, LEVELS, VECTOR_FLAGS
+from symgen.build.compiler import machine
 from symgen.build.pipeline import PER_LEVEL
 from symgen.build.request import bundled_request
 from symgen.catalogue import Catalogue, make_catalogue

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from symgen.build import compiler
+from symgen.build.compile_recipe import how_to_compile
 from symgen.build.compiler import (
     REFERENCE,
     Compilation,
     compile_library,
     find_compiler,
-    how_to_compile,
     level_names,
     machine,
     sha256_of,

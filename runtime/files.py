@@ -20,6 +20,8 @@ from typing import IO, Any
 
 from runtime.errors import RuntimeFault
 
+DRAFT = ".symgen."
+"""Start of the names of files that are not complete yet; a killed process leaves them behind."""
 LARGEST = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
 LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
@@ -156,7 +158,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     """
     if not path.name:
         raise RuntimeFault(f"cannot write '{path}': it names no file")
-    draft = path.with_name(f".symgen.{secrets.token_hex(8)}")
+    draft = path.with_name(f"{DRAFT}{secrets.token_hex(8)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # In a folder that others write, a name that they can guess may be a link of theirs: O_EXCL

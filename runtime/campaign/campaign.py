@@ -30,7 +30,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
-from runtime.files import json_of, replacing
+from runtime.files import DRAFT, json_of, replacing
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Recording, read_recording, write_recording
@@ -191,11 +191,15 @@ def _state(folder: Path, lib: Library, plan: Plan) -> dict[str, Any]:
     path = folder / STATE
     if not path.exists():
         # Motions may be given; they are read and never replaced.
-        if folder.is_dir() and any(not f.match("motion-*.json") for f in folder.iterdir()):
+        known_names = ("motion-*.json", f"{DRAFT}*")
+        if folder.is_dir() and not all(
+            any(file.match(name) for name in known_names) for file in folder.iterdir()
+        ):
             raise IdentificationError(
                 f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
                 "with --out"
             )
+        _remove_drafts(folder)
         state: dict[str, Any] = described | {"motions": []}
         _write_json(path, state)
         return state
@@ -205,7 +209,14 @@ def _state(folder: Path, lib: Library, plan: Plan) -> dict[str, Any]:
             f"'{folder}' holds a campaign of another robot or with other settings; choose another "
             "folder with --out, or give the same settings"
         )
+    _remove_drafts(folder)
     return known
+
+
+def _remove_drafts(folder: Path) -> None:
+    """Remove what a killed process was writing."""
+    for draft in folder.rglob(f"{DRAFT}*"):
+        draft.unlink(missing_ok=True)
 
 
 def _designed(

@@ -109,7 +109,7 @@ class Streamed:
             name: of the log.
 
         Returns:
-            Recording with t from 0 on.
+            Recording with t from 0 on, to the nanosecond.
 
         Raises:
             SimulationError: there is no sample.
@@ -124,8 +124,9 @@ class Streamed:
             history.append("Time is that of arrival, since the clock of the robot went back.")
         if self.stop is not None:
             history.append(f"Stopped by {self.stop.guard}: {self.stop.sentence}.")
+        # To the nanosecond: what is beyond is rounding, which depends on when the driver began.
         return Recording(
-            *(t - t[0], q, dq, None, tau),
+            *(np.round(t - t[0], 9), q, dq, None, tau),
             name=name,
             joint_names=lib.joint_names,
             history=tuple(history),

@@ -17,7 +17,9 @@ from runtime.estimators.convex import NONE
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
+from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.several_logs.joint_fit import joined
 from runtime.identification.single_log import identify
@@ -67,18 +69,55 @@ def arm_model(lib: Library, motions: Sequence[tuple[str, Recording]], first: int
     usual = GearFriction.usual(lib.n_joints)
     gear = gear_of([each for _, each in motions[first:]], lib, PREPARATION, usual)
     names = [name for name, _ in motions]
-    rows = joined([prepared_log(each, gear, PREPARATION) for _, each in motions], names, names)
+    prepared = [prepared_log(each, gear, PREPARATION) for _, each in motions]
+    known = gear_prior(gear, len(motions))
     result = identify(
-        rows,
+        joined(prepared, names, names),
         lib,
         method="map",
         prior=VAGUE,
         preparation=Preparation(),
         splitting=EVERYTHING,
         friction_columns=Friction(NAMES),
-        friction_prior=gear_prior(gear, len(motions)),
+        friction_prior=known,
     )
-    return ArmModel(replace(result, log_names=tuple(names)), gear)
+    spread = _uncertainty(result, known, [len(each.t) for each in prepared])
+    return ArmModel(replace(result, log_names=tuple(names), uncertainty=spread), gear)
+
+
+def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) -> Uncertainty:
+    """Uncertainty with the prior of the friction columns, and the noise of base parameters.
+
+    What the friction columns do not describe has the frequencies of friction; averaged over all
+    unknowns it would widen the intervals of β, which are orthogonal to these columns, by a third.
+
+    Args:
+        result: of all logs in a row.
+        known: prior of the friction columns.
+        rows: of every log.
+
+    Returns:
+        Posterior of the result.
+    """
+    first, lib = result.uncertainty, result.lib
+    if first is None or first.information is None:
+        raise IdentificationError("expected a model with a posterior; identify with map")
+    statistics, samples = first.information.statistics, samples_of(result.train, lib)
+    ends = np.cumsum(rows)
+    parts = [samples.rows(slice(b - n, b)) for b, n in zip(ends.tolist(), rows, strict=True)]
+    coloured = coloured_noise_of(lib, parts, statistics, result.weights, only_base=True)
+    posterior = uncertainty_of(
+        lib,
+        samples,
+        result.pi,
+        result.phi,
+        first_guess=lib.pi0,
+        kappa=NONE,
+        statistics=statistics.merged(known.statistics(statistics, coloured.density)),
+        coloured_noise=coloured,
+        tests=False,
+    )
+    return replace(posterior, tests=first.tests)
 
 
 def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:

@@ -7,10 +7,11 @@ a jump of the clock.
 
 from collections import deque
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 
-from runtime.campaign.driver import Driver, NoSampleError, Reference, Sample
+from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.simulation.joint_friction import JointFriction
@@ -26,6 +27,8 @@ _STUCK = 1e7
 """Damping of a stuck joint [N·m·s/rad, N·s/m]."""
 _BRAKE_S = 0.5
 _NOISE_ROWS = 4096
+_SHOWN = 32
+"""Positions of a motion that its noise is seeded by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +84,10 @@ class VirtualDriver(Driver):
         if held is not None:
             self.pi = self.pi + held
         self._calibration = calibration(s.sensors, np.random.default_rng(of_robot[1]))
+        self._seed = seed
         self._rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
         self._plant = engine(lib, self.pi, s.rotor, s.step_s)
-        self._friction = JointFriction(s.friction, s.step_s, self._plant.places)
+        self._friction = self._new_friction()
         self._substeps = round(1 / (s.rate_hz * s.step_s))
         self._effort = lib.limits()["effort"]
         self._fault, self._time, self._ticks, self._start = fault, 0.0, 0, np.inf
@@ -115,6 +119,20 @@ class VirtualDriver(Driver):
     def state(self) -> Sample:
         """Newest sample."""
         return self._sample(*self._now)
+
+    def begin(self, motion: Motion) -> None:
+        """Start a motion at rest, with noise of its own: its log does not depend on earlier ones.
+
+        A campaign that was interrupted so records what an undisturbed one records.
+
+        Args:
+            motion: at whose start the robot stands.
+        """
+        shown = motion.at(self.lib, np.linspace(0.0, motion.duration, _SHOWN))[0]
+        digest = crc32(np.ascontiguousarray(shown).tobytes(), round(1e6 * motion.duration))
+        self._rng = np.random.default_rng(np.random.SeedSequence([self._seed, 2, digest]))
+        self._friction = self._new_friction()
+        self.place(shown[0])
 
     def exchange(self, reference: Reference) -> Sample:
         """Let the controller follow one reference for a period.
@@ -159,6 +177,10 @@ class VirtualDriver(Driver):
     def velocity(self) -> Array:
         """True velocity, (n,) [rad/s, m/s]."""
         return self._plant.restored(np.array(self._plant.data.qvel))
+
+    def _new_friction(self) -> JointFriction:
+        settings = self._settings
+        return JointFriction(settings.friction, settings.step_s, self._plant.places)
 
     def _new_encoders(self) -> Encoders:
         sensors, places = self._settings.sensors, self._plant.places

@@ -9,7 +9,8 @@ mean of the spectrum S over their own frequencies, tr(Qᵀ cov(e) Q) / p, hence
 
 exact for white noise, and for coloured noise as far as S(f) is even where h is not zero: slow
 patterns that the fit has absorbed are missing in the sum above and in the one below alike. A
-spectrum at frequency zero over fixed lags would count them as noise-free.
+spectrum at frequency zero over fixed lags would count them as noise-free. For some unknowns alone
+the sums are weighted by h of their own directions, those orthogonal to all other columns.
 Source: Bartlett 1950 for smoothed periodograms, Müller 2007 for cosines; the weights h are ours.
 """
 
@@ -51,7 +52,11 @@ class ColouredNoise:
 
 
 def coloured_noise_of(
-    lib: Library, parts: Sequence[Samples], statistics: Statistics, weights: Array
+    lib: Library,
+    parts: Sequence[Samples],
+    statistics: Statistics,
+    weights: Array,
+    only_base: bool = False,
 ) -> ColouredNoise:
     """Noise of what least squares over base parameters and friction leaves; no model is needed.
 
@@ -60,6 +65,8 @@ def coloured_noise_of(
         parts: samples of the statistics, or stretches of them.
         statistics: of all samples.
         weights: diagonal of W in the statistics, (n,).
+        only_base: weight the spectrum by the directions of the base parameters alone; friction and
+            offsets have frequencies of their own, at which errors of their columns are larger.
 
     Returns:
         Density and variance in units of the weights.
@@ -69,6 +76,8 @@ def coloured_noise_of(
     space, root = _orthonormal(unit)
     root = root / lengths[:, None]
     x, scale = root @ (space.T @ statistics.target), np.sqrt(weights)
+    # Directions of the base parameters: columns of Y_b without their part along F.
+    directions = space.T @ _apart(unit, statistics.n_base) if only_base else None
 
     def basis_and_rest(samples: Samples) -> tuple[Array, Array]:
         rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
@@ -78,7 +87,7 @@ def coloured_noise_of(
     pieces = (
         basis_and_rest(part.rows(rows)) for part in parts for rows in _pieces(len(part), len(parts))
     )
-    sums = [_spectral_sums(*piece) for piece in pieces]
+    sums = [_spectral_sums(*piece, directions) for piece in pieces]
     equations = statistics.n_samples * len(weights)
     return _noise_from_sums(sums, statistics.rest, root.shape[1], equations)
 
@@ -137,12 +146,27 @@ def _noise_from_sums(
     return ColouredNoise(density, (power + unknowns * density) / equations)
 
 
-def _spectral_sums(q: Array, rest: Array) -> tuple[float, float, float]:
-    """Σ h r̂², Σ h (1 − h) and Σ h of one piece, q (N, n, p) and rest (N, n)."""
+def _spectral_sums(
+    q: Array, rest: Array, directions: Array | None = None
+) -> tuple[float, float, float]:
+    """Σ g r̂², Σ g (1 − h) and Σ g of one piece, q (N, n, p) and rest (N, n).
+
+    g is h of the basis q D, D the directions (p, m) of some unknowns; h itself without them.
+    """
     waves = cosines(q)
-    h = np.einsum("ijk,ijk->ij", waves, waves)
+    h = g = np.einsum("ijk,ijk->ij", waves, waves)
+    if directions is not None:
+        some = waves @ directions
+        g = np.einsum("ijk,ijk->ij", some, some)
     power = cosines(rest) ** 2
-    return float(np.sum(h * power)), float(np.sum(h * (1 - h))), float(np.sum(h))
+    return float(np.sum(g * power)), float(np.sum(g * (1 - h))), float(np.sum(g))
+
+
+def _apart(unit: Array, count: int) -> Array:
+    """Orthonormal basis of the first columns without their part along the others, (p, m)."""
+    along, _ = _orthonormal(unit[:, count:])
+    first = unit[:, :count]
+    return _orthonormal(first - along @ (along.T @ first))[0]
 
 
 def _orthonormal(unit: Array) -> tuple[Array, Array]:

@@ -113,6 +113,7 @@ def run_campaign(
     target: Target,
     folder: Path,
     say: Callable[[str], None] = lambda _: None,
+    on_model: Callable[[ArmModel], None] = lambda _: None,
 ) -> Outcome:
     """Run a campaign, or continue it from its files.
 
@@ -122,6 +123,7 @@ def run_campaign(
         target: of the plan.
         folder: of the files.
         say: receives one sentence per step.
+        on_model: receives the model after every stage.
 
     Returns:
         How it ended.
@@ -167,6 +169,7 @@ def run_campaign(
             seconds += slowed.duration
             first = 0 if k == 1 else len(plan.stages) - 1  # slow stages show the least
             model = arm_model(lib, logs, first)
+            on_model(model)
         if model is None:  # a plan has stages
             break
         write_result(model.result, folder / f"result-{k}", f"campaign --target {plan.target}")

@@ -39,6 +39,8 @@ NAMES = (*FRICTION, *ERRORS, OFFSET.name)
 """All columns; the offset, the last one, is one per log."""
 STROKE, PEAK_SPEED = 2e-3, 0.1
 """z_c and v_s before they are estimated [rad, rad/s]."""
+BLOCK = 64
+"""Samples of a log that are stepped through side by side with others."""
 STEP = 0.1
 """Step of ln z_c in the difference quotient of the columns."""
 
@@ -205,9 +207,18 @@ def _with_memory(motion: Recording, gear: GearFriction, stroke: Array) -> Array:
 def _dahl(q: Array, stroke: Array) -> Array:
     """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
     step = np.diff(q, axis=0)
-    stay, drive = np.exp(-np.abs(step) / stroke), np.sign(step)
-    gained = drive * (1 - stay)
-    zeta = np.zeros_like(q)
-    for i in range(len(step)):
-        zeta[i + 1] = gained[i] + zeta[i] * stay[i]
-    return zeta
+    count, n = step.shape
+    rows = -(-count // BLOCK)
+    stay, gained = np.ones((rows * BLOCK, n)), np.zeros((rows * BLOCK, n))
+    stay[:count] = np.exp(-np.abs(step) / stroke)
+    gained[:count] = np.sign(step) * (1 - stay[:count])
+    # Within a block ζ = a ζ₀ + b: all blocks step by step, then from block to block.
+    a, b = stay.reshape(rows, BLOCK, n), gained.reshape(rows, BLOCK, n)
+    for i in range(1, BLOCK):
+        b[:, i] += a[:, i] * b[:, i - 1]
+        a[:, i] *= a[:, i - 1]
+    first = np.zeros((rows, 1, n))
+    for i in range(1, rows):
+        first[i, 0] = a[i - 1, -1] * first[i - 1, 0] + b[i - 1, -1]
+    zeta = (a * first + b).reshape(rows * BLOCK, n)[:count]
+    return np.concatenate([np.zeros((1, n)), zeta])

@@ -53,7 +53,7 @@ def gear_of(
     """
     gear = _moved(start, _step(motions, lib, preparation, start)[0])
     for _ in range(SEARCHES):  # ripples that others have covered show once these are columns
-        waves = _step(motions, lib, preparation, gear)[1]
+        waves = _step(motions, lib, preparation, gear, searches_waves=True)[1]
         gear = replace(gear, waves=np.where(gear.waves > 0, gear.waves, waves))
     for _ in range(ITERATIONS):
         gear = _moved(gear, _step(motions, lib, preparation, gear)[0])
@@ -73,9 +73,16 @@ def _moved(gear: GearFriction, step: Array) -> GearFriction:
 
 
 def _step(
-    motions: Sequence[Recording], lib: Library, preparation: Preparation, gear: GearFriction
+    motions: Sequence[Recording],
+    lib: Library,
+    preparation: Preparation,
+    gear: GearFriction,
+    searches_waves: bool = False,
 ) -> tuple[Array, Array, Array]:
-    """Gauss–Newton step (n, 4), waves that the residual shows (n,), coefficients (n, 7)."""
+    """Gauss–Newton step (n, 4), waves that the residual shows (n,), coefficients (n, 7).
+
+    Waves are 0 where they are not searched.
+    """
     parts = [prepared_columns(each, gear, preparation) for each in motions]
     samples = [samples_of(rows.replace(columns=None, column_names=()), lib) for *_, rows in parts]
     slopes = np.concatenate([each[1] for each in parts])
@@ -100,7 +107,8 @@ def _step(
     added = added - basis @ (basis.T @ added)
     target = added.T @ (rest * weight).ravel()
     theta = scale * np.linalg.solve(np.eye(len(scale)) + added.T @ added, target)
-    return theta.reshape(n, len(SPREAD)), _waves(q, rest * weight, basis), phi
+    waves = _waves(q, rest * weight, basis) if searches_waves else np.zeros(n)
+    return theta.reshape(n, len(SPREAD)), waves, phi
 
 
 def _spread(columns: Array) -> Array:

@@ -60,6 +60,31 @@ def test_level_is_the_variance_of_the_unknowns(kernel: np.ndarray, unknowns: int
     assert np.mean([one.inflation for one in estimated]) == pytest.approx(truth, rel=0.05)
 
 
+def test_noise_of_the_base_parameters_alone(lib: Library) -> None:
+    """Property: noise at the frequency of a friction column does not widen intervals of β.
+
+    White noise of variance 1, and 25 times as much at the 250th to 279th cosine, where the friction
+    is; base parameters have the first 129 cosines.
+    """
+    t, rng = (np.arange(COUNT) + 0.5) / COUNT, np.random.default_rng(4)
+    waves = np.cos(np.pi * np.outer(t, np.arange(COUNT))) * np.sqrt(2 / COUNT)
+    base = (waves[:, 1:130] @ rng.normal(size=(129, len(lib.base_columns))))[:, None]
+    near = waves[:, 250:280]
+    columns = (near @ rng.normal(size=(30, 20)))[:, None]
+    base += 0.3 * columns.sum(axis=2, keepdims=True)  # not orthogonal to friction
+    alone, both = [], []
+    for _ in range(40):
+        tau = rng.normal(size=COUNT) + 5 * near @ rng.normal(size=30)
+        zero = np.zeros((COUNT, 1))
+        samples = Samples(zero, zero, None, tau[:, None], columns, base=base)
+        statistics = compress(lib, samples, np.ones(1))
+        alone.append(coloured_noise_of(lib, [samples], statistics, np.ones(1), True).density)
+        both.append(coloured_noise_of(lib, [samples], statistics, np.ones(1)).density)
+    # 40 trials with 86 cosines each: 2.4 % for a variance, four of them.
+    assert np.mean(alone) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(both) > 3
+
+
 def filtered(recording: Recording, rng: np.random.Generator, sigma: float) -> Recording:
     """With white noise at the full rate."""
     assert recording.tau is not None

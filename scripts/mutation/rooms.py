@@ -96,12 +96,18 @@ ROOMS = {
     ),
     "emit": Room(
         ("symgen/emit",),
-        tuple(
-            f"tests/symgen/test_{name}.py"
-            for name in (
-                *("emit", "emit_manifest", "elimination", "schedule"),
-                *("tile_program", "parts", "tiles", "lanes", "objects", "memory"),
-            )
+        (
+            *(
+                f"tests/symgen/test_{name}.py"
+                for name in (
+                    *("emit", "emit_manifest", "elimination", "schedule", "stack"),
+                    *("tile_program", "parts", "tiles", "lanes", "objects", "memory"),
+                )
+            ),
+            f"{_T}/estimators/convex/test_convex_compiled.py",
+            f"{_T}/estimators/descent/test_descent.py",
+            f"{_T}/estimators/regression/test_factor.py",
+            f"{_T}/excitation/search/test_condition_cost.py",
         ),
     ),
     "convex.c": Room(

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.library import load
+from runtime.library import Library, load
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest
-from symgen.emit.parts import parts_of
+from symgen.emit.parts import LONG, parts_of
 from tests.robots import DATA, ONE_LEVEL
 
 
@@ -54,6 +54,14 @@ def test_places_are_used_again() -> None:
     lines += [f"const double t{k} = sin(t{k - 1});" for k in range(1, 100)]
     parts = parts_of([*lines, "y[0] = t99;"], 10)
     assert parts.stored == 2
+
+
+def test_arms_of_seven_joints_stay_whole(fr3: Library) -> None:
+    """Property: no function of the FR3 is as long as one that is split, and none is split."""
+    text = (fr3.folder / "kernels.c").read_text(encoding="utf-8")
+    longest = max(body.count("\n    const double t") for body in text.split("\n}\n"))
+    assert 1000 < longest < LONG
+    assert "_part_" not in text
 
 
 def test_compiled_parts_agree_with_the_tiles(

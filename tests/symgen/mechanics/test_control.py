@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pinocchio
 import pytest
 
 from runtime.errors import LibraryError
 from runtime.library import Library
+from symgen.mechanics import mass_matrix
 from tests.oracle import Array, pinocchio_model, random_states, with_parameters
 
 STATES = 50
@@ -141,3 +143,15 @@ def test_least_inertia(reference: Reference) -> None:
     broken = lib.pi0.copy()
     broken[0] = -1.0
     assert np.isnan(lib.least_inertia(broken))
+
+
+def test_the_inverse_of_the_inertia_of_a_body() -> None:
+    """Oracle: NumPy's inverse of [m 1, −[h×]; [h×], I], for a body of 2.5 kg off its frame."""
+    mass, h = 2.5, np.array([0.3, -0.2, 0.1])
+    across = np.array([[0, -h[2], h[1]], [h[2], 0, -h[0]], [-h[1], h[0], 0]])
+    inertia = np.diag([0.3, 0.4, 0.5]) + across @ across.T / mass
+    whole = np.block([[mass * np.eye(3), -across], [across, inertia]])
+    inverse = mass_matrix._inverse_inertia(mass, ca.DM(h), ca.DM(inertia))
+    values = np.array(ca.evalf(inverse))
+    # Rounding of numbers of size 4 by a condition of 30.
+    np.testing.assert_allclose(values, np.linalg.inv(whole), atol=1e-13)

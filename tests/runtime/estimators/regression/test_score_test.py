@@ -1,6 +1,7 @@
 """Score test of columns that a fit lacks: χ² distributed without them, and large with them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,3 +66,24 @@ def test_a_gain_of_a_joint_with_little_torque(lib: Library, noisy: Recording) ->
     test = gain_test(lib, replace(samples, tau=tau), np.full(lib.n_joints, 400.0))
     assert test.joint == 6
     assert test.is_contradicted
+
+
+@pytest.mark.parametrize(("joints", "step"), [(7, 4), (28, 12)])
+def test_robots_of_many_joints_take_fewer_samples(joints: int, step: int) -> None:
+    """Oracle: 6000 samples: every fourth is 1500; every twelfth of 28 joints 14,000 equations."""
+
+    class Taken(Exception):
+        """Ends the fit where it has chosen its samples."""
+
+    def take(chosen: slice) -> None:
+        assert chosen == slice(None, None, step)
+        raise Taken
+
+    class Many:
+        equations, rows = joints, staticmethod(take)
+
+        def __len__(self) -> int:
+            return 6000
+
+    with pytest.raises(Taken):
+        free_fit(SimpleNamespace(n_joints=joints), Many(), np.ones(joints))

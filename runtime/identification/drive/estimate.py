@@ -14,21 +14,21 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
-from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.regression.samples import samples_of
 from runtime.identification.current_gains.scaling import with_current_gains
-from runtime.identification.drive.linearised import LinearisedDrive, linearised
+from runtime.identification.drive.feedback import FEEDBACK, feedback_torque
+from runtime.identification.drive.linearised import LinearisedDrive, linearised, torque_rate
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
-from runtime.identification.problem_setup import known_friction
+from runtime.identification.problem_setup import assemble, known_friction
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify, identify_assembled
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import default_terms, geared
 from runtime.recording.preprocessing import before_test
-from runtime.recording.preprocessing.segments import segments
 
 SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
 """Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %
@@ -150,7 +150,7 @@ def _newton(
     sigma = np.full(delay.shape, np.inf)
     rough, thinned = replace(settings, certify=False), _thinned(recording, preparation)
     for _ in range(PASSES if request.delay or request.bias else 0):
-        result = _at(recording, lib, rough, thinned, delay, bias)
+        result = _at(recording, lib, rough, thinned, _Point(delay, sigma, bias))
         step = _linearised(result, settings, request, bias, rough=True)
         sigma = step.delay_sigma
         size = np.concatenate([step.delay_step / sigma, step.bias_step / step.bias_sigma])
@@ -158,11 +158,19 @@ def _newton(
             break
         if np.nanmax(np.abs(size)) < 1.0:
             thinned = preparation
-        if request.delay:
-            delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
-        if request.bias:
-            bias = bias + np.clip(step.bias_step, -MOST_STEP[1], MOST_STEP[1])
+        point = _stepped(_Point(delay, sigma, bias), step, request)
+        delay, bias = point.delay, point.bias
     return _Point(delay, sigma, bias)
+
+
+def _stepped(point: _Point, step: LinearisedDrive, request: DriveRequest) -> _Point:
+    """The point after a step."""
+    delay, bias = point.delay, point.bias
+    if request.delay:
+        delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
+    if request.bias:
+        bias = bias + np.clip(step.bias_step, -MOST_STEP[1], MOST_STEP[1])
+    return _Point(delay, step.delay_sigma, bias)
 
 
 def _thinned(recording: Recording, preparation: Preparation) -> Preparation:
@@ -184,8 +192,14 @@ def _certified(
     point: _Point,
     progress: Callable[[int, float], None] | None,
 ) -> Identification:
-    """The identification at a point, with certificates and standard deviations."""
-    result = _at(recording, lib, settings, preparation, point.delay, point.bias, progress)
+    """The identification next to a point, without the bias by feedback, with its certificates."""
+    result = _at(recording, lib, settings, preparation, point, progress=progress)
+    c = feedback_torque(result, point.delay, request)
+    if c is not None:
+        removed = (result.train.t, c)
+        rough = _at(recording, lib, replace(settings, certify=False), preparation, point, removed)
+        point = _stepped(point, _linearised(rough, settings, request, point.bias), request)
+        result = _at(recording, lib, settings, preparation, point, removed, progress)
     step = _linearised(result, settings, request, point.bias)
     empty = np.full(lib.n_joints, np.nan)
     drive = DriveFit(
@@ -219,14 +233,24 @@ def _at(
     lib: Library,
     settings: Settings,
     preparation: Preparation,
-    delay: Array,
-    bias: Array,
+    point: _Point,
+    removed: tuple[Array, Array] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Identification:
-    """Identification at a given delay and given biases."""
-    moved = recording.replace(q=recording.q + bias) if bias.any() else recording
-    usual = replace(settings, preparation=_delayed(recording, preparation, delay))
-    return identify(moved, lib, usual, progress=progress)
+    """Identification at a point, less a torque at the instants of the training rows."""
+    moved = recording.replace(q=recording.q + point.bias) if point.bias.any() else recording
+    usual = replace(settings, preparation=_delayed(recording, preparation, point.delay))
+    if removed is None:
+        return identify(moved, lib, usual, progress=progress)
+    assembly = assemble(moved, lib, usual, progress=progress, is_joined=True)
+    train, (t, torque) = assembly.parts[0], removed
+    c = np.stack([np.interp(train.t, t, row) for row in torque.T], axis=1)
+    fitted = assembly.problem.train
+    problem = replace(assembly.problem, train=replace(fitted, tau=fitted.tau - c))
+    train = train.replace(tau=train.required("tau") - c).noted(FEEDBACK)
+    return identify_assembled(
+        replace(assembly, problem=problem, parts=(train, *assembly.parts[1:])), usual
+    )
 
 
 def _delayed(recording: Recording, preparation: Preparation, delay: Array) -> Preparation:
@@ -248,7 +272,7 @@ def _linearised(
     samples = samples_of(result.train, lib)
     rate = np.zeros((*samples.tau.shape, 0))
     if request.delay:
-        rate = _torque_rate(result, samples, request.per_joint)
+        rate = torque_rate(result, samples, request.per_joint)
     prior = settings.prior
     known = known_friction(settings, result.friction.columns, result.friction)
     return linearised(
@@ -258,27 +282,9 @@ def _linearised(
         result.phi,
         result.weights,
         kappa=prior.kappa if prior and prior.kappa else CAD,
-        torque_rate=rate,
+        delay_columns=rate,
         biases=bias if request.bias else np.zeros(0),
         bias_prior=BIAS_PRIOR,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
     )
-
-
-def _torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Array:
-    """∂e/∂d = s τ̂̇ at the rows of the training part, (N, n, 1) or (N, n, n).
-
-    The predicted torque is differentiated: the noise of the logged one, differentiated, would count
-    as information on the delay.
-    """
-    predicted = result.predict_samples(samples)
-    t = result.train.t
-    rate = np.zeros_like(predicted)
-    for part in segments(t):
-        if part.stop - part.start > 1:
-            rate[part] = np.gradient(predicted[part], t[part], axis=0)
-    rate *= sign_of_delay(result.train)
-    if not per_joint:
-        return rate[:, :, None]
-    return rate[:, :, None] * np.eye(rate.shape[1])

@@ -19,9 +19,12 @@ from numpy.typing import NDArray
 
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples
+from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.numerics.dense import block_diag
+from runtime.recording.preprocessing.segments import segments
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
@@ -78,6 +81,32 @@ def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
     return columns
 
 
+def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Array:
+    """∂e/∂d = s τ̂̇ at the rows of the training part.
+
+    The predicted torque is differentiated: the noise of the logged one, differentiated, would count
+    as information on the delay.
+
+    Args:
+        result: the model, with its training part.
+        samples: of the rows of that part.
+        per_joint: whether every joint has a delay.
+
+    Returns:
+        (N, n, 1), or (N, n, n) with a delay per joint [N·m/s].
+    """
+    predicted = result.predict_samples(samples)
+    t = result.train.t
+    rate = np.zeros_like(predicted)
+    for part in segments(t):
+        if part.stop - part.start > 1:
+            rate[part] = np.gradient(predicted[part], t[part], axis=0)
+    rate *= sign_of_delay(result.train)
+    if not per_joint:
+        return rate[:, :, None]
+    return rate[:, :, None] * np.eye(rate.shape[1])
+
+
 def linearised(
     lib: Library,
     samples: Samples,
@@ -86,7 +115,7 @@ def linearised(
     weights: Array,
     *,
     kappa: float,
-    torque_rate: Array,
+    delay_columns: Array,
     biases: Array,
     bias_prior: float,
     phi_prior: Array | None = None,
@@ -101,7 +130,7 @@ def linearised(
         phi: most probable friction coefficients, (n, k).
         weights: 1/s_j² of the residuals, (n,).
         kappa: trust κ in the URDF.
-        torque_rate: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
+        delay_columns: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
         biases: present b, (n,), or empty where b is not an unknown [rad, m].
         bias_prior: standard deviation of its prior, which is centred at zero [rad, m].
         phi_prior: standard deviations of the prior of φ, (n, k), infinite without; None for none.
@@ -113,7 +142,7 @@ def linearised(
     n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
     scale = np.sqrt(weights)
     rest = (samples.tau - samples.rigid(lib, pi) - samples.friction(phi)) * scale
-    further = -torque_rate
+    further = -delay_columns
     if biases.size:
         further = np.concatenate([further, bias_columns(lib, samples, pi)], axis=2)
     further = further * scale[:, None]
@@ -153,7 +182,7 @@ def linearised(
     absent = np.abs(turn[~present]).max(axis=0, initial=0.0) > _INVOLVED
     sigma = np.where(absent, np.nan, np.linalg.norm(root, axis=1))
     step = root @ (root.T @ slope)
-    first, m = len(pi) + n * k, torque_rate.shape[2]
+    first, m = len(pi) + n * k, delay_columns.shape[2]
     return LinearisedDrive(
         delay_step=step[first : first + m],
         bias_step=step[first + m :],

@@ -129,6 +129,7 @@ def inspect_log(
     findings += motion.wraps(recording)
     if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan)
+        findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
     if recording.tau is None or not recording.tau.any():
         sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
         findings.append(Finding("no_torque", ERROR, sentence))

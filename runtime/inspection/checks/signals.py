@@ -19,6 +19,8 @@ STOP_SHARE = 0.01
 REST_SPEED = 0.02
 """Speed [rad/s or m/s] below which a joint rests: above the noise of filtered encoders, and below
 it Coulomb friction takes any value."""
+STILL = 1e-3
+"""Travel [rad or m] of a joint at rest, by noise and vibration."""
 REST_SHARE = 0.05
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
@@ -89,6 +91,38 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
     return findings
 
 
+def still_joints(recording: Recording, lib: Library) -> list[Finding]:
+    """Joints that do not move in the whole log.
+
+    Measured: travel of every joint, below `STILL` by noise and vibration alone.
+
+    Args:
+        recording: in SI units.
+        lib: library of the robot.
+
+    Returns:
+        "still_joints", a warning where fewer than half of the joints move.
+    """
+    still = np.flatnonzero(np.ptp(recording.q, axis=0) < STILL)
+    if not still.size:
+        return []
+    sentence = (
+        f"{', '.join(lib.joint_names[j] for j in still)} never moved ({len(still)} of "
+        f"{lib.n_joints} joints): the log does not show what only their motion determines"
+    )
+    if still.size == lib.n_joints:
+        sentence = "no joint moves: the log shows at most the gravity torque of one pose"
+    return [
+        Finding(
+            "still_joints",
+            WARNING if 2 * still.size > lib.n_joints else INFO,
+            f"{sentence}; record a motion that moves every joint",
+            {"joints": still.tolist()},
+            trap=7,
+        )
+    ]
+
+
 def rest(recording: Recording, plan: Recipe) -> list[Finding]:
     """Intervals in which no joint moves (trap 7).
 
@@ -100,11 +134,12 @@ def rest(recording: Recording, plan: Recipe) -> list[Finding]:
         plan: recipe; with rest_speed it already drops these rows.
 
     Returns:
-        "rest" above `REST_SHARE`, as information where the recipe drops the rows.
+        "rest" above `REST_SHARE`, as information where the recipe drops the rows; none where
+        no joint moves at all, which `still_joints` states.
     """
     still = ~moving_joints(recording).any(axis=1)
     share, spans = float(still.mean()), rest_spans(recording)
-    if share < REST_SHARE or not spans:
+    if share < REST_SHARE or not spans or np.ptp(recording.q, axis=0).max() < STILL:
         return []
     given = plan.preparation.rest_speed
     listed = ", ".join(f"{a:.3g}–{b:.3g} s" for a, b in spans[:4])

@@ -214,6 +214,20 @@ def test_saturation(lib: Library, clean: Recording, saved) -> None:
     assert "fr3_joint2" in sentences(result)["saturation"]
 
 
+@pytest.mark.parametrize(("moving", "words"), [(0, "no joint moves"), (2, "(5 of 7 joints)")])
+def test_7_joints_that_never_move_come_first(
+    lib: Library, clean: Recording, saved, moving: int, words: str
+) -> None:
+    """Property: before what follows from it; no advice to drop all rows."""
+    rest = np.arange(7) >= moving
+    q, dq = np.where(rest, clean.q[0], clean.q), np.where(rest, 0.0, clean.dq)
+    result = inspect_log(saved(clean, q=q, dq=dq), lib)
+    first = next(f for f in result.findings if f.level == "warning")
+    assert first.kind == "still_joints"
+    assert words in first.sentence
+    assert all("rest_speed" not in f.sentence for f in result.findings if not moving)
+
+
 def test_8_rounding_is_reported_by_symgen(shared_data: Path) -> None:
     """Published model: four-digit angles; `symgen inspect` says so and finds the 43 that remain."""
     from symgen.inspect import inspect_file

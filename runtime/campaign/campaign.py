@@ -12,30 +12,29 @@ A step whose file exists is done, so that the same call continues after an inter
 appear complete or not at all.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from runtime.campaign.driver import Driver
 from runtime.campaign.estimation import ArmModel, agreement_of, arm_model
-from runtime.campaign.gate import released
+from runtime.campaign.gate import EMPTY_CELL, released
 from runtime.campaign.gear_friction import smoothed
 from runtime.campaign.guards import usual_guards
 from runtime.campaign.rehearsal import rehearse, unnoticed
+from runtime.campaign.state_file import STATE, limits_facts, opened_state, write_json
 from runtime.campaign.target import Target, known_before, reached, torque_noise
 from runtime.campaign.to_the_start import move_to
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
-from runtime.files import DRAFT, json_of, replacing
+from runtime.files import json_of, replacing
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Recording, read_recording, write_recording
 
-STATE, REPORT = "state.json", "report.md"
+REPORT = "report.md"
 HARMONICS = 5
 LEAST_MOTIONS = 2
 """Motions before a target counts as reached: the few seconds of the first one at full speed hardly
@@ -114,16 +113,18 @@ def run_campaign(
     folder: Path,
     say: Callable[[str], None] = lambda _: None,
     on_model: Callable[[ArmModel], None] = lambda _: None,
+    safety: Safety = EMPTY_CELL,
 ) -> Outcome:
     """Run a campaign, or continue it from its files.
 
     Args:
-        driver: of the robot, which stands at the start of the motions, the home of the library.
+        driver: of the robot; where it stands elsewhere it first moves to the start of a motion.
         plan: settings.
         target: of the plan.
         folder: of the files.
         say: receives one sentence per step.
         on_model: receives the model after every stage.
+        safety: limits of all motions and ways: table, box, obstacles.
 
     Returns:
         How it ended.
@@ -133,7 +134,13 @@ def run_campaign(
             stopped the robot.
     """
     lib = driver.lib
-    state = _state(folder, lib, plan)
+    described = {
+        "robot": lib.name,
+        "model_hash": lib.manifest.model_hash,
+        "plan": asdict(plan) | {"stages": list(plan.stages)},
+        "limits": limits_facts(safety),
+    }
+    state = opened_state(folder, described)
     logs: list[tuple[str, Recording]] = []
     model: ArmModel | None = None
     agreement: tuple[float, ...] | None = None
@@ -143,7 +150,7 @@ def run_campaign(
         if is_known or seconds + plan.seconds(k + 1) > plan.most_seconds:
             break
         k += 1
-        motion = _designed(lib, plan, target, folder / f"motion-{k}.json", k, model)
+        motion = _designed(lib, plan, target, folder / f"motion-{k}.json", k, model, safety)
         say(f"motion {k}: {motion.duration:g} s")
         if plan.rehearses:
             _rehearsed(lib, plan, motion, folder / f"rehearsal-{k}.json", k)
@@ -153,14 +160,14 @@ def run_campaign(
             path = folder / f"{name}.npz"
             if not path.exists():
                 last = folder / f"{logs[-1][0]}.npz" if logs else None
-                release = released(lib, slowed, last, agreement)
-                _write_json(folder / f"gate-{k}-{speed:g}.json", release.to_facts())
+                release = released(lib, slowed, last, agreement, safety)
+                write_json(folder / f"gate-{k}-{speed:g}.json", release.to_facts())
                 if not release.is_released:
                     raise IdentificationError(
                         f"motion {k} at {speed:g} % of its speed is refused: "
                         f"{'; '.join(release.reasons)}"
                     )
-                _recorded(driver, slowed, path, name)
+                _recorded(driver, slowed, path, name, safety, say)
                 say(f"motion {k} at {speed:g} %: released, {slowed.duration:g} s recorded")
             log = smoothed(read_recording(path), lib)
             unseen = 1.0 if k <= LEAST_MOTIONS else UNSEEN_LATER
@@ -176,7 +183,7 @@ def run_campaign(
         sigma = reached(target, model.result, motion)
         facts = {"sigma": sigma, "seconds": seconds, "friction_columns": model.gear.facts()}
         state["motions"] = [*state["motions"][: k - 1], facts]
-        _write_json(folder / STATE, state)
+        write_json(folder / STATE, state)
         say(f"motion {k}: σ is {target.shown(sigma)}, the target {target.shown(target.value)}")
     outcome = _outcome(sigma, k, seconds, target)
     with replacing(folder / REPORT) as file:
@@ -184,46 +191,14 @@ def run_campaign(
     return outcome
 
 
-def _state(folder: Path, lib: Library, plan: Plan) -> dict[str, Any]:
-    """Content of state.json; a new one where the folder has none."""
-    described = {
-        "robot": lib.name,
-        "model_hash": lib.manifest.model_hash,
-        "plan": asdict(plan) | {"stages": list(plan.stages)},
-    }
-    path = folder / STATE
-    if not path.exists():
-        # Motions may be given; they are read and never replaced.
-        known_names = ("motion-*.json", f"{DRAFT}*")
-        if folder.is_dir() and not all(
-            any(file.match(name) for name in known_names) for file in folder.iterdir()
-        ):
-            raise IdentificationError(
-                f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
-                "with --out"
-            )
-        _remove_drafts(folder)
-        state: dict[str, Any] = described | {"motions": []}
-        _write_json(path, state)
-        return state
-    known = json_of(path)
-    if not isinstance(known, dict) or any(known.get(key) != described[key] for key in described):
-        raise IdentificationError(
-            f"'{folder}' holds a campaign of another robot or with other settings; choose another "
-            "folder with --out, or give the same settings"
-        )
-    _remove_drafts(folder)
-    return known
-
-
-def _remove_drafts(folder: Path) -> None:
-    """Remove what a killed process was writing."""
-    for draft in folder.rglob(f"{DRAFT}*"):
-        draft.unlink(missing_ok=True)
-
-
 def _designed(
-    lib: Library, plan: Plan, target: Target, path: Path, k: int, model: ArmModel | None
+    lib: Library,
+    plan: Plan,
+    target: Target,
+    path: Path,
+    k: int,
+    model: ArmModel | None,
+    safety: Safety,
 ) -> Trajectory:
     """Motion K: read, or designed with what is known."""
     if path.exists():
@@ -241,7 +216,7 @@ def _designed(
         seed=plan.seed + k,
         criterion="a" if target.kind == "payload" else target.kind,
         information=known,
-        safety=Safety(),
+        safety=safety,
         margin=0.9,
     )
     write_trajectory(designed, lib, path)
@@ -253,15 +228,22 @@ def _rehearsed(lib: Library, plan: Plan, motion: Trajectory, path: Path, k: int)
     if not path.exists():
         verdicts = rehearse(lib, motion, plan.seed + k)
         facts = {"faults": [asdict(each) for each in verdicts]}
-        _write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
+        write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
     left = json_of(path)["unnoticed"]
     if left:
         raise IdentificationError(f"motion {k} is refused: {'; '.join(left)}")
 
 
-def _recorded(driver: Driver, motion: Trajectory, path: Path, name: str) -> None:
+def _recorded(
+    driver: Driver,
+    motion: Trajectory,
+    path: Path,
+    name: str,
+    safety: Safety,
+    say: Callable[[str], None],
+) -> None:
     """Run one stage from its start; a stopped one leaves its log beside, and is not done."""
-    move_to(driver, motion.home, Safety())
+    move_to(driver, motion.home, safety, say=say)
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is None:
         write_recording(done.recording(driver.lib, name), path)
@@ -273,11 +255,6 @@ def _recorded(driver: Driver, motion: Trajectory, path: Path, name: str) -> None
         f"{name} was stopped after {done.stop.seconds:.3f} s by {done.stop.guard} "
         f"({done.stop.sentence}); its samples are in '{kept}'; repeat the command to continue"
     )
-
-
-def _write_json(path: Path, facts: dict[str, Any]) -> None:
-    with replacing(path) as file:
-        file.write(f"{json.dumps(facts, indent=1, ensure_ascii=False)}\n".encode())
 
 
 def _outcome(sigma: float, k: int, seconds: float, target: Target) -> Outcome:

@@ -22,6 +22,10 @@ AGREEMENT = 3.0
 """Largest RMS of the residual of a new log over the RMS of the band that the model states."""
 
 
+EMPTY_CELL = Safety()
+"""Limits of the robot alone."""
+
+
 @dataclass(frozen=True, slots=True)
 class Release:
     """Decision on a stage.
@@ -56,6 +60,7 @@ def released(
     motion: Trajectory,
     log: Path | None,
     agreement: tuple[float, ...] | None = None,
+    safety: Safety = EMPTY_CELL,
 ) -> Release:
     """Decide whether a stage may run.
 
@@ -64,13 +69,14 @@ def released(
         motion: of the stage, at its speed.
         log: recorded last; None before the first one.
         agreement: of the last log with the model before it, of `agreement_of`; None without.
+        safety: limits of the motion.
 
     Returns:
         Decision with its reasons.
     """
     reasons: list[str] = []
     checked = ["limits at every instant"]
-    certificate = certificate_of(lib, motion, Safety())
+    certificate = certificate_of(lib, motion, safety)
     reasons += [
         f"the motion uses {100 * use.bound:.4g} % of the limit of {use.kind}"
         for use in certificate.broken

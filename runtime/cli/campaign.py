@@ -10,9 +10,12 @@ import typer
 from runtime.campaign.drivers import DRIVERS
 from runtime.cli.common import Robot, Seed, say, sentences_of
 from runtime.cli.driver_option import opened_driver
+from runtime.cli.limit_options import Box, Clearance, Obstacles, Table
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 
+TORQUE_FRACTION = 0.95
+"""Fraction of the torque limits that motions may use."""
 NOT_REACHED = 1
 """Exit code where the time ended before the target was reached."""
 
@@ -54,6 +57,10 @@ def campaign_command(
         bool,
         typer.Option(help="Run every motion on the virtual robot with planted faults first."),
     ] = True,
+    table: Table = None,
+    box: Box = None,
+    clearance: Clearance = None,
+    obstacles: Obstacles = None,
     seed: Seed = 0,
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
@@ -66,6 +73,7 @@ def campaign_command(
     symgen campaign --robot fr3 --target v=20mNm --out results/campaign
     symgen campaign --robot fr3 --target payload=5g --stages 50,100
     symgen campaign --robot fr3 --target v=20mNm --driver libfranka:172.16.0.2
+    symgen campaign --robot fr3 --target v=20mNm --table 0 --obstacles cell.toml
 
     Each motion is designed with what is known already. The first runs at 10, 50 and 100 % of its
     speed, further motions at the last of these. Before its first stage a motion runs on the virtual
@@ -73,22 +81,25 @@ def campaign_command(
     recovered. A gate releases each stage: the motion keeps every limit, the last log has no error,
     and it agrees with the model. Guards on every sample stop the robot. Targets: v the torque of
     motions never seen, a the base parameters over their sizes, payload the mass of a payload that
-    the last motion carries.
+    the last motion carries. A robot that stands elsewhere first follows a
+    certified way to the start. Motions and ways keep away from --table, --box and --obstacles.
 
     Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
     Exit code 1: the time ended before the target was reached.
     """
     from runtime.campaign.campaign import Plan, run_campaign
     from runtime.campaign.target import target_of
+    from runtime.cli.certificate_table import safety_of, table_height
 
     wanted = target_of(target)
     plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed, rehearsal)
     lib = open_robot(robot, yes)
+    height, _ = table_height(table)
+    safety = safety_of(lib, TORQUE_FRACTION, clearance, height, box, None, None, None, obstacles)
     robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
     try:
-        outcome = run_campaign(
-            robot_driver, plan, wanted, out, (lambda _: None) if as_json else say
-        )
+        report = (lambda _: None) if as_json else say
+        outcome = run_campaign(robot_driver, plan, wanted, out, report, safety=safety)
     finally:
         robot_driver.close()
     if as_json:

@@ -9,12 +9,16 @@ import pytest
 
 from runtime import read_recording, write_recording
 from runtime.campaign.campaign import Plan, run_campaign
-from runtime.campaign.driver import Reference, Sample
+from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.gate import released
 from runtime.campaign.rehearsal import rehearsed
 from runtime.campaign.target import target_of
 from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
 from runtime.errors import IdentificationError
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.obstacles import Obstacle
+from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.identification.saved_result import read_result
@@ -65,6 +69,36 @@ def test_a_campaign_stops_at_a_fault_continues_and_ends(fr3: Library, folder: Pa
     ).read_text(encoding="utf-8")
     with pytest.raises(IdentificationError, match="another robot or with other settings"):
         run_campaign(robot, replace(PLAN, seed=1), target, folder)
+
+
+def test_the_way_to_the_start_keeps_away_from_obstacles(fr3: Library, folder: Path) -> None:
+    """Property: the streamed way is certified with the obstacle and is not the straight one.
+
+    A campaign without the obstacle is another one.
+    """
+    elsewhere = fr3.home + np.array([2.0, 0, 0, 0, 0, 0, 0])
+    between = fr3.tip_motion((fr3.home + elsewhere)[None] / 2, np.zeros((1, 7)))[0][0]
+    safety = Safety(obstacles=(Obstacle("ball", tuple(between), radius=0.05),))
+    ways: list[JoinedMotion | Trajectory] = []
+
+    class Stopped(VirtualDriver):
+        """Stands elsewhere, and keeps the first motion in place of following it."""
+
+        def stream(self, trajectory, on_sample=lambda _: None, guards=()) -> Streamed:
+            ways.append(trajectory)
+            return Streamed([], Stop("key", "test", 0.0))
+
+    robot, target = Stopped(fr3), target_of(PLAN.target)
+    robot.place(elsewhere)
+    with pytest.raises(IdentificationError, match="the way to the start was stopped"):
+        run_campaign(robot, PLAN, target, folder, safety=safety)
+    assert not certificate_of(fr3, ways[0], safety).broken
+    q = ways[0].at(fr3, np.linspace(0, ways[0].duration, 50))[0]
+    assert (
+        np.abs(q - fr3.home)[:, 1:].max() > 0.05
+    )  # only the first joint moves on the straight one
+    with pytest.raises(IdentificationError, match="another robot or with other settings"):
+        run_campaign(robot, PLAN, target, folder)
 
 
 def test_the_gate_refuses_a_faulty_log(fr3: Library, tmp_path: Path) -> None:

@@ -39,8 +39,9 @@ def find_compiler() -> Words:
     if name_of_compiler:
         return (name_of_compiler,)
     if importlib.util.find_spec("ziglang"):
-        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel
-        return (sys.executable, "-P", "-m", "ziglang", "cc")
+        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel. Zig tests
+        # for undefined behaviour unless it optimises, and first compiles a library for that, 18 s.
+        return (sys.executable, "-P", "-m", "ziglang", "cc", "-fno-sanitize=undefined")
     raise LibraryError(
         "the robot's C code is compiled at its first use, and there is no C compiler (looked for "
         "$CC, cc, gcc, clang and the ziglang wheel); get one with: pip install 'symgen[zig]'"

@@ -52,8 +52,9 @@ def find_compiler() -> tuple[str, ...]:
         if shutil.which(name):
             return (name,)
     if importlib.util.find_spec("ziglang"):
-        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel
-        return (sys.executable, "-P", "-m", "ziglang", "cc")
+        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel. Zig tests
+        # for undefined behaviour unless it optimises, and first compiles a library for that, 18 s.
+        return (sys.executable, "-P", "-m", "ziglang", "cc", "-fno-sanitize=undefined")
     raise CompilerError(
         "no C compiler found (looked for $CC, cc, gcc, clang and the ziglang wheel); "
         "install one, for example with: pip install ziglang"

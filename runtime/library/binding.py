@@ -201,7 +201,9 @@ class Binding:
 
     def _each(self, part: Callable[[int], None], count: int, operations: int) -> None:
         """Run all parts, on the requested number of threads or on as many as save time."""
-        threads = self._threads or min(cores(), int(operations / THREAD_OPERATIONS))
+        threads = self._threads or int(operations / THREAD_OPERATIONS)
+        if threads > 1 and count > 1:  # only a long batch needs the number of cores
+            threads = self._threads or min(cores(), threads)
         if threads <= 1 or count == 1:
             for k in range(count):
                 part(k)

@@ -1,7 +1,7 @@
 """`manifest.json`: the contract between what was generated and what runs."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +18,22 @@ FORMAT = 4
 
 @dataclass(frozen=True, slots=True)
 class ArgumentFacts:
-    """Name, shape and unit of a kernel's input or output; `summed` over a batch or not."""
+    """Name, shape and unit of a kernel's input or output; `summed` over a batch or not.
+
+    Attributes:
+        size: number of entries.
+    """
 
     name: str
     shape: tuple[int, ...]
     unit: str
     summed: bool = False
     shared: bool = False
+    size: int = field(init=False)
 
-    @property
-    def size(self) -> int:
-        """Number of entries."""
-        return math.prod(self.shape)
+    def __post_init__(self) -> None:
+        # Every call of a kernel needs it several times.
+        object.__setattr__(self, "size", math.prod(self.shape))
 
 
 @dataclass(frozen=True, slots=True)

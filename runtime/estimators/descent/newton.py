@@ -112,19 +112,19 @@ class _Loss:
         over_pi = self._over_pi.reshape(-1, links, width)
         by_theta = np.einsum("rki,kij->rkj", over_pi, blocks).reshape(-1, size)
         jacobian = np.hstack([by_theta, self._over_psi])
-        # Second term: ∂(∂π/∂θᵀ g)/∂θ of all links at once, one coordinate of each at a time.
+        # Second term: ∂(∂π/∂θᵀ g)/∂θ of all links at once, one coordinate of each at a time; the
+        # points ahead and behind in all coordinates are one batch.
         pull = (self._over_pi.T @ residual).reshape(links, width)
         hessian = jacobian.T @ jacobian
-        for j in range(width):
-            change = np.zeros((links, width))
-            change[:, j] = DIFFERENCE * np.maximum(np.abs(bodies.reshape(links, width)[:, j]), 1e-3)
-            ahead, behind = (
-                np.einsum("kij,ki->kj", self._jacobian(bodies + sign * change.ravel()), pull)
-                for sign in (1, -1)
-            )
-            column = (ahead - behind) / (2 * change[:, j : j + 1])
-            for k in range(links):
-                hessian[k * width : (k + 1) * width, k * width + j] += column[k]
+        theta = bodies.reshape(links, width)
+        change = DIFFERENCE * np.maximum(np.abs(theta), 1e-3)
+        moves = np.eye(width)[:, None] * change  # (coordinate, link, width)
+        points = np.concatenate([theta + moves, theta - moves]).reshape(-1, size)
+        pulled = np.einsum("nkij,ki->nkj", self._jacobian(points), pull)
+        columns = (pulled[:width] - pulled[width:]) / (2 * change.T[:, :, None])
+        for k in range(links):
+            block = slice(k * width, (k + 1) * width)
+            hessian[block, block] += columns[:, k].T
         hessian = (hessian + hessian.T) / 2
         factor = 2 * self._squares.scale
         return factor * (jacobian.T @ residual), factor * hessian

@@ -54,6 +54,19 @@ def test_slopes_are_those_of_the_loss(lib, ideal_runs):
         )
 
 
+def test_the_curvature_takes_one_batch_of_jacobians(lib, ideal_runs, monkeypatch):
+    """Property: a call costs 30 µs and a link 0.1 µs, so that all differences are one call."""
+    descent = start_of(noisy_problem(lib, ideal_runs[0], 0), cholesky=True)
+    shapes = []
+    plain = type(lib).cholesky_jacobian
+    monkeypatch.setattr(
+        type(lib), "cholesky_jacobian", lambda *a: (shapes.append(np.shape(a[1])), plain(*a))[1]
+    )
+    _Loss(descent).slope(descent.x0)
+    size = 10 * lib.n_links
+    assert shapes == [(size,), (20, size)]
+
+
 def test_a_step_that_does_not_lower_the_loss_is_halved(lib, ideal_runs, monkeypatch):
     """Oracle: L = x², whose slope states half the curvature: a whole step ends at −x, a half at 0.
 

@@ -89,6 +89,7 @@ def read_prepared_log(
     options: LogOptions,
     usable: Sequence[str] = (),
     robust: bool = False,
+    of_type: Friction | None = None,
 ) -> PreparedLog:
     """Read a log and choose its cut-off, regressor and friction model where options say auto.
 
@@ -99,6 +100,7 @@ def read_prepared_log(
         usable: columns to choose from where neither an option nor the recipe names a friction
             model; with none there is no choice.
         robust: choose that friction model with the weights of --robust.
+        of_type: friction model of a fleet, which replaces that choice.
 
     Returns:
         The log with its preparation; `notes` hold one sentence per automatic choice.
@@ -155,11 +157,15 @@ def read_prepared_log(
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
-    if usable and options.friction is None and default_terms(recording) is None:
+    if streamed is not None:  # blocks do not hand on the state of the friction
+        usable = tuple(name for name in usable if name != MEMORY)
+    is_open = bool(usable) and options.friction is None and default_terms(recording) is None
+    if is_open and of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
+        terms = of_type
+        notes += (f"the friction model is that of the fleet: {terms}",)
+    elif is_open:
         from runtime.inspection.default_friction import choose_default_friction
 
-        if streamed is not None:  # blocks do not hand on the state of the friction
-            usable = tuple(name for name in usable if name != MEMORY)
         with console.status("choosing a friction model"):
             chosen = choose_default_friction(
                 recording, lib, prepared, parts, options.coulomb_speed, usable, robust

@@ -29,6 +29,7 @@ from runtime.estimators.type_prior import KnownFriction, read_centre, read_frict
 from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
+from runtime.recording import Friction
 
 TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
 MIRRORED = {
@@ -63,6 +64,11 @@ class PriorFile:
     centre: Array | None = None
     friction: KnownFriction | None = None
     units: int = 0
+
+    @property
+    def friction_model(self) -> Friction | None:
+        """Friction model that the units of a fleet share; None for a prior of other origin."""
+        return self.friction.model if self.friction and self.units else None
 
 
 def read_prior(path: Path, lib: Library) -> PriorFile:

@@ -51,6 +51,11 @@ class KnownFriction:
     mean: Array
     sigma: Array
 
+    @property
+    def model(self) -> Friction:
+        """Friction model with these columns and widths."""
+        return Friction(self.columns, **self.widths)
+
     def of(self, friction: Friction, columns: tuple[str, ...]) -> FrictionPrior:
         """Prior of the coefficients of a friction model.
 

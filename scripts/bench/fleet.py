@@ -11,7 +11,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime import Recording, identify
+from bench.compiled_plant import record
+from bench.trials import trajectories
+from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
@@ -25,7 +27,7 @@ from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.recording.settings import EVERYTHING
 from runtime.simulation.settings import settings_of
-from runtime.simulation.virtual_robot import perturbed, record
+from runtime.simulation.virtual_robot import perturbed
 
 Array = NDArray[np.float64]
 
@@ -33,14 +35,20 @@ OF_TYPE, SPREAD = 0.2, 0.05
 """Distance of the type from the URDF, and spread of the units."""
 SHORT_S, PAUSE_S = 3.0, 10.0
 """Length of the short motion, and pause between two motions of a log, s."""
-TERMS = Friction(("viscous", "coulomb", "offset"))
+TERMS = Friction(("viscous", "dahl", "offset", "stribeck", "load"))
+"""Friction model of the fleet: 20 units determine what one log of 20 s hardly does."""
 FILTERED = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
 WAYS = (
-    "3 s without prior",
-    "20 s without prior",
-    "3 s with the fleet's prior",
-    "20 s with the fleet's prior",
+    "3 s, without fleet",
+    "20 s, without fleet",
+    "20 s, without fleet, friction columns of the fleet",
+    "3 s of another motion, with the fleet",
+    "3 s of a designed motion, with the fleet",
+    "20 s, with the fleet",
 )
+"""Without a fleet the friction model is that which `identify` chooses for the log."""
+SHORT = Path(__file__).with_name("fr3_short.json")
+"""Motion of 3 s that `excite` has designed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +57,7 @@ class FleetTrials:
 
     Attributes:
         fit: the fleet.
-        rms: RMS torque error on the test motion by way and unit, (4, count, n) [N·m].
+        rms: RMS torque error on the test motion by way and unit, (6, count, n) [N·m].
         consistent: whether all links of all models are strictly consistent.
     """
 
@@ -81,7 +89,7 @@ def fleet_trials(
         log = joined(
             *(motion(lib, centre, d, (u, k), of_friction) for k, d in enumerate((one, two)))
         )
-        result = identified(lib, log, None)
+        result = identified(lib, log, TERMS, None)
         known.append(unit_of(statistics_of(result, f"u{u}"), lib, f"u{u}"))
     fit = fit_fleet(lib, known)
     with TemporaryDirectory() as folder:
@@ -91,19 +99,29 @@ def fleet_trials(
         prior = read_prior(path, lib)
     rms = np.zeros((len(WAYS), count, lib.n_joints))
     consistent = bool((lib.relative_eigenvalues(fit.pi) > 0).all())
+    (designed,) = trajectories(SHORT, lib)
     for k in range(count):
         u = units + k
         logs = [
             motion(lib, centre, d, (u, number), of_friction)
-            for number, d in enumerate((one, two, other))
+            for number, d in enumerate((one, two, other, designed))
         ]
-        long, test = joined(*logs[:2]), samples_of(prepare(logs[2], FILTERED, TERMS, lib=lib), lib)
+        long, test, best = joined(*logs[:2]), logs[2], logs[3]
         start = np.random.default_rng([5, k]).uniform(0, one.duration - SHORT_S)
         short = long.take((long.t >= start) & (long.t < start + SHORT_S), "short")
-        ways = ((short, None), (long, None), (short, prior), (long, prior))
-        for way, (log, given) in enumerate(ways):
-            result = identified(lib, log, given, certify=False)
-            rest = result.predict_samples(test) - test.tau
+        alone, usual = (choose_default_friction(log, lib, FILTERED).terms for log in (short, long))
+        ways = (
+            (short, alone, None),
+            (long, usual, None),
+            (long, TERMS, None),
+            (short, TERMS, prior),
+            (best, TERMS, prior),
+            (long, TERMS, prior),
+        )
+        for way, (log, terms, given) in enumerate(ways):
+            result = identified(lib, log, terms, given, certify=False)
+            samples = samples_of(prepare(test, FILTERED, terms, lib=lib), lib)
+            rest = result.predict_samples(samples) - samples.tau
             rms[way, k] = np.sqrt(np.mean(rest**2, axis=0))
             consistent &= bool((lib.relative_eigenvalues(result.pi) > 0).all())
     return FleetTrials(fit, rms, consistent)
@@ -138,7 +156,9 @@ def joined(first: Recording, second: Recording) -> Recording:
     return Recording(t, q, dq, None, tau, name="unit", joint_names=first.joint_names)
 
 
-def identified(lib: Library, log: Recording, prior: PriorFile | None, certify: bool = True):  # type: ignore[no-untyped-def]
+def identified(
+    lib: Library, log: Recording, terms: Friction, prior: PriorFile | None, certify: bool = True
+) -> Identification:
     """The unit by the default method with all rows."""
-    settings = {"preparation": FILTERED, "friction_columns": TERMS, "splitting": EVERYTHING}
+    settings = {"preparation": FILTERED, "friction_columns": terms, "splitting": EVERYTHING}
     return identify(log, lib, prior=prior, certify=certify, **settings)

@@ -10,7 +10,8 @@ the log. The part is named by the likelihood with unknown noise per joint,
 
     N_eff Σ_j log(‖e_j‖² / ‖e_j − C_h x‖²) − k log N_eff + 2 log prior          (Schwarz 1978)
 
-a single inner link only where it explains clearly more than all base parameters do. The p-value of
+a single inner link only where it explains clearly more than all base parameters do and leaves no
+other significant change. The p-value of
 that hypothesis is multiplied by the number of hypotheses (Bonferroni).
 """
 
@@ -138,11 +139,14 @@ def verdict_of(
     # Noise of what all columns of the model leave, whatever has changed.
     coloured = coloured_noise_of_rows(known * over[:, None], e)
     n_eff = len(e) / max(coloured.inflation, 1.0)
-    tests = [
-        _tested(each, e, over, spread, n_eff)
-        for each in hypotheses(lib, model, saved.pi, recording.t, samples)
-    ]
+    parts = list(hypotheses(lib, model, saved.pi, recording.t, samples))
+    tests = [_tested(each, e, over, spread, n_eff) for each in parts]
     ranked = _ranked(tests, n_eff)
+    if ranked[0].group == "links":
+        (link,) = (each for each in parts if (each.group, each.where) == _part(ranked[0]))
+        left = _left(link, e, over)
+        others = [_tested(each, left, over, spread, n_eff) for each in parts if each is not link]
+        ranked = _whole_if_several(ranked, others)
     p_value = min(1.0, ranked[0].p_value * len(tests))
     error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
     return Verdict(
@@ -170,6 +174,36 @@ def _ranked(tests: list[Change], n_eff: float) -> tuple[Change, ...]:
         ranked.remove(whole)
         ranked.insert(0, whole)
     return tuple(ranked)
+
+
+def _whole_if_several(ranked: tuple[Change, ...], others: list[Change]) -> tuple[Change, ...]:
+    """The whole model first where a link leaves another change: one part is not all of it then.
+
+    Args:
+        ranked: hypotheses, a single link first.
+        others: tests of all others on what that link leaves.
+
+    Returns:
+        Hypotheses in their order, "model" first where others explain a significant rest.
+    """
+    count = len(others)
+    if not any(each.score > 0 and each.p_value * count < ALPHA for each in others):
+        return ranked
+    whole = next(test for test in ranked if test.group == "model")
+    return (whole, *(test for test in ranked if test is not whole))
+
+
+def _part(change: Change) -> tuple[str, str]:
+    return change.group, change.where
+
+
+def _left(hypothesis: Hypothesis, e: Array, over: Array) -> Array:
+    """Residual e − C_h x of least squares, (N, n), over the noise."""
+    columns = (hypothesis.columns * over[:, None]).reshape(e.size, -1)
+    lengths = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(lengths > 0, lengths, 1.0)
+    x = np.linalg.lstsq(unit, e.ravel(), rcond=RANK)[0]
+    return np.asarray(e - (unit @ x).reshape(e.shape))
 
 
 def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:

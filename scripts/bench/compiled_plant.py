@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 SOURCE = Path(__file__).with_name("compiled_plant.c")
 
 
-class CompiledSimulator(virtual_robot._Simulator):  # noqa: SLF001  the loop that is compiled
+class CompiledSimulator(virtual_robot._Simulator):
     """Plant, friction, drive and controller with the loop in C."""
 
     def run(
@@ -66,7 +66,7 @@ class CompiledSimulator(virtual_robot._Simulator):  # noqa: SLF001  the loop tha
         sizes = (count, n, self._substeps, self._delay, int(s.law == "computed_torque"))
         arrays = (wanted, sort(jitter), joints, log, clipped)  # alive until the loop ends
         reached = _loop()(
-            *(each._address for each in (plant.model, plant.data, belief.model, belief.data)),  # noqa: SLF001
+            *(each._address for each in (plant.model, plant.data, belief.model, belief.data)),
             *sizes,
             *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
         )

@@ -3,7 +3,7 @@
 Robots are drawn about the FR3's URDF; the observer watches the virtual FR3 of `runtime.simulation`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,19 +16,14 @@ from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
-from runtime.monitoring.drift import verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.recording import Friction, Preparation
-from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
-from runtime.simulation.box_payload import Box
-from runtime.simulation.sensors import measured_torque
-from runtime.simulation.settings import settings_of
-from runtime.simulation.virtual_robot import VirtualLog, perturbed, record
+from runtime.simulation.virtual_robot import perturbed, record
 
 Array = NDArray[np.float64]
 
@@ -172,85 +167,3 @@ def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list
         (j, any(c.number == j and 0 <= c.time_s - start <= WITHIN_S for c in seen.contacts))
         for start, j in zip(starts, joints, strict=True)
     ]
-
-
-CHANGES = ("sensor gain", "payload", "friction", "clock", "model")
-ROBOTS = 8
-"""Number of other robots that a wrong model belongs to."""
-
-
-def weeks(
-    lib: Library, designs: tuple[Trajectory, ...], counts: dict[float, int]
-) -> dict[tuple[float, str], tuple[int, int, int]]:
-    """Verdicts on logs of the virtual FR3 with and without a change.
-
-    The robot repeats one of two motions every week. A motion is simulated once per change and size;
-    every week has its own noise of the torque sensors.
-
-    Args:
-        lib: the FR3.
-        designs: training motion, and that of the later logs.
-        counts: size of the changes relative to gain +5 %, tool +0.2 kg, friction +20 %, delay 5 ms,
-            links of another unit 4 % → number of logs per change.
-
-    Returns:
-        Size and change, "" for none → logs, logs with a change, logs whose group is right.
-    """
-    log = record(lib, designs[0], seed=0).recording
-    result = identify(log, lib, preparation=FILTERED, friction_columns=OF_ARM)
-    with TemporaryDirectory() as folder:
-        known = saved_of(lib, result, Path(folder))
-        sigma = read_held_out(Path(folder), model_of(known.saved, lib)).rest.std(axis=0)
-    root = known.posterior.root(lib)
-    motions: dict[tuple[object, ...], VirtualLog] = {}
-    verdicts = {}
-    for level, count in counts.items():
-        for change in ("", *CHANGES) if level == max(counts) else CHANGES:
-            seen = right = 0
-            for week in range(count):
-                later = changed_log(lib, designs, change, level, week, motions)
-                prepared = prepare(later, FILTERED, known.saved.friction, lib=lib)
-                verdict = verdict_of(lib, known.saved, root, sigma, prepared)
-                seen += verdict.changed
-                right += verdict.changed and verdict.best.group == change
-            verdicts[level, change] = count, seen, right
-    return verdicts
-
-
-def changed_log(
-    lib: Library,
-    designs: tuple[Trajectory, ...],
-    change: str,
-    level: float,
-    week: int,
-    motions: dict[tuple[object, ...], VirtualLog],
-) -> Recording:
-    """Log of one week after a change of the virtual FR3, with motions that are simulated once."""
-    settings, design = settings_of(lib), week % 2
-    physical = change in {"friction", "payload", "model"}
-    other = week % ROBOTS if change == "model" else design
-    key = (change, level, other) if physical else ("", 0.0, design)
-    if key not in motions:
-        payload, truth, now = None, 0, settings
-        if change == "friction":
-            more, friction = 1 + 0.2 * level, settings.friction
-            friction = replace(
-                friction, coulomb=more * friction.coulomb, viscous=more * friction.viscous
-            )
-            now = replace(settings, friction=friction)
-        if change == "payload":
-            payload = Box(0.2 * level, (0.0, 0.0, 0.17), (0.05, 0.05, 0.05), "fr3_link7")
-        if change == "model":
-            now, truth = replace(settings, spread=settings.spread * 2 * level), 100 + other
-        motions[key] = record(
-            lib, designs[design], now, seed=week + 1, truth_seed=truth, payload=payload
-        )
-    log = motions[key]
-    rng = np.random.default_rng([6, week, CHANGES.index(change) if change else 9])
-    tau = measured_torque(log.motion.link, settings.sensors, log.truth.sensors, rng)
-    t = log.recording.t
-    if change == "sensor gain":
-        tau[:, week % lib.n_joints] *= 1 + 0.05 * level
-    if change == "clock":
-        tau = np.stack([np.interp(t - 0.005 * level, t, row) for row in tau.T], axis=1)
-    return log.recording.replace(tau=tau)

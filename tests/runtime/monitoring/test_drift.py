@@ -48,7 +48,7 @@ def later_log(
     }
     if change == "payload":
         pi = pi + Box(0.2, (0.0, 0.0, 0.1), (0.05,) * 3, "fr3_link7").pi(lib)
-    if change == "links":
+    if change in {"links", "link and sensor"}:
         pi = pi + Box(0.3, (0.03, 0.0, 0.06), (0.08,) * 3, "fr3_link4").pi(lib)
     if change == "model":
         pi = perturbed(lib, pi, 0.1, np.random.default_rng(3))
@@ -60,6 +60,8 @@ def later_log(
         tau[:, 2] *= 1.05
     if change == "sensor bias":
         tau[:, 4] += 0.1
+    if change == "link and sensor":
+        tau[:, 5] += 0.2
     if change == "clock":
         tau = np.stack([np.interp(log.t - 0.005, log.t, row) for row in tau.T], axis=1)
     return log.replace(tau=tau)
@@ -98,6 +100,22 @@ def test_a_change_is_named(
     if size is not None:
         assert facts["size"] == pytest.approx(size, abs=tolerance)
         assert facts["interval"][0] < facts["size"] < facts["interval"][1]
+
+
+def test_a_link_that_leaves_another_change_is_not_all(
+    command: Command,
+    arm: Path,
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Oracle: a body on a link together with another sensor is a wrong model, not that link."""
+    log = later_log(lib, trajectories[1], pi_true, "link and sensor")
+    write_recording(log, tmp_path / "later.csv")
+    ran = command("watch", arm, "later.csv", "--json")
+    facts = json.loads(ran.out)
+    assert (ran.code, facts["group"], facts["where"]) == (1, "model", "")
 
 
 @pytest.mark.parametrize(("lead", "named"), [(11.0, "model"), (26.0, "model"), (71.0, "links")])

@@ -159,18 +159,11 @@ def read_prepared_log(
     notes += sentences
     if streamed is not None:  # blocks do not hand on the state of the friction
         usable = tuple(name for name in usable if name != MEMORY)
-    is_open = bool(usable) and options.friction is None and default_terms(recording) is None
-    if is_open and of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
-        terms = of_type
-        notes += (f"the friction model is that of the fleet: {terms}",)
-    elif is_open:
-        from runtime.inspection.default_friction import choose_default_friction
-
-        with console.status("choosing a friction model"):
-            chosen = choose_default_friction(
-                recording, lib, prepared, parts, options.coulomb_speed, usable, robust
-            )
-        terms, notes = chosen.terms, (*notes, chosen.sentence)
+    if usable and options.friction is None and default_terms(recording) is None:
+        terms, sentence = _chosen_terms(
+            lib, recording, prepared, parts, options, usable, robust, of_type
+        )
+        notes += (sentence,)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
     from runtime.inspection.friction_choice import choose_friction
@@ -181,6 +174,28 @@ def read_prepared_log(
         )
     console.print(friction_table(choice))
     return PreparedLog(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
+
+
+def _chosen_terms(
+    lib: Library,
+    recording: Recording,
+    prepared: Preparation | None,
+    parts: Split | None,
+    options: LogOptions,
+    usable: Sequence[str],
+    robust: bool,
+    of_type: Friction | None,
+) -> tuple[Friction, str]:
+    """Friction model of a fleet, or the default by cross-validation; with a sentence."""
+    if of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
+        return of_type, f"the friction model is that of the fleet: {of_type}"
+    from runtime.inspection.default_friction import choose_default_friction
+
+    with console.status("choosing a friction model"):
+        chosen = choose_default_friction(
+            recording, lib, prepared, parts, options.coulomb_speed, tuple(usable), robust
+        )
+    return chosen.terms, chosen.sentence
 
 
 def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:

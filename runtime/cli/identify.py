@@ -219,7 +219,9 @@ def identify_command(
     usable = usable_columns([chosen])
     if delay is not None or encoder_bias:  # whose result states Coulomb friction per drive
         usable = tuple(name for name in usable if name != MEMORY)
-    data = read_prepared_log(lib, log, options, usable, robust, known and known.friction_model)
+    data = read_prepared_log(
+        lib, log, options, usable, robust, known.friction_model if known else None
+    )
     if data.streamed is not None:
         _require_for_streamed(controller, delay is not None or encoder_bias)
         from runtime.cli.streamed_log import streamed_result

@@ -160,10 +160,9 @@ def read_prepared_log(
     if streamed is not None:  # blocks do not hand on the state of the friction
         usable = tuple(name for name in usable if name != MEMORY)
     if usable and options.friction is None and default_terms(recording) is None:
-        terms, sentence = _chosen_terms(
-            lib, recording, prepared, parts, options, usable, robust, of_type
-        )
-        notes += (sentence,)
+        steps = prepared, parts
+        terms, note = _chosen_terms(lib, recording, steps, options, usable, robust, of_type)
+        notes += (note,)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
     from runtime.inspection.friction_choice import choose_friction
@@ -179,8 +178,7 @@ def read_prepared_log(
 def _chosen_terms(
     lib: Library,
     recording: Recording,
-    prepared: Preparation | None,
-    parts: Split | None,
+    steps: tuple[Preparation | None, Split | None],
     options: LogOptions,
     usable: Sequence[str],
     robust: bool,
@@ -193,7 +191,7 @@ def _chosen_terms(
 
     with console.status("choosing a friction model"):
         chosen = choose_default_friction(
-            recording, lib, prepared, parts, options.coulomb_speed, tuple(usable), robust
+            recording, lib, *steps, options.coulomb_speed, tuple(usable), robust
         )
     return chosen.terms, chosen.sentence
 

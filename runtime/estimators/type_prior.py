@@ -13,7 +13,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
@@ -54,7 +54,7 @@ class KnownFriction:
     @property
     def model(self) -> Friction:
         """Friction model with these columns and widths."""
-        return replace(Friction(self.columns), **self.widths)
+        return Friction.from_facts({"columns": self.columns, **self.widths})
 
     def of(self, friction: Friction, columns: tuple[str, ...]) -> FrictionPrior:
         """Prior of the coefficients of a friction model.

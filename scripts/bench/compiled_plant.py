@@ -6,6 +6,7 @@ Hours of motion take minutes this way. The loop is that of `runtime.simulation.v
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
@@ -99,6 +100,7 @@ def largest_difference(lib: Library, trajectory: Trajectory) -> float:
     return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
+@cache
 def _loop() -> Callable[..., int]:
     """The compiled loop, linked to the MuJoCo of the Python package."""
     import mujoco

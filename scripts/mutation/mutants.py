@@ -86,7 +86,7 @@ def _template(text: str) -> Iterator[Piece]:
         first = match.start()
         if any(a <= first < b for a, b in idle):
             continue
-        new = _C_TEXT.get(match[0]) or f"({match[0]} * 10)"
+        new = _C_TEXT.get(match[0]) or (f"({match[0]} * 10)" if float(match[0]) else "1.0")
         start = len(text[:first].encode())
         yield start, start + len(match[0].encode()), new.encode()
 

@@ -98,17 +98,19 @@ class Planner:
             *self._within(self._beside(covering & usable) - covering - direct, self.budget_s / 2),
         ]
 
-    def of_room(self, room_tests: Sequence[str], robot: str = "") -> list[str]:
+    def of_room(self, room_tests: Sequence[str], robots: Sequence[str] = ()) -> list[str]:
         """Tests for a mutant of a template, whose text no map shows: those of the room.
 
         Args:
             room_tests: folders and files of the tests of its room.
-            robot: part of the names of the tests that count: a robot that builds fast.
+            robots: parts of the names of the tests that count: robots that build fast.
 
         Returns:
             Names, within the budget of time.
         """
-        usable = {t for t in self.known - self.broken if robot in t}
+        usable = {
+            t for t in self.known - self.broken if not robots or any(robot in t for robot in robots)
+        }
         return self._within({t for t in usable if self._is_near(t, "", room_tests)}, self.budget_s)
 
     def _beside(self, tests: set[str]) -> set[str]:

@@ -14,12 +14,12 @@ class Room:
     Attributes:
         sources: files and folders.
         tests: files and folders.
-        robot: part of the names of the tests that count, where others compile for long.
+        robots: parts of the names of the tests that count, where others compile for long.
     """
 
     sources: tuple[str, ...]
     tests: tuple[str, ...]
-    robot: str = ""
+    robots: tuple[str, ...] = ()
 
     def files(self, root: Path) -> list[Path]:
         """Return the source files below `root`, sorted."""
@@ -37,6 +37,8 @@ _POSTERIOR = tuple(
 )
 _MECHANICS = "symgen/mechanics"
 _TEMPLATES = "symgen/templates"
+SMALL = ("double",)
+"""Robots of tests that build in seconds."""
 
 ROOMS = {
     "convex": Room(
@@ -113,21 +115,21 @@ ROOMS = {
     "convex.c": Room(
         (f"{_TEMPLATES}/convex.c.jinja2",),
         (f"{_T}/estimators/convex/test_convex_compiled.py",),
-        "double",
+        SMALL,
     ),
     "descent.c": Room(
         (f"{_TEMPLATES}/descent.c.jinja2",),
         (f"{_T}/estimators/descent/test_descent.py",),
-        "double",
+        SMALL,
     ),
     "statistics.c": Room(
         (f"{_TEMPLATES}/statistics.c.jinja2",),
         (f"{_T}/estimators/regression/test_factor.py",),
-        "double",
+        SMALL,
     ),
     "excitation.c": Room(
         (f"{_TEMPLATES}/excitation.c.jinja2", f"{_TEMPLATES}/eigen.h"),
         (f"{_T}/excitation/search/test_condition_cost.py",),
-        "double",
+        SMALL,
     ),
 }

@@ -173,7 +173,7 @@ def run(
                 journal.add(Outcome(room, m.path, m.line, m.before, m.after, EQUIVALENT))
             else:
                 package = m.path.split("/")[0]
-                one = Job(m, ROOMS[room].tests, robot=ROOMS[room].robot)
+                one = Job(m, ROOMS[room].tests, robots=ROOMS[room].robots)
                 jobs.setdefault(package, []).append((room, one))
     for library in HEAVY:
         __import__(library)

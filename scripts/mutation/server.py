@@ -31,12 +31,12 @@ BUILD_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A mutant, tests of its room, tests that it meets, and a robot that their names contain."""
+    """A mutant, tests of its room, tests that it meets, and robots that their names contain."""
 
     mutant: Mutant
     room_tests: tuple[str, ...]
     tests: tuple[str, ...] = ()
-    robot: str = ""
+    robots: tuple[str, ...] = ()
 
 
 Report = Callable[[Job, Ended], None]
@@ -100,7 +100,7 @@ class Server:
         def planned(jobs: Sequence[Job]) -> Iterator[Job]:
             for job in jobs:
                 if not job.mutant.path.endswith(".py"):
-                    before = planner.of_room(job.room_tests, job.robot)
+                    before = planner.of_room(job.room_tests, job.robots)
                     self.cold.append(replace(job, tests=tuple(before)))
                     continue
                 if job.mutant.path.startswith("symgen/"):

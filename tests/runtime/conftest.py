@@ -163,7 +163,7 @@ def any_robot(
 
     def get(name: str) -> Library:
         if name == "double":
-            return request.getfixturevalue("double")
+            return request.getfixturevalue(name)
         return load(tiny_built) if name == "tiny" else robot(name)
 
     return get

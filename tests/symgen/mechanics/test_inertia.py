@@ -97,6 +97,7 @@ def test_adjoint_in_closed_form(lam: Array, slope: list[float]) -> None:
 @example(np.array([0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1e-4, 5e-5, 0.0]))
 @example(np.array([0.0, 0.1, 0.7, -0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
 @example(np.array([0.0, *[0.0] * 6, 0.25, 0.05193492155647096, 0.05193492155647096]))
+@example(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.75, 0.5, 0.0, 0.0]))  # a rod
 def test_lam_reproduces_pi(lam: Array) -> None:
     """Property: π(λ(π)) = π, a ≥ b ≥ c ≥ 0 and |ω| ≤ π, whatever the body; none is refused."""
     pi = call(PI, lam)

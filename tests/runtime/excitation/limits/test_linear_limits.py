@@ -1,0 +1,43 @@
+"""Limits that are linear in the coefficients: home, grid, shares; limits that are not checked."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.joint_limits import Limits
+from runtime.excitation.limits.unchecked import RATE, unchecked
+from runtime.excitation.motion.basis import COSINE
+from runtime.library import Library
+
+
+def test_a_home_on_its_limit_is_refused(lib: Library) -> None:
+    """Property: from an end of its range a joint cannot move to both sides."""
+    for key in ("lower", "upper"):
+        home = lib.home.copy()
+        home[3] = lib.limits()[key][3]
+        with pytest.raises(IdentificationError, match=f"of joint '{lib.joint_names[3]}' is not"):
+            Limits(lib, home, 2, 4.0)
+
+
+def test_the_share_of_the_limits_on_the_grid_of_the_document(lib: Library) -> None:
+    """Oracle: largest shares over 41 instants, a tenth of a second apart, as Sec. 3.4.2 states."""
+    a = 0.1 * np.random.default_rng(0).normal(size=(lib.n_joints, 2))
+    limits = lib.limits()
+    phi = COSINE.at(lib, 2, np.linspace(0.0, 4.0, 41), 4.0)
+    q, dq, ddq = (phi[..., k] @ a.T for k in range(3))
+    room = np.where(q > 0, limits["upper"] - lib.home, lib.home - limits["lower"])
+    share = Limits(lib, lib.home, 2, 4.0).use(a)
+    np.testing.assert_allclose(share["position"], (np.abs(q) / room).max(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(share["velocity"], np.abs(dq).max(axis=0) / limits["velocity"])
+    fastest = np.abs(ddq).max(axis=0)
+    np.testing.assert_allclose(share["acceleration"], fastest / limits["acceleration"])
+
+
+def test_one_stated_torque_rate_is_named_where_it_is_not_checked() -> None:
+    """Property: without `safety` every limit that a joint states is named as not checked."""
+    for rate, is_named in (([np.inf, 10.0], True), ([np.inf, np.inf], False)):
+        limits = {"torque_rate": np.array(rate), "tip_speed": np.inf}
+        robot = SimpleNamespace(limits=lambda limits=limits: limits, braking=None)
+        assert (RATE in unchecked(robot, None)) == is_named

@@ -71,6 +71,19 @@ class FrictionPrior:
         return replace(like, factor=rows, target=target, rest=0.0, n_samples=0.0)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFloor:
+    """Least noise of rows whose residuals cannot show it: fewer independent ones than unknowns.
+
+    Attributes:
+        sigma: least standard deviation per equation, (m,) [N·m, N].
+        inflation: least N / N_eff.
+    """
+
+    sigma: Array
+    inflation: float
+
+
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
 class Problem:
     """Data, weights and first guess of an identification, the same for every method.
@@ -89,6 +102,7 @@ class Problem:
         column_names: names of the k columns of the samples; those of several logs have an offset
             column per log beyond `terms`.
         friction_prior: of φ, for map.
+        noise_floor: least noise of the rows, for map; None where the residuals show the noise.
     """
 
     lib: Library
@@ -104,6 +118,7 @@ class Problem:
     column_names: tuple[str, ...] = ()
     left_out: NDArray[np.bool_] | None = None
     friction_prior: FrictionPrior | None = None
+    noise_floor: NoiseFloor | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training samples, with the weights of the problem unless others are given."""

@@ -47,6 +47,8 @@ class Contacts:
         axes: "link" or "world".
         offset_sigma: (C,) standard deviation of unknown offsets of the vertical forces [N]; None
             where the log does not state it.
+        sensed: (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is
+            none; filtered like the forces.
     """
 
     links: tuple[str, ...]
@@ -54,6 +56,7 @@ class Contacts:
     wrench: FloatArray
     axes: str
     offset_sigma: FloatArray | None = None
+    sensed: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,9 +224,11 @@ def _contacts(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
     if "contact_force_z" in arrays:
         axes = "world"
         wrench[:, :, 2] = _numbers(arrays, "contact_force_z", name, (count, size))
+    sensed = np.ones((count, size))
     if "contact_flags" in arrays:
         flags = _numbers(arrays, "contact_flags", name, (count, size))
         wrench[flags == 0] = 0.0
+        sensed[flags == 0] = 0.0
     sigma = None
     if "contact_force_z_sigma" in arrays:
         sigma = _numbers(arrays, "contact_force_z_sigma", name, (size,))
@@ -232,7 +237,7 @@ def _contacts(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
                 f"{name}: contact_force_z_sigma needs numbers of at least 0 [N] and "
                 "contact_force_z beside them; correct or remove it"
             )
-    return Contacts(links, position, wrench, axes, sigma)
+    return Contacts(links, position, wrench, axes, sigma, sensed)
 
 
 def _word(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from bench.markdown import markdown_table
 from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.vertical_force import VerticalForce
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import free_base_of
@@ -79,6 +80,7 @@ class Walk:
         urdf: RMS error of the URDF on the second half.
         identified: RMS error of the model that was fitted to the first half.
         constant: standard deviation of the measured sum on the second half.
+        best_mass: RMS error of the URDF with the total mass that fits the second half best.
         mass, low, high: total mass and its 95 % interval [kg].
         determined: entries of π that the log determines, of all.
         entries: number of entries of π.
@@ -88,6 +90,7 @@ class Walk:
     urdf: float
     identified: float
     constant: float
+    best_mass: float
     mass: float
     low: float
     high: float
@@ -198,6 +201,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
                 100 * vertical.before / weight,
                 100 * vertical.after / weight,
                 100 * vertical.spread / weight,
+                100 * _best_mass(vertical) / weight,
                 mass,
                 mass - 1.96 * sigma,
                 mass + 1.96 * sigma,
@@ -208,19 +212,28 @@ def walking(data: Path, folder: Path) -> list[Walk]:
     return rows
 
 
-_RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "URDF %", "consistent %",
+def _best_mass(vertical: VerticalForce) -> float:
+    """RMS of f − s p at the best factor s of the URDF's force p [N]."""
+    p, f = vertical.predicted, vertical.measured
+    return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
+
+
+_RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "URDF %",
+             "median |Δβᵢ|/|βᵢ| %", "consistent %",
              "total mass in its 95 % interval, %")  # fmt: skip
-_WALK = ("low-pass Hz", "URDF %", "identified %", "best constant %", "mass kg", "95 % interval")
+_WALK = ("low-pass Hz", "URDF %", "identified %", "URDF of the best mass %", "best constant %",
+         "mass kg", "95 % interval")  # fmt: skip
 
 
 def _recovery_cells(r: Trials) -> tuple[str, ...]:
     sizes = (r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials))
-    errors = (f"{100 * r.relative:.3f}", f"{100 * r.urdf:.1f}")
+    errors = (f"{100 * r.relative:.3f}", f"{100 * r.urdf:.1f}", f"{100 * r.single:.1f}")
     return (*sizes, *errors, f"{100 * r.consistent:.0f}", f"{100 * r.mass_covered:.0f}")
 
 
 def _walk_cells(r: Walk) -> tuple[str, ...]:
-    errors = (f"{r.urdf:.2f}", f"{r.identified:.2f}", f"{r.constant:.2f}")
+    numbers = (r.urdf, r.identified, r.best_mass, r.constant)
+    errors = tuple(f"{number:.2f}" for number in numbers)
     return (f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}")
 
 
@@ -235,12 +248,12 @@ def walking_table(rows: list[Walk]) -> Table:
     return _table(title, _WALK, map(_walk_cells, rows))
 
 
-def recoverymarkdown_table(rows: list[Trials]) -> str:
+def recovery_markdown(rows: list[Trials]) -> str:
     """Table of `recovery` for docs/."""
     return markdown_table(_RECOVERY, map(_recovery_cells, rows))
 
 
-def walkingmarkdown_table(rows: list[Walk]) -> str:
+def walking_markdown(rows: list[Walk]) -> str:
     """Table of `walking` for docs/."""
     return markdown_table(_WALK, map(_walk_cells, rows))
 

@@ -212,6 +212,8 @@ def _known_torque(entry: dict[str, Any], where: str) -> KnownTorque:
     table.require_keys(("joint", "of", "polynomial", "x", "torque"))
     of = table.along()
     if "polynomial" in entry:
+        if "x" in entry or "torque" in entry:
+            raise UrdfError(f"{table.what} has a polynomial and points x, torque; keep one of them")
         return KnownTorque(of, polynomial=table.numbers("polynomial"))
     x, torque = table.numbers("x"), table.numbers("torque")
     if len(x) != len(torque) or len(x) < 2 or any(b <= a for a, b in pairwise(x)):

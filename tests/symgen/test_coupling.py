@@ -322,6 +322,11 @@ REFUSED = {
         "'?left_roll, right_lift'? do not determine the others",
     ),
     "unknown independent": (TREE, WRIST | {"independent": ["a", "b"]}, "independent names 'a'"),
+    "curve by polynomial and by points": (
+        TREE,
+        {"known_torque": [{"joint": "left_lift", "polynomial": [1.0], "x": [0.0, 1.0]}]},
+        "has a polynomial and points",
+    ),
     "independent without coupling": (TREE, {"independent": ["left_lift"]}, "no coupling"),
 }
 

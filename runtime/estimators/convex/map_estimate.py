@@ -24,7 +24,7 @@ from runtime.estimators.method import Method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.coloured_noise import coloured_noise_of
+from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.residuals import inflation, noise, residuals, weights_from
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.type_prior import prior_about
@@ -68,22 +68,39 @@ def fit_map(
     few = _thinned(train)
     weights = problem.weights
     bounds = bounds_of(problem, is_passive=True)
+    floor = problem.noise_floor
+    # Rows over their noise have the variance one; residuals of too few rows are far below it.
+    least = LEAST_VARIANCE if floor is None else 1.0
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
         phi, minimum, _ = _fitted(
-            lib, _primed(problem, compress(lib, few, weights)), bounds, weights, prior, kappa
+            lib,
+            _primed(problem, compress(lib, few, weights), least),
+            bounds,
+            weights,
+            prior,
+            kappa,
+            least,
         )
         rest = residuals(lib, few, minimum.pi, phi)
-        weights = weights_from(noise(rest, lib, phi.size), few.tau)
+        sigma = noise(rest, lib, phi.size)
+        if floor is not None:
+            sigma = np.maximum(sigma, floor.sigma)
+        weights = weights_from(sigma, few.tau)
     statistics = problem.statistics(weights)
-    phi, minimum, _ = _fitted(lib, _primed(problem, statistics), bounds, weights, prior, kappa)
+    primed = _primed(problem, statistics, least)
+    phi, minimum, _ = _fitted(lib, primed, bounds, weights, prior, kappa, least)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
     coloured = coloured_noise_of(lib, [train], statistics, weights)
+    if floor is not None:
+        ratio = max(ratio, floor.inflation)
+        coloured = ColouredNoise(max(coloured.density, ratio), max(coloured.variance, 1.0))
     if centre is not None:  # the trust in a type is relative to all of the noise
         ratio = max(ratio, coloured.inflation)
+    primed = _primed(problem, statistics, least, ratio)
     phi, (minimum, notes), held = _solved(
-        lib, _primed(problem, statistics, ratio), bounds, weights, prior, kappa, ratio, constraints
+        lib, primed, bounds, weights, prior, kappa, least, ratio, constraints
     )
     notes += notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return Fit(
@@ -132,9 +149,10 @@ def _fitted(
     weights: Array,
     prior: Prior,
     kappa: float,
+    least: float,
 ) -> tuple[Array, Minimum, Held]:
     """φ within its bounds and the minimum for one set of weights (m,) of white noise."""
-    phi, (minimum, _), held = _solved(lib, statistics, bounds, weights, prior, kappa)
+    phi, (minimum, _), held = _solved(lib, statistics, bounds, weights, prior, kappa, least)
     return phi, minimum, held
 
 
@@ -145,14 +163,18 @@ def _solved(
     weights: Array,
     prior: Prior,
     kappa: float,
+    least: float,
     inflation: float = 1.0,
     constraints: Constraints | None = None,
 ) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
-    """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff."""
+    """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff.
+
+    The variance of the weighted residuals counts as `least` or more.
+    """
 
     def solved(part: Statistics) -> tuple[Array, Array, tuple[Minimum, tuple[str, ...]]]:
         data, eliminated = reduce(part, len(weights))
-        gamma = kappa * max(data.variance, LEAST_VARIANCE) * inflation / data.count
+        gamma = kappa * max(data.variance, least) * inflation / data.count
         notes: tuple[str, ...] = ()
         if constraints is None:
             minimum = solve(lib, convex_problem(data, prior, gamma))
@@ -163,13 +185,15 @@ def _solved(
     return within_bounds(statistics, bounds, solved)
 
 
-def _primed(problem: Problem, statistics: Statistics, inflation: float = 1.0) -> Statistics:
+def _primed(
+    problem: Problem, statistics: Statistics, least: float, inflation: float = 1.0
+) -> Statistics:
     """The statistics with the prior of the friction coefficients, where the problem has one."""
     known = problem.friction_prior
     if known is None:
         return statistics
     data, _ = reduce(statistics, problem.train.equations)
-    noise = max(data.variance, LEAST_VARIANCE) * inflation
+    noise = max(data.variance, least) * inflation
     return statistics.merged(known.statistics(statistics, noise))
 
 

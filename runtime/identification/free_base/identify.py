@@ -13,37 +13,24 @@ from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_o
 from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, FrictionPrior, NoiseFloor, Problem
+from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
-from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, rows_of
+from runtime.identification.free_base.rows import FreeBaseRows, rows_of
+from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
 
 SHARE = 0.6
 """Share of the log that is trained on."""
+SMALLEST_OFFSET = 1e-6
+"""Smallest standard deviation of an offset of a force sensor [N]."""
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class VerticalForce:
-    """Sum of the vertical contact forces on the test part.
-
-    Attributes:
-        weight: mean of the measured sum [N].
-        before: RMS error of the URDF's prediction [N].
-        after: RMS error of the identified model's prediction [N].
-        spread: standard deviation of the measured sum, the error of the best constant [N].
-    """
-
-    weight: float
-    before: float
-    after: float
-    spread: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +51,8 @@ class FreeBaseIdentification:
         seconds: duration of the test part.
         status: how the fit ended.
         notes: sentences on the data.
-        offset_mass: standard deviation of the total mass by offsets of the force sensors [kg].
+        offset_mass: standard deviation of the total mass by offsets of the force sensors [kg],
+            before the prior of the URDF.
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -91,8 +79,7 @@ class FreeBaseIdentification:
         """Total mass and its standard deviation [kg], that of the sensors' offsets included."""
         pick = np.zeros(self.pi.size)
         pick[MASS::N_PARAMETERS] = 1.0
-        sigma = np.hypot(np.linalg.norm(pick @ self.root), self.offset_mass)
-        return float(pick @ self.pi), float(sigma)
+        return float(pick @ self.pi), float(np.linalg.norm(pick @ self.root))
 
     @property
     def verdicts(self) -> tuple[str, ...]:
@@ -153,20 +140,25 @@ def identify_free_base(
     train, test = motion.rows(first), motion.rows(second)
     trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
     unknowns = len(lib.base_columns)
+    floor = _noise_floor(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
+    weights = thesis_weights(trained.samples.tau) if floor is None else floor.sigma**-2
     problem = Problem(
         lib=lib,
         train=trained.samples,
         validation=tested.samples,
-        weights=thesis_weights(trained.samples.tau),
+        weights=weights,
         start=lib.lam0,
+        noise_floor=floor,
+        friction_prior=_offset_prior(trained, motion.contacts.offset_sigma),
     )
     fit = fit_by(problem, "map", None, prior)
-    root, shares = _posterior(lib, fit, trained, prior)
+    root, shares = _posterior(problem, fit, prior)
     notes = []
-    if trained.samples.tau.size < unknowns:
+    if floor is not None:
+        independent = trained.samples.tau.size / floor.inflation
         notes.append(
-            f"{trained.samples.tau.size} equations for {unknowns} base parameters: most of the "
-            "result is the prior"
+            f"{independent:.0f} independent equations for {unknowns} base parameters: most of the "
+            "result is the prior, and the residual of the URDF counts as noise"
         )
     sigma, offset_mass = motion.contacts.offset_sigma, 0.0
     if sigma is not None:
@@ -192,9 +184,9 @@ def identify_free_base(
         share=shares,
         rows=rows,
         row_names=names,
-        rms=_rms(measured),
-        before=_rms(tested.samples.rigid(lib, lib.pi0) - measured),
-        after=_rms(tested.samples.rigid(lib, fit.pi) - measured),
+        rms=rms(measured),
+        before=rms(tested.samples.rigid(lib, lib.pi0) - measured),
+        after=rms(tested.samples.rigid(lib, fit.pi) - measured),
         n_train=len(train),
         n_test=len(test),
         n_eff=float(fit.n_eff or len(train)),
@@ -202,19 +194,51 @@ def identify_free_base(
         status=fit.status,
         notes=(*fit.notes, *notes),
         offset_mass=offset_mass,
-        vertical=_vertical(lib, test, fit.pi),
+        vertical=vertical_force(lib, test, fit.pi),
     )
 
 
-def _posterior(
-    lib: Library, fit: Fit, trained: FreeBaseRows, prior: PriorFile | None
-) -> tuple[Array, Array]:
+def _noise_floor(
+    lib: Library, trained: FreeBaseRows, cutoff_hz: float | None, seconds: float
+) -> NoiseFloor | None:
+    """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
+
+    A low-pass of f leaves 2 f T independent values of T seconds (Nyquist).
+    """
+    samples = trained.samples
+    count = float(len(samples))
+    if cutoff_hz is not None:
+        count = min(count, max(1.0, 2 * cutoff_hz * seconds))
+    if count * samples.equations >= len(lib.base_columns):
+        return None
+    rest = samples.rigid(lib, lib.pi0) - samples.tau
+    # Its mean is an offset or the total mass, which the fit explains.
+    sigma = np.maximum(rest.std(axis=0), SILENT * rms(samples.tau).max())
+    return NoiseFloor(sigma, len(samples) / count)
+
+
+def _offset_prior(trained: FreeBaseRows, sigma: Array | None) -> FrictionPrior | None:
+    """Gaussian prior of the offsets of vertical forces, in the first row of their coefficients."""
+    if sigma is None:
+        return None
+    shape = trained.samples.columns.shape[1:]
+    spread = np.full(shape, np.inf)
+    # A sensor that is stated to have no offset keeps one of rounding.
+    spread[0] = np.maximum(sigma, SMALLEST_OFFSET)
+    return FrictionPrior(np.zeros(shape), spread)
+
+
+def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:
     """Root of the covariance and share of the prior, as `estimators.uncertainty` computes them."""
-    _, noise = fit.noise()
+    lib, (_, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
         raise IdentificationError("expected statistics of the fit; use the method map")
-    data, _ = reduce(fit.statistics, trained.samples.equations)
     level = max(noise.density, float(np.finfo(float).tiny))
+    statistics = fit.statistics
+    if problem.friction_prior is not None:
+        known = problem.friction_prior.statistics(statistics, level)
+        statistics = statistics.merged(known)
+    data, _ = reduce(statistics, problem.train.equations)
     rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
     kappa = prior.kappa if prior and prior.kappa else CAD
     spread = spread_of(bodies_of(lib), fit.pi, rows, kappa)
@@ -228,37 +252,3 @@ def _shown(tested: FreeBaseRows) -> tuple[tuple[str, ...], Array]:
     if left == len(tested.names):
         return tested.names, tested.samples.tau
     return tuple(f"equation {k + 1}" for k in range(left)), tested.samples.tau
-
-
-def _vertical(lib: Library, motion: FreeBaseMotion, pi: Array) -> VerticalForce | None:
-    """Errors of ΣF_z, the vertical component of the forces on the base."""
-    contacts = motion.contacts
-    if not contacts.links:
-        return None
-    wrench = contacts.wrench
-    if contacts.axes == "world":
-        if np.isnan(wrench[:, :, 2]).any():
-            return None
-        measured = wrench[:, :, 2].sum(axis=1)
-    else:
-        if np.isnan(wrench[:, :, :3]).any():
-            return None
-        count = len(motion)
-        force = np.where(np.isnan(wrench), 0.0, wrench)
-        on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force.reshape(count, -1))
-        measured = np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
-
-    def predicted(parameters: Array) -> Array:
-        force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)[:, :3]
-        return np.einsum("ni,ni->n", motion.rotation[:, 2], force)
-
-    return VerticalForce(
-        float(measured.mean()),
-        float(_rms(predicted(lib.pi0) - measured)),
-        float(_rms(predicted(pi) - measured)),
-        float(measured.std()),
-    )
-
-
-def _rms(values: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(np.square(values), axis=0)))

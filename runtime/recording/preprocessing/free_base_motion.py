@@ -54,7 +54,11 @@ class FreeBaseMotion:
             self.dq[taken],
             self.ddq[taken],
             None if self.tau is None else self.tau[taken],
-            replace(self.contacts, wrench=self.contacts.wrench[taken]),
+            replace(
+                self.contacts,
+                wrench=self.contacts.wrench[taken],
+                sensed=None if self.contacts.sensed is None else self.contacts.sensed[taken],
+            ),
             self.rotation[taken],
         )
 
@@ -87,6 +91,8 @@ def motion_of(
         "q": recording.q[:, places],
         "wrench": filled,
     }
+    if recording.contacts.sensed is not None:
+        blocks["sensed"] = recording.contacts.sensed
     for key in ("dq", "ddq", "tau"):
         values = getattr(recording, key)
         if values is not None:
@@ -141,7 +147,11 @@ def motion_of(
         np.hstack([twist, dq]),
         np.hstack([acceleration, ddq]),
         of(x, "tau") if "tau" in blocks else None,
-        replace(contacts, wrench=known.reshape(len(whole), len(contacts.links), 6)),
+        replace(
+            contacts,
+            wrench=known.reshape(len(whole), len(contacts.links), 6),
+            sensed=of(x, "sensed") if "sensed" in blocks else None,
+        ),
         turned.as_matrix(),
     )
 

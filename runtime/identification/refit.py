@@ -64,11 +64,14 @@ def with_all_rows(assembly: Assembly) -> Assembly:
 
 
 def rows_of(problem: Problem, fit: Fit) -> int:
-    """Number of samples of a fit, all rows of a streamed log included.
+    """Number of samples of a fit, those of a streamed log outside of its windows included.
 
     Args:
         problem: its samples.
         fit: with its statistics, where the method keeps them.
+
+    Returns:
+        N, all rows of every joint counting as one sample.
     """
     if problem.pieces is None:
         return len(problem.train)

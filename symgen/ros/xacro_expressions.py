@@ -55,6 +55,9 @@ def evaluate(
         names: its global names; an entry `__builtins__` is written.
         local: its local names.
 
+    Returns:
+        The value, of any type.
+
     Raises:
         ValueError: it uses names or constructs that expressions do not have.
         SyntaxError: it is not an expression.
@@ -96,6 +99,9 @@ def attribute(value: Any, name: str) -> Any:
     Args:
         value: a value of an expression.
         name: the name after the dot.
+
+    Returns:
+        The entry or the method.
 
     Raises:
         AttributeError: the value has no such entry, or is no plain data.

@@ -40,7 +40,7 @@ from runtime.cli.motion_output import (
     write_motion_log,
 )
 from runtime.cli.overwriting import Overwrite, require_unused
-from runtime.cli.planned_noise import NOISE_HELP
+from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
@@ -142,6 +142,8 @@ def excite_command(
         bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
     ] = False,
     noise: Annotated[str, typer.Option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05",
+    noise_model: NoiseModel = WHITE,
+    cutoff: Cutoff = None,
     log_rate: Annotated[
         float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
     ] = 100.0,
@@ -199,6 +201,7 @@ def excite_command(
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
     symgen excite --table 0 --obstacles cell.toml --from last.npz --return --export ros
+    symgen excite --noise last.npz --noise-model coloured --cutoff 10
     symgen excite --static --poses 12 --table 0
     symgen excite --until "payload 5 g" --from home --return --table 0
 
@@ -236,7 +239,9 @@ def excite_command(
         return
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted, alone = criterion_and_unknowns(criterion, document, payload_only, aim)
-    planned, note = information_of(lib, noise, log_rate, earlier_log, alone, friction)
+    planned, note = information_of(
+        *(lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff)
+    )
     # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
     rate = ROWS if export_rate is None else export_rate
@@ -269,7 +274,7 @@ def excite_command(
                 seed=seed,
                 criterion=wanted,
                 basis=basis_of(basis, zero_jerk),
-                information=planned if is_informed else None,
+                information=counted(planned, wanted, is_informed),
                 safety=safety,
                 home=rest,
                 margin=used,

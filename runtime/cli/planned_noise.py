@@ -7,13 +7,16 @@ residuals are autocorrelated, so that only one row per T counts as independent. 
 independent noise alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from runtime.cli.common import numbers_option
 from runtime.errors import IdentificationError
-from runtime.excitation.search.information import FRICTION, information
+from runtime.excitation.search.information import FRICTION, Information, information
+from runtime.excitation.search.noise_spectrum import NoiseSpectrum, spectrum_of
 from runtime.identification.expected_accuracy import motion_samples_of, noise_of
 from runtime.library import Array, Library
 from runtime.recording import Friction
@@ -24,6 +27,26 @@ NOISE_HELP = (
     "gains and delays, with their autocorrelation"
 )
 """Help of the option."""
+WHITE, COLOURED = "white", "coloured"
+NoiseModel = Annotated[
+    str,
+    typer.Option(
+        "--noise-model",
+        metavar="white|coloured",
+        help="Spectrum of the noise of --noise LOG in the criteria: white counts autocorrelated "
+        "rows as fewer; coloured weights every frequency of a motion by the noise of the log, "
+        "which contains what friction columns, gains and delays leave.",
+    ),
+]
+Cutoff = Annotated[
+    float | None,
+    typer.Option(
+        "--cutoff",
+        metavar="HZ",
+        help="Cut-off of the low-pass that the log of the motion will pass: what the motion has "
+        "beyond it does not count in the criteria.",
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +57,13 @@ class TorqueNoise:
         sigma: (n,) N·m or N.
         spacing: time between independent rows, s; 0 where all rows are independent.
         log: name of the log that it is from; None for numbers.
+        spectrum: of the noise of a log, for --noise-model coloured.
     """
 
     sigma: Array
     spacing: float = 0.0
     log: str | None = None
+    spectrum: NoiseSpectrum | None = None
 
     def rows_per_independent(self, rate: float) -> float:
         """Rows that count as one independent row.
@@ -61,13 +86,16 @@ class TorqueNoise:
         )
 
 
-def planned_noise(lib: Library, text: str, friction: tuple[str, ...] | None = None) -> TorqueNoise:
+def planned_noise(
+    lib: Library, text: str, friction: tuple[str, ...] | None = None, model: str = WHITE
+) -> TorqueNoise:
     """Noise from the value of --noise.
 
     Args:
         lib: library of the robot.
         text: numbers with commas, N·m, or a log.
         friction: columns that are fitted to the log; None is `FRICTION`.
+        model: value of --noise-model.
 
     Returns:
         The noise.
@@ -75,8 +103,16 @@ def planned_noise(lib: Library, text: str, friction: tuple[str, ...] | None = No
     Raises:
         RuntimeFault: a number is out of range, the log cannot be read, or it has no torque.
     """
+    if model not in (WHITE, COLOURED):
+        raise IdentificationError(
+            f"expected --noise-model {WHITE} or {COLOURED}, got '{model:.40}'; correct it"
+        )
     words = text.split(",")
     if all(_is_number(word) for word in words):
+        if model == COLOURED:
+            raise IdentificationError(
+                f"--noise-model {COLOURED} takes the spectrum from a log; give --noise LOG"
+            )
         count = lib.n_joints if len(words) > 1 else 1
         sigma = np.array(numbers_option(text, count, "--noise"))
         return TorqueNoise(information(lib, np.broadcast_to(sigma, lib.n_joints)).noise)
@@ -91,7 +127,56 @@ def planned_noise(lib: Library, text: str, friction: tuple[str, ...] | None = No
             f"--noise needs a log with measured torque and more rows than unknowns, got '{text}'; "
             "give another log, or the standard deviation in N·m"
         )
-    return TorqueNoise(noise.sigma, noise.inflation / moved.rate, moved.name)
+    if model == WHITE:
+        return TorqueNoise(noise.sigma, noise.inflation / moved.rate, moved.name)
+    steps = data.preparation or data.recording.preparation
+    spectrum = spectrum_of(noise.rest, moved.rate, steps.cutoff_hz)
+    return TorqueNoise(noise.sigma, noise.repeated / moved.rate, moved.name, spectrum)
+
+
+def counted(planned: Information, criterion: str, is_informed: bool) -> Information | None:
+    """Information for a criterion; None where it is of the regressor alone.
+
+    Args:
+        planned: noise, rate, spectrum.
+        criterion: its name.
+        is_informed: whether the criterion counts them.
+
+    Returns:
+        The information, or None.
+
+    Raises:
+        IdentificationError: a spectrum or a filter that the criterion does not count.
+    """
+    if planned.spectrum is not None and not is_informed:
+        raise IdentificationError(
+            f"criterion {criterion} counts neither noise nor filter; leave out --cutoff and "
+            "--noise-model, or give another --criterion such as v"
+        )
+    return planned if is_informed else None
+
+
+def with_spectrum(planned: Information, noise: TorqueNoise, cutoff: float | None) -> Information:
+    """Information with the spectrum of the noise and the planned filter.
+
+    Args:
+        planned: noise and rate.
+        noise: of the log.
+        cutoff: value of --cutoff, Hz; None is that of the log of --noise-model coloured, if any.
+
+    Returns:
+        The same for white noise without a filter.
+
+    Raises:
+        IdentificationError: the cut-off is not above 0.
+    """
+    if noise.spectrum is None and cutoff is None:
+        return planned
+    n = len(planned.noise)
+    spectrum = noise.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, n)))
+    if cutoff is not None:
+        spectrum = replace(spectrum, cutoff_hz=cutoff)
+    return replace(planned, spectrum=spectrum)
 
 
 def _is_number(word: str) -> bool:

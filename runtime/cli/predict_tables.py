@@ -9,7 +9,7 @@ import typer
 from rich.table import Column, Table
 
 from runtime.cli.common import console, say
-from runtime.cli.planned_noise import planned_noise
+from runtime.cli.planned_noise import WHITE, planned_noise, with_spectrum
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
@@ -66,6 +66,8 @@ def information_of(
     logs: Sequence[str] | None,
     payload_only: bool,
     friction: str | None = None,
+    model: str = WHITE,
+    cutoff: float | None = None,
 ) -> tuple[Information, str]:
     """Noise, rate, earlier logs and unknowns of a planned log.
 
@@ -76,6 +78,8 @@ def information_of(
         logs: earlier logs.
         payload_only: only the ten parameters of the last link are unknown.
         friction: value of --friction; None is the default of `information`.
+        model: value of --noise-model.
+        cutoff: value of --cutoff, Hz.
 
     Returns:
         Settings of the criteria of a motion, and what the noise leaves out, a sentence or "".
@@ -85,9 +89,10 @@ def information_of(
     """
     information(lib, rate=rate)  # raises where the rate is out of range
     columns = None if friction is None else friction_columns(friction)
-    torque = planned_noise(lib, noise, columns)
+    torque = planned_noise(lib, noise, columns, model)
     sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
     planned = information(lib, sigma, independent, payload=payload_only, friction=columns)
+    planned = with_spectrum(planned, torque, cutoff)
     if not logs:
         return planned, torque.sentence()
     recordings = [read_recording(log, joints=lib.joint_names) for log in logs]

@@ -27,7 +27,9 @@ GainError = Annotated[
         help="Standard deviation of the torque gain of every joint in --until, relative to one.",
     ),
 ]
-_FOLLOWING = ("duration", "criterion", "document", "static", "payload_only")
+_FOLLOWING = (
+    *("duration", "criterion", "document", "static", "payload_only", "noise_model", "cutoff"),
+)
 """Parameters that --until chooses."""
 
 

@@ -6,7 +6,7 @@ from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, log_cond, normalised
-from runtime.excitation.search.nuisance import Projection, even_columns, projected
+from runtime.excitation.search.nuisance import Projection, even_columns, in_time, projected
 from runtime.library import Array, Library
 
 COST_SAMPLES = 80
@@ -57,9 +57,12 @@ class ConditionCost:
         self._basis = basis.at(lib, harmonics, t, duration)[..., :3]
         self._information, self._duration = information, duration
         self._rows = None
+        self._filtered: Array | None = None
         self._nuisance: tuple[str, ...] = ()
         if information is not None:
             self._rows = 1 / (information.noise * np.sqrt(len(t)))
+            if information.spectrum is not None:
+                self._filtered = information.spectrum.weighted_cosines(len(t), float(t[1] - t[0]))
             names = information.friction
             self._nuisance = even_columns(names) if basis.is_symmetric else names
         self.compiled = lib.excitation_cost(home, self._basis) if information is None else None
@@ -123,8 +126,11 @@ class ConditionCost:
         samples, n = motion.shape[2:]
         y = self._lib.base_regressor(*motion.reshape(3, -1, n))
         friction = None
+        if self._filtered is not None:
+            y = in_time(self._filtered, y.reshape(len(a), samples, n, -1)).reshape(y.shape)
         if self._nuisance:
-            friction = projected(y.reshape(len(a), samples, n, -1), motion[1], self._nuisance)
+            rows = y.reshape(len(a), samples, n, -1)
+            friction = projected(rows, motion[1], self._nuisance, self._filtered)
             y = friction.rows.reshape(-1, n, y.shape[-1])
         if self._rows is not None:
             y = y * self._rows[:, None]
@@ -137,7 +143,11 @@ class ConditionCost:
         seed = seed.reshape(samples, n, -1)
         if self._rows is not None:
             seed = seed * self._rows[:, None]
-        adjoint = self._lib.regressor_adjoint(q, dq, ddq, seed)
+        of_rows = seed
+        if self._filtered is not None:
+            apart = seed.reshape(-1, len(self._basis), n, seed.shape[-1])
+            of_rows = in_time(self._filtered.transpose(0, 2, 1), apart).reshape(seed.shape)
+        adjoint = self._lib.regressor_adjoint(q, dq, ddq, of_rows)
         adjoint = adjoint.reshape(-1, len(self._basis), 3, n)
         if friction is not None:
             adjoint[:, :, 1] += friction.seed_of_speed(seed.reshape(friction.rows.shape))

@@ -5,7 +5,8 @@ gives least squares the information Tᵀ (f t_f · mean_k Y_bᵀ diag(σ⁻²) Y
 the covariance of the unknowns x in β = β₀ + T x. G₀ comes from earlier logs; T selects unknowns,
 such as the ten of a payload on an arm that is known. Friction and offset of every joint are unknown
 too: the part of Y_b that their columns explain determines nothing, and is projected out of it
-(`nuisance`).
+(`nuisance`). For coloured noise and a planned filter rows and columns count frequency by frequency
+(`noise_spectrum`).
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.search.noise_spectrum import NoiseSpectrum
 from runtime.excitation.search.nuisance import require_of_speed
 from runtime.library import Array, Library
 from runtime.recording import Friction
@@ -36,6 +38,7 @@ class Information:
         earlier: G₀ of earlier logs over β, (n_b, n_b); None without.
         columns: T, (n_b, k); None is the identity.
         friction: columns of every joint that are estimated beside the unknowns.
+        spectrum: of the noise, and the planned filter; None is white noise and no filter.
     """
 
     noise: Array
@@ -43,6 +46,7 @@ class Information:
     earlier: Array | None = None
     columns: Array | None = None
     friction: tuple[str, ...] = ()
+    spectrum: NoiseSpectrum | None = None
 
     def of_mean(self, mean: Array, duration: float) -> Array:
         """Information of the unknowns.

@@ -83,11 +83,14 @@ class Projection:
         rows: R, (K, N, n, k).
         shares: X, (K, n, m, k).
         slopes: ∂F/∂dq, (K, N, n, m).
+        filtered: A of every joint, (n, N, N) or (1, N, N), which rows and columns have passed; None
+            without.
     """
 
     rows: Array
     shares: Array
     slopes: Array
+    filtered: Array | None = None
 
     def seed_of_speed(self, seed: Array) -> Array:
         """Gradient in dq by way of the friction columns.
@@ -99,16 +102,34 @@ class Projection:
             ∂f/∂dq of the columns alone, (K, N, n).
         """
         along = np.einsum("ktjb,kjmb->ktjm", seed, self.shares, optimize=True)
+        if self.filtered is not None:
+            along = in_time(self.filtered.transpose(0, 2, 1), along)
         return -np.einsum("ktjm,ktjm->ktj", along, self.slopes)
 
 
-def projected(rows: Array, dq: Array, names: tuple[str, ...]) -> Projection:
+def in_time(matrix: Array, rows: Array) -> Array:
+    """Product of a matrix and rows along time, joint by joint.
+
+    Args:
+        matrix: (n, M, N), or (1, M, N) for all joints alike.
+        rows: (K, N, n, k).
+
+    Returns:
+        (K, M, n, k).
+    """
+    return np.asarray(np.matmul(matrix, rows.transpose(0, 2, 1, 3)).transpose(0, 2, 1, 3))
+
+
+def projected(
+    rows: Array, dq: Array, names: tuple[str, ...], filtered: Array | None = None
+) -> Projection:
     """Project friction columns out of a regressor.
 
     Args:
         rows: Y of K motions, (K, N, n, k).
         dq: (K, N, n) rad/s or m/s.
         names: friction columns, functions of dq.
+        filtered: A of `NoiseSpectrum.weighted_cosines`, which the rows have passed; None without.
 
     Returns:
         The projected rows, and what their gradient needs.
@@ -121,6 +142,8 @@ def projected(rows: Array, dq: Array, names: tuple[str, ...]) -> Projection:
 
     friction = at(dq)
     slopes = (at(dq + _DIFFERENCE) - at(dq - _DIFFERENCE)) / (2 * _DIFFERENCE)
+    if filtered is not None:
+        friction = in_time(filtered, friction)
     size = np.sqrt(np.einsum("ktjm,ktjm->kjm", friction, friction))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = friction * scale[:, None]
@@ -128,4 +151,4 @@ def projected(rows: Array, dq: Array, names: tuple[str, ...]) -> Projection:
     cross = np.einsum("ktjm,ktjb->kjmb", unit, rows, optimize=True)
     shares = np.linalg.pinv(gram, rcond=_SINGULAR, hermitian=True) @ cross
     rest = rows - np.einsum("ktjm,kjmb->ktjb", unit, shares, optimize=True)
-    return Projection(rest, shares * scale[..., None], slopes)
+    return Projection(rest, shares * scale[..., None], slopes, filtered)

@@ -20,6 +20,7 @@ from runtime.excitation.search.measures import covariance, mean_gram, rank, too_
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
+from runtime.numerics.cosines import cosines
 from runtime.recording import Friction, friction
 
 SAMPLES = (COST_SAMPLES, 1000)
@@ -232,6 +233,9 @@ def _gram(
     flat = rows.reshape(-1, rows.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
     condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
+    if known.spectrum is not None:
+        weight = known.spectrum.amplitudes(np.arange(samples) / (2 * samples * (t[1] - t[0])))
+        rows = cosines(rows) * weight[:, :, None]
     gram = mean_gram(rows / known.noise[:, None]) * (known.rate * trajectory.duration)
     if known.earlier is not None:
         gram[:k, :k] += _reduced(known.earlier, known)

@@ -91,12 +91,16 @@ class Noise:
         inflation: N / N_eff of correlated residuals, those of the way out and back included.
         pi: parameters of the model, (10 n,).
         error: distance of the model from the data with hardly any prior, (10 n,).
+        rest: residuals, (N, n) [N·m, N].
+        repeated: rows that count as one because a motion out and back repeats model error.
     """
 
     sigma: Array
     inflation: float
     pi: Array
     error: Array
+    rest: Array
+    repeated: float
 
 
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
@@ -170,15 +174,16 @@ def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | 
     weights = thesis_weights(samples.tau)
     fit = fit_map(Problem(lib, samples, samples.rows(slice(0, 1)), weights, lib.lam0), kappa)
     row_weights, noise = fit.noise()
-    rest = residuals(lib, samples, fit.pi, fit.phi) * np.sqrt(row_weights)
-    repeated = 1.0 + repetition(samples.q, rest)
+    rest = residuals(lib, samples, fit.pi, fit.phi)
+    repeated = 1.0 + repetition(samples.q, rest * np.sqrt(row_weights))
     # Error of the estimate, as `identify` counts it.
     statistics = fit.statistics or compress(lib, samples, row_weights)
     data, _ = reduce(statistics, samples.equations)
     scale = np.sqrt(max(noise.density, np.finfo(float).tiny))
     reference, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
     sigma = np.sqrt(noise.variance / row_weights)
-    return Noise(sigma, noise.inflation * repeated, fit.pi, fit.pi - reference)
+    error = fit.pi - reference
+    return Noise(sigma, noise.inflation * repeated, fit.pi, error, rest, repeated)
 
 
 def repetition(q: Array, rest: Array) -> float:

@@ -81,8 +81,9 @@ class Kernel:
             symbols of the expressions that are no inputs follow as one more (`with_further`).
         rare: True for kernels that are called seldom: a batch calls them sample by sample, and no
             vector code is compiled.
-        unhurried: True for a rare kernel that no loop over samples calls; `symgen build` compiles
-            it without optimisation, in a fifth of the time. It takes some 2 µs longer.
+        unhurried: True where no loop over samples calls the function of one sample, in kernels.c;
+            `symgen build` compiles it without optimisation, in a fifth of the time. It takes some
+            2 µs longer.
         factors: names of a regressor kernel and of a Jacobian kernel of a map of link parameters.
             The kernel is their product, link by link, and its C code multiplies their results. Else
             empty.

@@ -16318,6 +16318,7 @@ void fr3_transfer_basis_batch(long n, const double *t, long t_step, const double
 }
 
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
+UNHURRIED
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21])
 {
     gradient[0] = 0.0;

@@ -12982,6 +12982,7 @@ void ur5e_transfer_basis_batch(long n, const double *t, long t_step, const doubl
 }
 
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 1988 operations. */
+UNHURRIED
 void ur5e_regressor_adjoint(const double q[6], const double dq[6], const double ddq[6], const double seed[216], double gradient[18])
 {
     gradient[0] = 0.0;

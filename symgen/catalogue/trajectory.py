@@ -68,5 +68,6 @@ def trajectory_kernels(
                 )
             },
             "d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29",
+            unhurried=True,  # loops call its tiles
         ),
     )

@@ -103,7 +103,7 @@ def _answer(path: Path, job: Mapping[str, Any], limits: Limits) -> dict[str, Any
         )
     except subprocess.TimeoutExpired:
         raise BuildError(_beyond(path, f"{limits.patience:g} s")) from None
-    if run.returncode == -getattr(signal, "SIGXCPU", 0):
+    if run.returncode == -getattr(signal, "SIGXCPU", 256):  # Windows has no such limit
         raise BuildError(_beyond(path, f"{limits.seconds} s of processor time"))
     try:
         return dict(json.loads(run.stdout))

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio
 
+from symgen.build.sources.mjcf_files import require_bounded_files
 from symgen.build.sources.mjcf_loops import assembly_of, loop_of_equality
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Mechanism
@@ -42,6 +43,7 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
         raise BuildError(
             f"'{path}' is an MJCF file, which MuJoCo reads; run: pip install mujoco"
         ) from None
+    require_bounded_files(path)
     mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
     try:
         model = mujoco.MjModel.from_xml_path(str(path))

@@ -1,5 +1,6 @@
 """Values of options of `symgen excite` whose default depends on other options."""
 
+from runtime.errors import RuntimeFault
 from runtime.excitation import DesignSettings
 
 HARMONICS = 8
@@ -49,3 +50,21 @@ def margin_of(given: float | None, is_exported: bool) -> float:
     if given is not None:
         return given
     return EXPORT_MARGIN if is_exported else 1.0
+
+
+def require_plain(document: bool, options: tuple[object, ...]) -> None:
+    """Refuse options of limits beside --document.
+
+    Args:
+        document: value of --document.
+        options: values of the options; None where one is not given.
+
+    Raises:
+        RuntimeFault: one is given.
+    """
+    if document and any(option is not None for option in options):
+        raise RuntimeFault(
+            "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
+            "--obstacles, --from, --payload-band, --friction-band and --model-band; give "
+            "--criterion cond instead, which keeps all limits"
+        )

@@ -10,13 +10,15 @@ from rich.progress import Progress
 
 from runtime.cli.approach_options import FromPose, Return, session_plan
 from runtime.cli.budget import Budget, budget_notes
-from runtime.cli.certificate_table import (
-    design_notes,
-    safety_of,
-    table_height,
-)
+from runtime.cli.certificate_table import design_notes, safety_of, table_height
 from runtime.cli.common import Robot, Seed, console, numbers_option, say, sentences_of
-from runtime.cli.design_defaults import HARMONICS_HELP, MARGIN_HELP, harmonics_of, margin_of
+from runtime.cli.design_defaults import (
+    HARMONICS_HELP,
+    MARGIN_HELP,
+    harmonics_of,
+    margin_of,
+    require_plain,
+)
 from runtime.cli.limit_options import (
     Box,
     Carry,
@@ -33,6 +35,7 @@ from runtime.cli.limit_options import (
 )
 from runtime.cli.motion_output import (
     certified_stages,
+    designed_by,
     export_stages,
     files_of,
     json_path,
@@ -43,9 +46,9 @@ from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
+from runtime.cli.several_motions import Motions, SeveralFiles, excite_several, require_several
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.cli.until import GainError, Until, criterion_and_unknowns, searched, until_kind
-from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, predict
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
@@ -190,6 +193,7 @@ def excite_command(
         ),
     ] = False,
     until: Until = None,
+    motions: Motions = 1,
     gain_error: GainError = 0.005,
     overwrite: Overwrite = False,
 ) -> None:
@@ -201,7 +205,7 @@ def excite_command(
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
     symgen excite --table 0 --obstacles cell.toml --from last.npz --return --export ros
-    symgen excite --noise last.npz --noise-model coloured --cutoff 10
+    symgen excite --motions 4 --duration 40 --noise last.npz --noise-model coloured --cutoff 10
     symgen excite --static --poses 12 --table 0
     symgen excite --until "payload 5 g" --from home --return --table 0
 
@@ -219,30 +223,28 @@ def excite_command(
     the best start so far. The result depends on --seed, not on --processes.
     """
     require_applicable(context, static)
-    aim = until_kind(context, until)
+    require_several(context, motions)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
     options = (
         *(clearance, height, box, viscous, coulomb, carry, obstacles),
         *(payload_band, friction_band, model_band),
     )
-    if document and any(option is not None for option in (*options, from_pose)):
-        raise RuntimeFault(
-            "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
-            "--obstacles, --from, --payload-band, --friction-band and --model-band; give "
-            "--criterion cond instead, which keeps all limits"
-        )
+    require_plain(document, (*options, from_pose))
     safety = None if document else safety_of(lib, torque_fraction, *options)
     if static and safety is not None:
-        choice = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
-        excite_static(lib, safety, choice)
+        excite_static(
+            *(lib, safety),
+            PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite),
+        )
         return
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
-    wanted, alone = criterion_and_unknowns(criterion, document, payload_only, aim)
+    wanted, alone = criterion_and_unknowns(
+        *(criterion, document, payload_only, until_kind(context, until))
+    )
     planned, note = information_of(
         *(lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff)
     )
-    # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
     rate = ROWS if export_rate is None else export_rate
     sample_times(duration, rate)  # before the search: they may be too many
@@ -254,6 +256,26 @@ def excite_command(
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     used = margin_of(margin, bool(formats))
     speeds = stage_speeds(duration, speed or [100.0])
+    chosen = DesignSettings(
+        duration=duration,
+        harmonics=harmonics_of(harmonics, document),
+        starts=starts,
+        seed=seed,
+        criterion=wanted,
+        basis=basis_of(basis, zero_jerk),
+        information=counted(planned, wanted, is_informed),
+        safety=safety,
+        home=rest,
+        margin=used,
+    )
+    if motions > 1:
+        excite_several(
+            *(lib, motions, chosen, planned, SeveralFiles(path, rate, speeds, overwrite)),
+            budget=budget,
+            processes=processes if processes is not None else side_by_side,
+            scheduler=scheduler,
+        )
+        return
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     ways = session_plan(lib, from_pose, returns, rest, safety, used, zero_jerk, seed)
     with Progress(console=console, transient=True) as progress:
@@ -265,23 +287,7 @@ def excite_command(
             progress.update(task, completed=done, description=text)
 
         optimum, promise, promised = searched(
-            lib,
-            until,
-            DesignSettings(
-                duration=duration,
-                harmonics=harmonics_of(harmonics, document),
-                starts=starts,
-                seed=seed,
-                criterion=wanted,
-                basis=basis_of(basis, zero_jerk),
-                information=counted(planned, wanted, is_informed),
-                safety=safety,
-                home=rest,
-                margin=used,
-            ),
-            ways,
-            planned,
-            gain_error,
+            *(lib, until, chosen, ways, planned, gain_error),
             progress=report,
             budget=budget,
             processes=processes if processes is not None else side_by_side,
@@ -291,11 +297,10 @@ def excite_command(
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, path, expected, ways.parts, promise)
     motion = certified(lib, ways.around(optimum.trajectory), safety)
-    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
     written = (
         [path]
         if export
-        else [path, write_motion_log(motion, rate, path.with_suffix(".csv"), sentence)]
+        else [path, write_motion_log(motion, rate, path.with_suffix(".csv"), designed_by(optimum))]
     )
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly

@@ -6,7 +6,7 @@ from pathlib import Path
 from runtime.cli.certificate_table import certificate_headline, certificate_table
 from runtime.cli.common import console, say
 from runtime.errors import RuntimeFault
-from runtime.excitation import LONGEST
+from runtime.excitation import LONGEST, Design
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certified_motion import (
     CertifiedMotion,
@@ -88,6 +88,11 @@ def write_motion_log(motion: CertifiedMotion, rate: float, path: Path, sentence:
         Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
     )
     return path
+
+
+def designed_by(optimum: Design) -> str:
+    """History of the log of a designed motion."""
+    return f"Designed by symgen, condition number {optimum.condition:.4f}."
 
 
 def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:

@@ -11,9 +11,11 @@ from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
+from runtime.estimators.methods import METHODS, require_method
 from runtime.identification.drive.result import DriveRequest
-from runtime.recording import Preparation, Recording
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
+from runtime.recording.friction import default_terms
 
 
 def drive_request(
@@ -37,6 +39,25 @@ def drive_request(
     if not (estimated or wanted or (commanded and method == "map")):
         return None
     return DriveRequest(delay=estimated, per_joint=delay == PER_JOINT, bias=wanted)
+
+
+def terms_of(data: PreparedLog, method: str | None, named: object) -> Friction | None:
+    """Friction columns of one log.
+
+    Args:
+        data: log with those of the other options.
+        method: name of the estimator; None for the default.
+        named: value of an option that names columns or their width; None where none is given.
+
+    Returns:
+        The columns; None where they are those of a drive, whose friction may be chosen.
+    """
+    terms = data.friction
+    if named is None and terms == default_terms(data.recording):
+        terms = None
+    if terms is None and method and require_method(method).default_columns:
+        terms = Friction(METHODS[method].default_columns)
+    return terms
 
 
 def delayed(data: PreparedLog, delay: str | None, has_bias: bool) -> Preparation | None:

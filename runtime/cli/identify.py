@@ -37,13 +37,13 @@ from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
-from runtime.estimators.methods import METHODS, chosen_method, require_method
+from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.without_prior import settings_for
 from runtime.inspection.candidate_columns import MEMORY
 from runtime.library import Library
-from runtime.recording import Friction, Recording, is_large
+from runtime.recording import Recording, is_large
 
 if TYPE_CHECKING:
     from runtime.estimators.prior_file import PriorFile
@@ -230,12 +230,9 @@ def identify_command(
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         finish(result, folder, outputs)
         return
-    from runtime.cli.drive import delayed, drive_request
+    from runtime.cli.drive import delayed, drive_request, terms_of
 
     preparation = delayed(data, delay, bool(encoder_bias))
-    terms = data.friction
-    if terms is None and method and require_method(method).default_columns:
-        terms = Friction(METHODS[method].default_columns)
     result = _with_progress(
         data.recording,
         lib,
@@ -243,7 +240,7 @@ def identify_command(
             settings,
             preparation=preparation,
             splitting=data.splitting,
-            friction_columns=terms,
+            friction_columns=terms_of(data, method, friction or coulomb_speed),
             controller=_controller(controller, lib),
         ),
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),

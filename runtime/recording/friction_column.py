@@ -28,9 +28,9 @@ class JointMotion:
 
     Attributes:
         dq: (N, n) joint velocities [rad/s, m/s].
-        q: (N, n) joint positions of successive instants [rad, m]; for dahl and load.
+        q: (N, n) joint positions of successive instants [rad, m]; for dahl, load and position.
         ddq: (N, n) joint accelerations [rad/s², m/s²]; for rotor.
-        lib: library of the robot; for load.
+        lib: library of the robot; for load and position.
     """
 
     dq: FloatArray
@@ -110,6 +110,7 @@ COLUMNS = ColumnRegistry(
         "stribeck": f"{_ROOM}:STRIBECK",
         "dahl": f"{_ROOM}:DAHL",
         "load": f"{_ROOM}:LOAD",
+        "position": f"{_ROOM}:POSITION",
         "rotor": f"{_ROOM}:ROTOR",
         "motor_viscous": f"{_ROOM}:MOTOR_VISCOUS",
         "motor_coulomb": f"{_ROOM}:MOTOR_COULOMB",

@@ -18,6 +18,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.current_gains.scaling import with_current_gains
 from runtime.identification.drive.feedback import FEEDBACK, feedback_torque
 from runtime.identification.drive.linearised import LinearisedDrive, linearised, torque_rate
+from runtime.identification.drive.position_choice import with_position
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import assemble, known_friction
@@ -95,6 +96,13 @@ def identify_drive(
     preparation = settings.preparation or recording.preparation
     terms = settings.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
+    if settings.friction_columns is None and not (recipe and recipe.friction):
+        seen = before_test(recording, settings.splitting)
+        terms, sentence = with_position(seen, lib, preparation, terms)
+        settings = replace(settings, friction_columns=terms)
+        if sentence:
+            result = identify_drive(recording, lib, settings, request, progress=progress)
+            return replace(result, notes=(sentence, *result.notes))
     if request.bias and preparation.regressor != "acceleration":
         without = identify_drive(
             recording, lib, settings, replace(request, bias=False), progress=progress

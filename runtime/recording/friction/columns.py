@@ -3,7 +3,8 @@
     s = tanh(dq / ε) stands for the sign of dq and is smooth at rest
 
     offset 1 · viscous dq · coulomb s · asymmetric dq s · stribeck s exp(−(dq / v_s)²)
-    load |τ_g| s · rotor ddq · dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
+    load |τ_g| s · position x s, x ∈ [−1, 1] between the limits · rotor ddq
+    dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
     motor_viscous · motor_coulomb · motor_rotor: of motors that drive several joints
 
 Offset and coulomb together already differ between the directions; with asymmetric, the viscous part
@@ -62,6 +63,17 @@ def gravity_load(lib: Library, q: FloatArray) -> FloatArray:
     """
     still = np.zeros_like(q)
     return np.abs(lib.inverse_dynamics(q, still, still, lib.pi0))
+
+
+def _position(motion: JointMotion, terms: Friction) -> FloatArray:
+    """Coulomb friction of a linkage, whose transmission ratio changes with the position."""
+    if motion.q is None or motion.lib is None:
+        raise RecordingError("the friction column 'position' needs q and the library of the robot")
+    limits = motion.lib.limits()
+    middle, half = (limits["upper"] + limits["lower"]) / 2, (limits["upper"] - limits["lower"]) / 2
+    ends = np.isfinite(half) & (half > 0)
+    place = (motion.q - np.where(ends, middle, 0.0)) / np.where(ends, half, np.pi)
+    return place * _sign(motion, terms)
 
 
 def _rotor(motion: JointMotion, _: Friction) -> FloatArray:
@@ -172,6 +184,13 @@ DAHL = FrictionColumn(
     model_term="friction",
 )
 LOAD = FrictionColumn("load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",))
+POSITION = FrictionColumn(
+    "position",
+    "x tanh(dq / ε), x from −1 to 1 between the limits",
+    _position,
+    widths=("coulomb_speed",),
+    is_passive=False,
+)
 ROTOR = FrictionColumn(
     "rotor",
     "ddq",

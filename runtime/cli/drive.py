@@ -110,7 +110,8 @@ def print_drives(facts: Mapping[str, Any]) -> None:
     for drive in drives:
         cells = (_cell(drive[name], drive["sigma"][name]) for name in kept)
         table.add_row(drive["joint"], *cells)
-    console.print(table)
+    if kept:
+        console.print(table)
     delays = facts["delay_s"]
     for each in [delays] if isinstance(delays, dict) else delays or []:
         where = f" of {each['log']}" if "log" in each else ""

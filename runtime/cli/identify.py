@@ -184,7 +184,6 @@ def identify_command(
     if stream is None and (
         not is_large(log)
         or controller
-        or delay
         or encoder_bias
         or symmetric
         or friction == AUTO
@@ -223,10 +222,10 @@ def identify_command(
         lib, log, options, usable, robust, known.friction_model if known else None
     )
     if data.streamed is not None:
-        _require_for_streamed(controller, delay is not None or encoder_bias)
+        _require_for_streamed(controller, encoder_bias or symmetric)
         from runtime.cli.streamed_log import streamed_result
 
-        result = streamed_result(data.streamed, data, lib, settings)
+        result = streamed_result(data.streamed, data, lib, settings, delay)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         finish(result, folder, outputs)
         return
@@ -275,7 +274,7 @@ def _require_for_streamed(controller: Path | None, drives: object) -> None:
         )
     if drives:
         raise IdentificationError(
-            "--delay and --encoder-bias need the whole log in memory, but it is streamed; "
+            "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; "
             "give --no-stream"
         )
 

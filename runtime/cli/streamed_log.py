@@ -1,5 +1,10 @@
 """`symgen identify` of a log that does not fit into memory."""
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
 from runtime.cli.common import console, say
 from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
@@ -30,7 +35,11 @@ def is_streamable(method: str | None, preset: str | None) -> bool:
 
 
 def streamed_result(
-    log: StreamedRecording, data: PreparedLog, lib: Library, settings: Settings
+    log: StreamedRecording,
+    data: PreparedLog,
+    lib: Library,
+    settings: Settings,
+    delay: str | None = None,
 ) -> Identification:
     """Identify from a log that is read piece by piece.
 
@@ -39,15 +48,21 @@ def streamed_result(
         data: preparation, split and friction of the log.
         lib: library of the robot.
         settings: of the identification.
+        delay: value of --delay; it is estimated from the first rows.
 
     Returns:
         The result.
     """
     from runtime.identification.long_logs import identify_streamed
 
+    facts: list[dict[str, Any]] = []
+    if delay is not None:
+        from runtime.cli.several_delays import with_delays
+
+        (data,), facts = with_delays((log.name,), (data,), lib, settings, delay)
     say(f"streaming {log.rows} rows of {log.name}; --no-stream reads the log as a whole")
     with console.status("streaming") as status:
-        return identify_streamed(
+        result = identify_streamed(
             log,
             lib,
             settings,
@@ -56,3 +71,26 @@ def streamed_result(
             friction_columns=data.friction,
             progress=status.update,
         )
+    return _with_delay(result, facts[0], len(data.recording)) if facts else result
+
+
+def _with_delay(result: Identification, facts: dict[str, Any], rows: int) -> Identification:
+    """The result with the delay of the first rows."""
+    from runtime.cli.several_delays import delay_notes
+    from runtime.identification.drive.estimate import BIAS_PRIOR
+    from runtime.identification.drive.result import DriveFit
+
+    note = f"{delay_notes((facts,))[0]}, from the first {rows} rows"
+    unknown = np.full(result.lib.n_joints, np.nan)
+    width = result.phi.shape[1]
+    known = facts["value"] is not None
+    drive = DriveFit(
+        delay=np.atleast_1d(facts["value"]) if known else np.zeros(0),
+        delay_sigma=np.atleast_1d(facts["sigma"]) if known else np.zeros(0),
+        bias=unknown,
+        bias_sigma=unknown,
+        bias_prior=BIAS_PRIOR,
+        phi_sigma=np.full(result.phi.shape, np.nan),
+        phi_covariance=np.full((len(unknown), width, width), np.nan),
+    )
+    return replace(result, drive=drive, notes=(note, *result.notes))

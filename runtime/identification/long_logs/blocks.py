@@ -228,7 +228,8 @@ def blocks_of(
 
 def _reach_of_edge(preparation: Preparation) -> float:
     """Distance from an edge [s] beyond which it has no effect on a prepared row."""
-    seconds = (preparation.trim_s or 0.0) + (preparation.max_gap_s or 0.0)
+    late = float(np.max(np.abs(np.atleast_1d(preparation.torque_delay_s or 0.0))))
+    seconds = (preparation.trim_s or 0.0) + (preparation.max_gap_s or 0.0) + late
     if preparation.filter == "butterworth" and preparation.cutoff_hz is not None:
         slowest = 2 * np.pi * preparation.cutoff_hz * np.sin(np.pi / (2 * preparation.order))
         return seconds + FADING / slowest

@@ -110,11 +110,14 @@ class _Messages(io.TextIOBase):
 
     def __init__(self) -> None:
         self.lines: list[str] = []
+        self._rest = ""
 
     def write(self, text: str) -> int:
-        line = _one_line(text)
-        if line and len(self.lines) < _MOST_MESSAGES:
-            self.lines.append(line)
+        *whole, rest = (self._rest + text).split("\n")
+        self._rest = rest[-_LONGEST:]
+        lines = (_one_line(each) for each in whole[:_MOST_MESSAGES])
+        self.lines += [line for line in lines if line]
+        del self.lines[_MOST_MESSAGES:]
         return len(text)
 
 

@@ -143,6 +143,18 @@ def test_expressions_of_published_robots() -> None:
         assert evaluate(f" {text} ", {**names, "str": str}) == value
 
 
+def test_messages_of_a_file_are_lines_of_the_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Property: at most twenty lines, without what a terminal would interpret."""
+    body = r"""<link name="a${xacro.warning('no mass of', 'b\x1b[2J')}"/>"""
+    more = "${[xacro.message('again') for k in range(9999)] and ''}"
+    expanded(written(tmp_path, f'{body}<link name="c{more}"/>'), {}, Packages(), Limits())
+    assert caplog.messages[0] == "xacro: warning: no mass of b [2J"
+    assert len(caplog.messages) == 20
+    assert caplog.messages[-1] == "xacro: again"
+
+
 def test_the_build_reads_a_source_within_limits(tmp_path: Path) -> None:
     """Property: read_source takes the same way."""
     path = written(tmp_path, '<link name="${[x.__class__ for x in [1]]}"/>')

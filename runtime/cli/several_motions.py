@@ -96,9 +96,9 @@ def excite_several(
     require_unused([p for one in paths for p in (one, one.with_suffix(".csv"))], files.overwrite)
     written = []
     designs = design_several(lib, settings, count, **search)
-    for k, (path, found) in enumerate(zip(paths, designs, strict=True), 1):
+    for k, (path, design) in enumerate(zip(paths, designs, strict=True), 1):
         optimum = replace(
-            found, trajectory=pulled_inside(lib, found.trajectory, share=settings.margin)
+            design, trajectory=pulled_inside(lib, design.trajectory, share=settings.margin)
         )
         expected = predict(lib, optimum.trajectory, known, known.friction or FRICTION)
         known = with_motion(lib, optimum.trajectory, known)

@@ -4,7 +4,8 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
     lib = runtime.load("fr3")
     recording = runtime.read_recording("log.csv")
-    result = runtime.identify(recording, lib)
+    friction = runtime.choose_default_friction(recording, lib).terms
+    result = runtime.identify(recording, lib, friction_columns=friction, refit=True)
 """
 
 import os

@@ -12,10 +12,14 @@ import numpy as np
 
 from runtime.estimators.convex import Prior, Reduced
 from runtime.estimators.convex.prior_test import LEAST_DENSITY, PriorTest, prior_test
-from runtime.estimators.regression.delay_test import DelayTest, delay_test
-from runtime.estimators.regression.friction_test import FrictionTest, friction_test
+from runtime.estimators.regression.delay_test import DelayTest, delay_column, delay_test
+from runtime.estimators.regression.friction_test import (
+    FrictionTest,
+    friction_columns,
+    friction_test,
+)
 from runtime.estimators.regression.gain_test import GainTest, gain_test_of
-from runtime.estimators.regression.score_test import FreeFit
+from runtime.estimators.regression.score_test import FreeFit, with_columns
 from runtime.library import Array, Library
 
 SCALE = 3.0
@@ -83,7 +87,9 @@ def model_tests(
     if gains is not None and gains.is_contradicted:
         sentences.append(_of_gains(lib, gains))
     elif gains is not None and gains.is_significant:
-        errors.append(_of_small_gain(lib, gains))
+        beside = gains if gains.is_beyond_margin else _beside(fit, delay, friction)
+        if beside is not None and beside.is_significant:
+            errors.append(_of_small_gain(lib, beside))
     if friction is not None and friction.is_contradicted:
         errors.append(_of_friction(lib, friction))
     test = prior_test(lib, data, prior, kappa, density)
@@ -99,6 +105,20 @@ def model_tests(
         )
     limits = np.zeros(0) if gains is None else gains.limits
     return ModelTests(tuple(sentences), tuple(errors), _of_limits(lib, limits), limits)
+
+
+def _beside(
+    fit: FreeFit | None, delay: DelayTest | None, friction: FrictionTest | None
+) -> GainTest | None:
+    """Test of the gains beside a delay and friction that are contradicted: they look like gains."""
+    if fit is None:
+        return None
+    column = delay_column(fit) if delay is not None and delay.is_contradicted else None
+    if column is not None:
+        fit = with_columns(fit, column)
+    if friction is not None and friction.is_contradicted:
+        fit = with_columns(fit, friction_columns(fit)[0])
+    return gain_test_of(fit)
 
 
 def _of_limits(lib: Library, limits: Array) -> tuple[str, ...]:

@@ -21,7 +21,6 @@ from runtime.estimators.convex import (
     reduce,
     spread_of,
 )
-from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
@@ -35,9 +34,9 @@ from runtime.estimators.regression.residuals import (
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.regression.score_test import free_fit
 from runtime.estimators.type_prior import prior_about
+from runtime.estimators.verdicts import beta_verdicts, verdict
 from runtime.library import Array, Library
 
-IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
 WHITE = 1.96
 """Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
 BAND_SAMPLES = 200
@@ -70,7 +69,9 @@ class Uncertainty:
         share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
         verdicts: per entry of π: identified, prior-dominated or unobservable.
         beta_sigma: standard deviation of the base parameters, (n_b,).
-        beta_verdicts: per base parameter: identified or prior-dominated.
+        beta_verdicts: per base parameter: identified where the data reduce its prior variance at
+            least tenfold and bring half of its precision without the prior, else
+            prior-dominated.
         noise: s_j, residual RMS per joint, (n,), N·m or N.
         n_samples, n_eff: number of training samples, and effective sample size.
         inflation: N / N_eff, 1 for white noise.
@@ -290,9 +291,9 @@ def uncertainty_of(
     return Uncertainty(
         root=root,
         share=spread.share,
-        verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
+        verdicts=tuple(verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
         beta_sigma=np.linalg.norm(base @ root, axis=1),
-        beta_verdicts=tuple(_verdict(False, float(s)) for s in spread.share_of(base)),
+        beta_verdicts=beta_verdicts(base, spread, vague),
         noise=noise(rest, lib, phi.size, coloured.inflation),
         n_samples=round(statistics.n_samples),
         n_eff=statistics.n_samples / coloured.inflation,
@@ -304,12 +305,6 @@ def uncertainty_of(
         information=Information(statistics, float(level), kappa, prior.centre),
         tests=outcome,
     )
-
-
-def _verdict(silent: bool, share: float) -> str:
-    if silent:
-        return UNOBSERVABLE
-    return IDENTIFIED if share < DETERMINED else PRIOR_DOMINATED
 
 
 def _white(rest: Array) -> Array:

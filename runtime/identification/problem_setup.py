@@ -34,6 +34,11 @@ from runtime.recording.preprocessing.parts import rows_between
 from runtime.recording.settings import EVERYTHING
 
 PARTS = ("train", "validation", "test")
+WITHOUT_FRICTION = (
+    "no friction was fitted, because neither the settings nor a recipe name friction columns; the "
+    "command identify chooses them by cross-validation, and "
+    "runtime.choose_default_friction(recording, lib).terms returns its choice for friction_columns"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +140,8 @@ def assemble(
         friction_prior=known_friction(chosen, parts[0].column_names, terms),
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
+    if chosen.friction_columns is None and not terms.columns and np.any(train.dq):
+        notes = (*notes, WITHOUT_FRICTION)
     one_run = chosen.test is None
     return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
 

@@ -35,7 +35,9 @@ class Settings:
             a recipe only missing derivatives are computed.
         splitting: shares of the recording for training, validation and test; None is the
             recipe's, and without a recipe 48 %, 12 % and 40 %.
-        friction_columns: friction model; None is the recipe's, and without a recipe no friction.
+        friction_columns: friction model; None is the recipe's, and without a recipe no friction,
+            which a note of the result states. `runtime.choose_default_friction` returns the
+            choice of the command.
         validation: separate recording for validation, prepared like the first; None splits.
         test: separate recording for the test; given together with `validation` or not at all.
         lam0: first guess λ, (10 n,) [ln kg, m ×3, rad ×3, kg^½·m ×3]; None is that of the URDF.

@@ -45,6 +45,14 @@ def identify(
 ) -> Identification:
     """Identify π, and friction where columns are given, of a robot from a recording.
 
+    Friction columns are those of `friction_columns`, else of the recipe, else none, which a note of
+    the result states: a choice costs more than the fit, and Monte Carlo studies call this function
+    thousands of times. The command `identify` chooses columns by cross-validation and fits the
+    result to all rows. The same digits in Python:
+
+        terms = runtime.choose_default_friction(recording, lib).terms
+        result = runtime.identify(recording, lib, friction_columns=terms, refit=True)
+
     Args:
         recording: log as read, or already prepared.
         lib: library of the robot.

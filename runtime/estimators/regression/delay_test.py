@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.regression.score_test import FreeFit, score_test
+from runtime.library import Array
 
 MARGIN = 1.6
 """Factor on the quantile for errors of the friction model, as in the test of the gains."""
@@ -52,14 +53,14 @@ class DelayTest:
         return abs(self.delay) <= USABLE_S
 
 
-def delay_test(fit: FreeFit) -> DelayTest | None:
-    """Test the time stamps of the torque.
+def delay_column(fit: FreeFit) -> Array | None:
+    """Change of the predicted torque by a delay of one second.
 
     Args:
         fit: least squares without a delay.
 
     Returns:
-        The test; None for less than three samples, without motion, and without noise.
+        The column, (N n, 1); None for less than three samples, and without motion.
     """
     q, dq, n = fit.samples.q, fit.samples.dq, fit.scale.size
     if len(q) < 3:
@@ -70,7 +71,20 @@ def delay_test(fit: FreeFit) -> DelayTest | None:
     if not double > 0:
         return None
     rate = np.asarray(np.gradient(fit.predicted.reshape(-1, n), double / 2, axis=0))
-    test = score_test(fit, -rate.reshape(-1, 1))
+    return -rate.reshape(-1, 1)
+
+
+def delay_test(fit: FreeFit) -> DelayTest | None:
+    """Test the time stamps of the torque.
+
+    Args:
+        fit: least squares without a delay.
+
+    Returns:
+        The test; None for less than three samples, without motion, and without noise.
+    """
+    column = delay_column(fit)
+    test = None if column is None else score_test(fit, column)
     if test is None:
         return None
     power = float(np.sum(test.columns**2))

@@ -48,14 +48,14 @@ class FrictionTest:
         return [lib.joint_names[int(k)] for k in chosen]
 
 
-def friction_test(fit: FreeFit) -> FrictionTest | None:
-    """Test the friction columns of a fit.
+def friction_columns(fit: FreeFit) -> tuple[Array, Array]:
+    """The two columns of every joint that moves.
 
     Args:
-        fit: least squares with these columns.
+        fit: least squares with viscous, Coulomb and offset columns, or others.
 
     Returns:
-        The test; None where no joint moves, or without noise to compare with.
+        The columns, (N n, 2 k), two of a joint side by side, and indices of these joints, (k,).
     """
     dq, n = fit.samples.dq, fit.scale.size
     speed = np.sqrt(np.mean(dq**2, axis=0))
@@ -66,11 +66,24 @@ def friction_test(fit: FreeFit) -> FrictionTest | None:
     columns = np.zeros((len(dq), n, n, 2))
     columns[:, range(n), range(n), 0] = sign * np.exp(-((dq / (PEAK * unit)) ** 2))
     columns[:, range(n), range(n), 1] = sign * load
-    test = score_test(fit, columns[:, :, moving].reshape(len(dq) * n, -1))
+    return columns[:, :, moving].reshape(len(dq) * n, -1), np.flatnonzero(moving)
+
+
+def friction_test(fit: FreeFit) -> FrictionTest | None:
+    """Test the friction columns of a fit.
+
+    Args:
+        fit: least squares with these columns.
+
+    Returns:
+        The test; None where no joint moves, or without noise to compare with.
+    """
+    columns, moving = friction_columns(fit)
+    test = score_test(fit, columns)
     if test is None:
         return None
-    joints = np.zeros(n)
-    for k, joint in enumerate(np.flatnonzero(moving)):
+    joints = np.zeros(fit.scale.size)
+    for k, joint in enumerate(moving):
         added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
         explained = added.T @ fit.rest
         quantile = chi2_quantile(max(added.shape[1], 1), SIGNIFICANCE)

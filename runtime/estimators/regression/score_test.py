@@ -8,7 +8,7 @@ columns. Every Z that is a function of the motion gives a valid test.
 Source: Breusch & Pagan 1980 for score tests.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,27 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
         return None
     return FreeFit(s, scale, basis, predicted, rest)
+
+
+def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
+    """The fit with further unknowns.
+
+    Args:
+        fit: the fit without them.
+        columns: Z, in the units of its weighted torque, (N n, k).
+
+    Returns:
+        Least squares over its columns and Z, on the same samples.
+    """
+    added = columns - fit.basis @ (fit.basis.T @ columns)
+    more = orthonormal(added, np.linalg.norm(columns, axis=0))
+    explained = more @ (more.T @ fit.rest)
+    return replace(
+        fit,
+        basis=np.concatenate([fit.basis, more], axis=1),
+        predicted=fit.predicted + explained,
+        rest=fit.rest - explained,
+    )
 
 
 def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:

@@ -16,7 +16,7 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, FrictionPrior, NoiseFloor, Problem
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
-from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
+from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
 from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
 from runtime.library import Array, Library

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from runtime.estimators.convex import com_sigma
-from runtime.estimators.uncertainty import PRIOR_DOMINATED
+from runtime.estimators.verdicts import PRIOR_DOMINATED
 from runtime.files import replacing
 from runtime.identification.free_base.identify import FreeBaseIdentification
 from runtime.library.parameters import PI_NAMES, centre_of_mass, inertia, links, mass

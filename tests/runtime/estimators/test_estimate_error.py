@@ -5,6 +5,7 @@ Oracle: simulated logs of a robot whose parameters are those of the URDF.
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from runtime import identify
 from runtime.estimators.convex.map_estimate import fit_map
@@ -87,3 +88,18 @@ def test_a_parameter_of_the_base_has_a_verdict(lib, run):
     verdicts = dict(zip(names, u.beta_verdicts, strict=True))
     assert verdicts[7, 1] == verdicts[2, 1] == "identified"
     assert verdicts[7, 6] == "prior-dominated"
+
+
+def test_a_parameter_that_the_prior_decides_is_not_identified(lib, run):
+    """Oracle: ZZ of link 2 in slow noise; C_v is 2.5 times C, and 300 of 300 intervals held.
+
+    The data reduce its prior variance 200-fold; the prior of the other links does as much.
+    """
+    rho, rng = 0.9, np.random.default_rng(0)
+    slow = signal.lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.normal(size=run.tau.shape), axis=0)
+    names = [(int(c) // 10 + 1, int(c) % 10) for c in lib.base_columns]
+    for noise, expected in ((rng.normal(size=slow.shape), "identified"), (slow, "prior-dominated")):
+        u = identify(run.replace(tau=run.tau + 0.05 * noise), lib).uncertainty
+        assert u is not None
+        verdicts = dict(zip(names, u.beta_verdicts, strict=True))
+        assert verdicts[2, 4] == expected

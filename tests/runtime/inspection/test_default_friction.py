@@ -150,6 +150,11 @@ def test_identify_without_options_fits_friction(command, lib, tmp_path):
     same = runtime.identify(log, lib, friction_columns=terms, refit=True)
     # The same numbers to the last digit of the file.
     assert same.pi.tolist() == facts["pi"]
+    assert not any("no friction was fitted" in note for note in same.notes)
+    plain = runtime.identify(log, lib, certify=False)
+    assert any("runtime.choose_default_friction(recording, lib)" in note for note in plain.notes)
+    requested = runtime.identify(log, lib, friction_columns=Friction(()), certify=False)
+    assert requested.notes == ()
     # Measured 0.76 and 5.94 %.
     assert errors[()] < 1.0
     assert errors["--friction", "none"] > 5.0

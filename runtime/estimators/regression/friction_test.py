@@ -48,7 +48,7 @@ class FrictionTest:
         return [lib.joint_names[int(k)] for k in chosen]
 
 
-def friction_columns(fit: FreeFit) -> tuple[Array, Array]:
+def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
     """The two columns of every joint that moves.
 
     Args:
@@ -66,7 +66,7 @@ def friction_columns(fit: FreeFit) -> tuple[Array, Array]:
     columns = np.zeros((len(dq), n, n, 2))
     columns[:, range(n), range(n), 0] = sign * np.exp(-((dq / (PEAK * unit)) ** 2))
     columns[:, range(n), range(n), 1] = sign * load
-    return columns[:, :, moving].reshape(len(dq) * n, -1), np.flatnonzero(moving)
+    return columns[:, :, moving].reshape(len(dq) * n, -1), [int(k) for k in np.flatnonzero(moving)]
 
 
 def friction_test(fit: FreeFit) -> FrictionTest | None:

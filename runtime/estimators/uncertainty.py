@@ -82,6 +82,7 @@ class Uncertainty:
         conditioning: weakest over strongest excited direction.
         information: what the posterior is computed from; None where it was not kept.
         tests: what the data contradict, and what they cannot show.
+        filtered: N / N_eff that the low-pass filter leaves of white noise, 1 without a filter.
     """
 
     root: Array
@@ -99,6 +100,7 @@ class Uncertainty:
     conditioning: float
     information: Information | None = None
     tests: ModelTests = field(default_factory=ModelTests)
+    filtered: float = 1.0
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -201,15 +203,18 @@ class Uncertainty:
             )
         if self.model_errors:
             return "; ".join(self.model_errors)
-        if self.inflation > 2:
+        if self.inflation > 2 * self.filtered:
             return (
                 f"the residuals are autocorrelated: the effective sample size of {self.n_samples} "
-                f"samples is {self.n_eff:.0f}; friction, the filter or the clock leave a pattern, "
+                f"samples is {self.n_eff:.0f}; friction or the clock leave a pattern, "
                 "whose bias of the parameters the intervals cannot contain, and a better friction "
                 "model helps more than more samples"
             )
+        look = "look independent"
+        if self.filtered > 1:
+            look += f" beyond the low-pass filter ({self.n_eff:.0f} independent samples)"
         return (
-            f"the residuals look independent and the motion excites all {count} base parameters: "
+            f"the residuals {look} and the motion excites all {count} base parameters: "
             "predicted torques of similar motions hold within their bands"
         )
 

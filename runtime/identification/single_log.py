@@ -32,6 +32,7 @@ from runtime.identification.without_prior import note_for, settings_for
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
+from runtime.recording.preprocessing.filter_noise import filter_inflation
 
 
 @one_blas_thread
@@ -208,7 +209,9 @@ def _uncertainty(
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)
         posterior = posterior.with_noise(residuals(lib, samples, fit.pi, fit.phi), lib)
-    return posterior
+    rows = assembly.parts[0]
+    steps = settings.preparation or rows.preparation
+    return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
 
 
 def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:

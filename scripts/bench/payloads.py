@@ -1,6 +1,6 @@
 """Repeated identification of a payload: errors, and coverage of the 95 % intervals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,12 @@ from scipy import signal
 
 from runtime import identify_payload
 from runtime.excitation import Trajectory
-from runtime.identification.payload import ArmModel, mount_of
+from runtime.identification.payload import mount_of
 from runtime.identification.payload.output import NORMAL_95
+from runtime.identification.payload.reading import arm_model
 from runtime.library import Library
-from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
+from runtime.simulation.virtual_robot import perturbed
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,22 @@ class Weighed:
     coverage: float
 
 
-def weigh(lib: Library, trajectory: Trajectory, count: int, cutoff: float | None) -> Weighed:
-    """`count` logs of 10 s at 100 Hz, white torque noise, through a Butterworth filter or not."""
+def weigh(
+    lib: Library, trajectory: Trajectory, count: int, cutoff: float | None, off: float = 0.0
+) -> Weighed:
+    """Identify a box from logs of 10 s at 100 Hz with white torque noise.
+
+    Args:
+        lib: the robot.
+        trajectory: the motion.
+        count: number of logs.
+        cutoff: of a Butterworth filter of the noise, Hz; None for none.
+        off: relative spread of the arms about the URDF, by which the box is identified without an
+            empty log; 0 identifies it by the true arm.
+
+    Returns:
+        Errors and coverage.
+    """
     mount = mount_of(lib, lib.link_names[-1])
     body = np.zeros(10)
     body[:4] = TRUTH[0], *TRUTH[0] * COM
@@ -42,16 +57,18 @@ def weigh(lib: Library, trajectory: Trajectory, count: int, cutoff: float | None
     body[4:] = *np.diag(about), about[0, 1], about[0, 2], about[1, 2]
     run = ideal(lib, trajectory, Plant(lib.pi0))
     columns = lib.regressor(run.q, run.dq, run.ddq)[:, :, mount.columns]
-    loaded = run.tau + columns @ np.linalg.solve(mount.to_frame, body)
-    arm = ArmModel(lib.pi0, Friction(()), np.zeros((lib.n_joints, 0)), "the truth")
+    box = columns @ np.linalg.solve(mount.to_frame, body)
+    arm = replace(arm_model(lib), is_exact=not off)
     rng = np.random.default_rng(5)
     errors, held = [], []
     for _ in range(count):
-        noise = NOISE * rng.normal(size=loaded.shape)
+        if off:
+            run = ideal(lib, trajectory, Plant(perturbed(lib, lib.pi0, off, rng)))
+        noise = NOISE * rng.normal(size=box.shape)
         if cutoff:
             b, a = signal.butter(4, cutoff / 50.0)
             noise = signal.filtfilt(b, a, noise, axis=0)
-        payload = identify_payload(run.replace(tau=loaded + noise), lib, arm=arm)
+        payload = identify_payload(run.replace(tau=run.tau + box + noise), lib, arm=arm)
         errors.append(payload.body.values - TRUTH)
         held.append(np.abs(errors[-1]) < NORMAL_95 * payload.body.sigma)
     wrong = np.array(errors)

@@ -74,6 +74,7 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
     take, why = _choice(sound)
     sentences = [
         f"take {take}: {why}",
+        _doubts(ran[take]),
         _consistency(ran),
         _inconsistent(ran, take),
         _boundary(sound, take),
@@ -131,6 +132,14 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
     if more := METHODS[take].when_recommended:
         reason += f"; {more}"
     return take, reason
+
+
+def _doubts(f: Figures) -> str:
+    """What the data contradict, as `identify` states it of the recommended result."""
+    if f.contradictions:
+        doubts = "; ".join((*f.contradictions, *f.model_errors))
+        return f"do not trust it or its intervals yet: {doubts}"
+    return "; ".join(f.model_errors)
 
 
 def _consistency(ran: dict[str, Figures]) -> str:

@@ -23,7 +23,9 @@ class Figures:
         is_boundary: a link is close to a plate or a rod.
         gap: (L − L*)/L* on the training samples, in the weights common to all.
         excited: number of base parameters that the motion excites.
-        determined: combinations of them of which the data say more than the prior.
+        determined: combinations of them that the data determine better than the prior does.
+        contradictions: sentences on priors, joints and results that the data contradict.
+        model_errors: sentences on assumptions of the intervals that the residuals contradict.
     """
 
     train_percent: float
@@ -40,6 +42,8 @@ class Figures:
     gap: float
     excited: int
     determined: int
+    contradictions: tuple[str, ...] = ()
+    model_errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,6 +165,8 @@ def _figures(
         gap=(loss(training.power) - optimum) / max(optimum, TINY * loss(training.total)),
         excited=posterior.rank,
         determined=posterior.determined,
+        contradictions=posterior.contradictions,
+        model_errors=posterior.model_errors,
     )
 
 

@@ -136,7 +136,11 @@ def test_noise_whiteness_and_advice_are_those_of_the_residuals(lib: Library) -> 
 
     likely = dataclasses.replace(u, rank=43, inflation=1.9)
     assert "autocorrelated" not in likely.advice()
-    assert "autocorrelated" in dataclasses.replace(likely, inflation=2.1).advice()
+    correlated = dataclasses.replace(likely, inflation=2.1)
+    assert "autocorrelated" in correlated.advice()
+    # Of a filter that leaves as much of white noise nothing is doubted.
+    filtered = dataclasses.replace(correlated, filtered=2.0)
+    assert "look independent beyond the low-pass filter" in filtered.advice()
 
     rest = rng.normal(size=(1000, 7)) * np.arange(1, 8)
     other = u.with_noise(rest, lib)

@@ -84,7 +84,7 @@ class FilterInput:
         secants_of = (COLUMNS[name].secant for name in self.names)
         parts = [secant(speed, self.width) for secant in secants_of if secant is not None]
         secants, constants = (
-            np.array([part[i] for part in parts]).reshape(len(parts), -1).T for i in (0, 1)
+            np.array([part[i] for part in parts]).reshape(len(parts), speed.size).T for i in (0, 1)
         )
         return secants, constants
 

@@ -79,6 +79,16 @@ def test_both_filters_follow_their_model(
     assert np.abs(estimated).max() < 4
 
 
+def test_filters_run_without_friction_columns(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: SimulatedCase
+) -> None:
+    """Property: a log without friction, or `friction_columns=Friction(())`, is no error."""
+    data = modelled(lib, trajectories[0], pi_true, 40, np.random.default_rng(5))
+    data = replace(data, names=())
+    for run in (run_ekf, run_ukf):
+        assert np.isfinite(run(lib, data, plant.lam_cad)[0]).all()
+
+
 def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
     """Property: from 5 % in λ to below 1 % of the base parameters, finite, bad links reported."""
     start = plant.lib.base_matrix @ plant.lib.pi_from_lam(plant.lam_cad)

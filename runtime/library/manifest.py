@@ -126,13 +126,23 @@ class FrameFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class LoopJointFacts:
+    """A loop joint: two frames that coincide but for what its kind leaves free about their z."""
+
+    kind: str
+    parent: FrameFacts
+    child: FrameFacts
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """The facts of one robot, see the fields of `manifest.json`.
 
     `joints`: the independent ones; `all_joints`: one per moving link, which `parent` counts by.
     `coupling`: None where they are the same. `loops`: names of the closed loops, whose kernels take
-    the place of `coupling`. `friction_coordinates`: name → row (n,) of coordinates
-    beside the joints at whose speed friction acts. `springs`: names of those of unknown stiffness.
+    the place of `coupling`; `loop_joints`: their frames, in the same order. `friction_coordinates`:
+    name → row (n,) of coordinates beside the joints at whose speed friction acts. `springs`: names
+    of those of unknown stiffness.
     `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
     `floating`: the base is free, and the first of `all_joints` is its joint. `omitted`: kernel that
     the robot does not have → what to use instead.
@@ -149,6 +159,7 @@ class Manifest:
     all_joints: tuple[JointFacts, ...]
     coupling: CouplingFacts | None
     loops: tuple[str, ...]
+    loop_joints: tuple[LoopJointFacts, ...]
     friction_coordinates: dict[str, tuple[float, ...]]
     springs: tuple[str, ...]
     home: tuple[float, ...]
@@ -203,6 +214,10 @@ def read_manifest(path: Path) -> Manifest:
             all_joints=tuple(_joint(joint) for joint in raw.get("all_joints", raw["joints"])),
             coupling=_coupling(raw["coupling"]) if "coupling" in raw else None,
             loops=tuple(map(str, raw.get("loops", ()))),
+            loop_joints=tuple(
+                LoopJointFacts(each["kind"], _frame(each["parent"]), _frame(each["child"]))
+                for each in raw.get("loop_joints", ())
+            ),
             friction_coordinates={
                 str(k): tuple(map(float, v)) for k, v in raw.get("friction_coordinates", {}).items()
             },

@@ -82,11 +82,16 @@ SPRING = "spring:"
 """Prefix of the columns of springs: `spring:NAME`, one per spring of the robot's mechanism."""
 
 
+JOINT_VISCOUS, JOINT_COULOMB = "joint_viscous:", "joint_coulomb:"
+"""Prefixes of friction columns of joints that follow others: `joint_viscous:NAME`."""
+_PREFIXES = (SPRING, JOINT_VISCOUS, JOINT_COULOMB)
+
+
 class ColumnRegistry(Registry[FrictionColumn]):
-    """The friction columns by name, those of springs by prefix."""
+    """The friction columns by name, those of springs and dependent joints by prefix."""
 
     def __contains__(self, name: object) -> bool:
-        return (isinstance(name, str) and name.startswith(SPRING)) or super().__contains__(name)
+        return (isinstance(name, str) and name.startswith(_PREFIXES)) or super().__contains__(name)
 
     def __getitem__(self, name: str) -> FrictionColumn:
         """The record of a name; see `Registry`."""
@@ -94,6 +99,10 @@ class ColumnRegistry(Registry[FrictionColumn]):
             from runtime.recording.friction.springs import spring_column
 
             return spring_column(name)
+        if name.startswith((JOINT_VISCOUS, JOINT_COULOMB)):
+            from runtime.recording.friction.dependent_joints import dependent_joint_column
+
+            return dependent_joint_column(name)
         return super().__getitem__(name)
 
 

@@ -45,6 +45,7 @@ class Size:
         torque_cpu: of generating and compiling inverse dynamics alone, for one level [s].
         torque_ns: inverse dynamics of one sample in a batch, on one core [ns].
         omitted: number of kernels that the robot does not get.
+        is_serial: one chain rather than a trunk with branches.
     """
 
     joints: int
@@ -53,25 +54,28 @@ class Size:
     torque_cpu: float
     torque_ns: float
     omitted: int
+    is_serial: bool = False
 
 
-def sizes(counts: tuple[int, ...], folder: Path) -> list[Size]:
+def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> list[Size]:
     """Build robots of these sizes, without a compiler cache.
 
     Args:
         counts: numbers of joints, keys of `COUNTS`.
+        serial: numbers of joints of serial chains.
         folder: empty folder.
 
     Returns:
         One row per size.
     """
-    return [_size(count, folder) for count in counts]
+    branching = [_size(count, COUNTS[count], folder) for count in counts]
+    return branching + [_size(count, (), folder) for count in serial]
 
 
-def _size(joints: int, folder: Path) -> Size:
-    shape = COUNTS[joints]
+def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
     urdf = chains.branching(*shape) if shape else chains.serial(joints)
-    name, path = f"size{joints}", folder / f"size{joints}.urdf"
+    name = f"size{joints}" if shape else f"serial{joints}"
+    path = folder / f"{name}.urdf"
     path.write_text(urdf, encoding="utf-8")
     environment = os.environ | {"CCACHE_DISABLE": "1"}
     command = [sys.executable, "-c", _RUN, name, str(path), str(folder)]
@@ -85,7 +89,8 @@ def _size(joints: int, folder: Path) -> Size:
         lib.inverse_dynamics(q, dq, ddq, lib.pi0)
         times.append(time.perf_counter() - start)
     omitted = len(lib.manifest.omitted)
-    return Size(joints, cpu, memory, _torque_cpu(urdf), 1e9 * min(times) / SAMPLES, omitted)
+    torque_ns = 1e9 * min(times) / SAMPLES
+    return Size(joints, cpu, memory, _torque_cpu(urdf), torque_ns, omitted, not shape)
 
 
 def _torque_cpu(urdf: str) -> float:
@@ -159,7 +164,8 @@ def table(rows: list[Size]) -> Table:
 
 def _cells(r: Size) -> tuple[str, ...]:
     numbers = (f"{r.cpu:.1f}", f"{r.memory:.0f}", f"{r.torque_cpu:.2f}", f"{r.torque_ns:.0f}")
-    return (str(r.joints), *numbers, str(r.omitted))
+    shape = " serial" if r.is_serial else ""
+    return (f"{r.joints}{shape}", *numbers, str(r.omitted))
 
 
 def markdown(rows: list[Size]) -> str:

@@ -13,6 +13,7 @@ from symgen.build.config import Braking, home_of
 from symgen.build.request import BuildRequest
 from symgen.chain import Chain, Joint
 from symgen.chain.joint import FLOATING
+from symgen.chain.loop import Frame
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
@@ -139,6 +140,14 @@ def _mechanism_facts(chain: Chain) -> dict[str, Any]:
         facts["all_joints"] = [_joint_facts(joint) for joint in chain.joints]
     if chain.loops is not None:
         facts["loops"] = [closure.name for closure in chain.loops.closures]
+        facts["loop_joints"] = [
+            {
+                "kind": closure.kind,
+                "parent": _frame_facts(chain, closure.parent),
+                "child": _frame_facts(chain, closure.child),
+            }
+            for closure in chain.loops.closures
+        ]
     elif chain.coupling is not None:
         facts["coupling"] = {
             "independent": list(chain.coupling.independent),
@@ -154,6 +163,14 @@ def _mechanism_facts(chain: Chain) -> dict[str, Any]:
     if chain.mechanism != Mechanism():
         facts["mechanism"] = table_from_mechanism(chain.mechanism)
     return facts
+
+
+def _frame_facts(chain: Chain, frame: Frame) -> dict[str, Any]:
+    return {
+        "link": chain.base if frame.joint < 0 else chain.joints[frame.joint].link,
+        "rotation": [list(row) for row in frame.rotation],
+        "translation": list(frame.translation),
+    }
 
 
 def _joint_facts(j: Joint) -> dict[str, Any]:

@@ -119,7 +119,7 @@ def require_no_coupling(model: IdentifiedModel, kind: str) -> None:
     if model.lib.manifest.coupling is not None or model.lib.manifest.loops:
         raise ExportError(
             f"not written: {kind} files are written for robots whose joints are all independent, "
-            f"and joints of '{model.lib.name}' follow others; export urdf, which keeps its <mimic>"
+            f"and joints of '{model.lib.name}' follow others; export urdf or mjcf, which state this"
         )
 
 

@@ -8,7 +8,9 @@ import pytest
 import runtime
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.library import Library, load
+from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.formats.mjcf import MJCF
+from runtime.outputs.model_files.formats.sdf import SDF
 from runtime.outputs.model_files.formats.urdf import URDF
 from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction, Recording
@@ -241,12 +243,21 @@ def test_the_certified_method_works_on_links(lib: Library) -> None:
     assert np.abs(result.predict(q, dq, ddq) - clean).max() < 0.05  # σ of the noise
 
 
-def test_export_writes_the_urdf_and_refuses_what_lacks_couplings(lib: Library) -> None:
-    """Oracle: Pinocchio's torques of the exported tree, projected; MJCF is refused by name."""
+def test_export_writes_couplings_and_refuses_formats_without(lib: Library) -> None:
+    """Oracle: torques of the exported tree by Pinocchio and MuJoCo, projected; MuJoCo's equalities,
+    of a joint with two masters and of one that follows it. SDF is refused by name.
+    """
     model = make_model(lib, lib.pi0)
     assert "verified" in URDF.check(model, URDF.write(model))
-    with pytest.raises(RuntimeFault, match=r"mjcf files .* export urdf"):
-        MJCF.write(model)
+    text = MJCF.write(model)
+    assert "verified" in MJCF.check(model, text)
+    assert "<fixed" in text
+    wrong = text.replace('joint="left_lift" coef="1.25"', 'joint="left_lift" coef="1.5"')
+    assert wrong != text
+    with pytest.raises(Unreadable, match="its equalities leave other motions"):
+        MJCF.check(model, wrong)
+    with pytest.raises(RuntimeFault, match=r"sdf files .* export urdf or mjcf"):
+        SDF.write(model)
 
 
 def test_an_unknown_spring_is_named(lib: Library) -> None:

@@ -1,14 +1,25 @@
 """A library with a closed loop: names, maps, singular postures, logs, identification, wrenches."""
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 import runtime
-from runtime.errors import ExportError, IdentificationError, PostureError, ShapeError
+from runtime.errors import (
+    ExportError,
+    IdentificationError,
+    PostureError,
+    RecordingError,
+    ShapeError,
+)
 from runtime.library import Library, load
+from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.formats.mjcf import MJCF
 from runtime.outputs.model_files.formats.urdf import URDF
 from runtime.outputs.model_files.model import make_model
@@ -177,5 +188,41 @@ def test_wrenches_and_exports(lib: Library) -> None:
     model = make_model(lib, lib.pi0)
     text = URDF.write(model)
     assert "verified" in URDF.check(model, text)
-    with pytest.raises(ExportError, match="mjcf"):
-        MJCF.write(model)
+    text = MJCF.write(model)
+    sentence = MJCF.check(model, text)
+    assert "verified" in sentence
+    # A site 10 mm away: the loop of the file closes elsewhere.
+    site = re.search(r'<site name="loop1b1" pos="(\S+) ', text)
+    assert site is not None
+    shifted = text.replace(site[0], site[0].replace(site[1], str(float(site[1]) + 0.01)))
+    with pytest.raises(Unreadable, match="its equalities leave other motions"):
+        MJCF.check(model, shifted)
+    slides = replace(lib.manifest.loop_joints[0], kind="cylindrical")
+    manifest = replace(lib.manifest, loop_joints=(slides,))
+    with pytest.raises(ExportError, match="is cylindrical, which no equality of MuJoCo states"):
+        MJCF.write(replace(model, lib=cast(Library, SimpleNamespace(manifest=manifest))))
+
+
+def test_friction_of_dependent_joints_is_identified(lib: Library) -> None:
+    """Recovery: torques Gᵀ c(G dq) of two joints of the loop beside independent joints."""
+    t, q, dq, ddq = motion(600)
+    g = lib.joint_jacobian(q)
+    forearm, rod = (g[:, lib.all_joint_names.index(name)] for name in ("forearm", "rod"))
+    viscous, dry = 0.8, 0.5
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    tau += viscous * forearm * np.einsum("nj,nj->n", forearm, dq)[:, None]
+    tau += dry * rod * np.tanh(np.einsum("nj,nj->n", rod, dq) / 0.02)[:, None]
+    names = ("viscous", "joint_viscous:forearm", "joint_coulomb:rod")
+    terms = Friction(names, coulomb_speed=0.02)
+    log = Recording(t, q, dq, ddq, tau)
+    result = runtime.identify(log, lib, method="ols", friction_columns=terms)
+    table = dict(zip(names, result.phi.T, strict=True))
+    np.testing.assert_allclose(table["joint_coulomb:rod"], [dry, 0.0, 0.0], atol=1e-6)
+    # G of the forearm is constant here (a parallelogram), so that its column is a combination of
+    # dq; the sum of the torques is what the motion determines.
+    np.testing.assert_allclose(result.predict(q, dq, ddq), tau, atol=1e-6 * np.abs(tau).max())
+    for wrong in ("crank", "nobody"):
+        unknown = Friction((f"joint_viscous:{wrong}",))
+        sentence = f"no joint '{wrong}' that follows others .there are: "
+        with pytest.raises(RecordingError, match=sentence):
+            runtime.identify(log, lib, method="ols", friction_columns=unknown)

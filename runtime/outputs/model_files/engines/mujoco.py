@@ -1,4 +1,8 @@
-"""Read MJCF by MuJoCo: mj_inverse with damping and armature, without constraints."""
+"""Read MJCF by MuJoCo: mj_inverse with damping and armature, without constraints.
+
+Torques of joints that follow others are projected, τ = Gᵀ τ_all, and the equalities are compared
+with G.
+"""
 
 from typing import Any
 
@@ -15,6 +19,10 @@ from runtime.outputs.model_files.engines.answer import (
 )
 
 INSTALL = "pip install mujoco"
+CLOSED_STATES = 20
+"""States at which equalities are checked."""
+CLOSED, RANK = 1e-8, 1e-6
+"""Residual and slope of equalities [m, rad] that count as rounding; smallest singular value."""
 
 
 def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
@@ -40,20 +48,26 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     except ValueError as error:
         raise Unreadable(error) from None
     names = tuple(model.joint(k).name for k in range(model.njnt))
-    if set(names) != set(lib.joint_names) or model.nv != lib.n_joints:
-        raise Unreadable(
-            f"expected the joints {', '.join(lib.joint_names)}, got {', '.join(names)}"
-        )
-    # Contacts and dry friction are constraints, which are not part of the inverse dynamics.
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    expected = lib.all_joint_names
+    if set(names) != set(expected) or model.nv != len(expected):
+        raise Unreadable(f"expected the joints {', '.join(expected)}, got {', '.join(names)}")
+    every = [int(model.joint(name).dofadr[0]) for name in expected]
     order = [int(model.joint(name).dofadr[0]) for name in lib.joint_names]
     data, states = mujoco.MjData(model), random_states(lib, count)
-    tau = np.empty_like(states[0])
-    for k, rows in enumerate(zip(*states, strict=True)):
-        data.qpos[order], data.qvel[order], data.qacc[order] = rows
+    q, dq, ddq = states
+    is_coupled = expected != lib.joint_names
+    motion = lib.all_motion(q, dq, ddq) if is_coupled else states
+    if is_coupled:
+        _require_equalities(mujoco, model, data, lib, q[:CLOSED_STATES], every)
+    # Contacts and dry friction are constraints, which are not part of the inverse dynamics.
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    tau = np.empty_like(motion[0])
+    for k, rows in enumerate(zip(*motion, strict=True)):
+        data.qpos[every], data.qvel[every], data.qacc[every] = rows
         mujoco.mj_inverse(model, data)
-        tau[k] = data.qfrc_inverse[order]
-    _, dq, ddq = states
+        tau[k] = data.qfrc_inverse[every]
+    if is_coupled:
+        tau = np.einsum("nkj,nk->nj", lib.joint_jacobian(q), tau)
     damping, friction, armature = (
         np.array(values)[order].reshape(lib.n_joints, -1)[:, 0]
         for values in (model.dof_damping, model.dof_frictionloss, model.dof_armature)
@@ -68,10 +82,42 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     )
 
 
+def _require_equalities(
+    mujoco: Any, model: Any, data: Any, lib: Library, q: Array, order: list[int]
+) -> None:
+    """Raise Unreadable unless the equalities leave exactly the motions of the library's joints.
+
+    Their residual at q_all(q) and their slope along G = ∂q_all/∂q vanish, and their rank is the
+    number of dependent joints.
+    """
+    jacobians = lib.joint_jacobian(q)
+    for positions, jacobian in zip(lib.all_positions(q), jacobians, strict=True):
+        data.qpos[order] = positions
+        mujoco.mj_forward(model, data)
+        kept = np.asarray(data.efc_type) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+        if mujoco.mj_isSparse(model):
+            slope = np.zeros((data.nefc, model.nv))
+            mujoco.mju_sparse2dense(
+                slope, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+            )
+        else:
+            slope = np.reshape(data.efc_J, (data.nefc, model.nv))
+        slope = slope[kept][:, order]
+        residual = np.abs(np.asarray(data.efc_pos)[kept]).max(initial=0.0)
+        along = np.abs(slope @ jacobian).max(initial=0.0)
+        rank = int(np.linalg.matrix_rank(slope, tol=RANK)) if len(slope) else 0
+        if max(residual, along) > CLOSED or rank != model.nv - lib.n_joints:
+            raise Unreadable(
+                f"its equalities leave other motions: residual {residual:.1e}, slope {along:.1e}, "
+                f"rank {rank} instead of {model.nv - lib.n_joints}"
+            )
+
+
 def _parameters(mujoco: Any, model: Any, lib: Library) -> Array:
     """π (n, 10) of the moving links with the bodies that are welded to them."""
-    joint_body = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(lib.joint_names)}
-    P = np.zeros((lib.n_joints, 4, 4))
+    names = lib.all_joint_names
+    joint_body = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(names)}
+    P = np.zeros((len(names), 4, 4))
     for body in range(1, model.nbody):
         carrier = int(model.body_weldid[body])
         if carrier == 0:

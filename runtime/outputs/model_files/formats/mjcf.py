@@ -1,5 +1,7 @@
 """MJCF of MuJoCo: inertials, joints in the order of the library, gravity, ranges, friction.
 
+Joints that follow others and closed loops become equalities; motors drive the independent joints.
+
 Dry friction becomes frictionloss, which MuJoCo treats as a constraint; damping and armature keep
 their meaning. Collision proxies of the robot become visible capsules without contacts.
 """
@@ -11,11 +13,8 @@ import numpy as np
 from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import mujoco
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.model import (
-    IdentifiedModel,
-    require_no_coupling,
-    xml_comment,
-)
+from runtime.outputs.model_files.formats.equalities import add_equalities, require_equalities
+from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
@@ -24,7 +23,7 @@ KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 
 def mjcf_text(model: IdentifiedModel) -> str:
     """MJCF that `mujoco.MjModel.from_xml_path` loads, without meshes and contacts."""
-    require_no_coupling(model, "mjcf")
+    require_equalities(model)
     lib, tree = model.lib, model.tree
     root = Element("mujoco", {"model": lib.name})
     SubElement(
@@ -41,6 +40,7 @@ def mjcf_text(model: IdentifiedModel) -> str:
     actuators = SubElement(root, "actuator")
     for j, effort in enumerate(lib.limits()["effort"]):
         _actuator(model, actuators, j, float(effort))
+    add_equalities(model, root)
     indent(root, space="  ")
     takes = "Motors take torque [N m] or force [N]."
     if _has_gains(model):
@@ -113,11 +113,12 @@ def _inertial(body: RigidBody) -> dict[str, str]:
 
 
 def _joint(model: IdentifiedModel, edge: Edge) -> dict[str, str]:
-    index = model.lib.joint_names.index(edge.name)
     attributes = {"name": edge.name, "type": KINDS[edge.kind], "axis": row(edge.axis)}
     if edge.lower is not None and edge.upper is not None and edge.lower < edge.upper:
         attributes |= {"limited": "true", "range": row(np.array([edge.lower, edge.upper]))}
-    friction = model.friction
+    if edge.name not in model.lib.joint_names:  # friction is that of the joints that it follows
+        return attributes
+    index, friction = model.lib.joint_names.index(edge.name), model.friction
     named = {
         "damping": friction.damping,
         "frictionloss": friction.friction,

@@ -11,8 +11,12 @@ from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, require_method
+from runtime.estimators.prior_file import PriorFile
 from runtime.identification.drive.result import DriveRequest
+from runtime.identification.drive.symmetry import mirrored_joints
+from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction import default_terms
@@ -39,6 +43,37 @@ def drive_request(
     if not (estimated or wanted or (commanded and method == "map")):
         return None
     return DriveRequest(delay=estimated, per_joint=delay == PER_JOINT, bias=wanted)
+
+
+def with_mirrored_links(
+    prior: PriorFile | None, lib: Library, symmetric: tuple[str, ...], is_tied: bool
+) -> PriorFile | None:
+    """Inertial prior, with equations that tie the links of mirrored joints where requested.
+
+    Args:
+        prior: of --prior; None without.
+        lib: library of the robot.
+        symmetric: values of --symmetric.
+        is_tied: value of --tie.
+
+    Returns:
+        The prior, with ten equations per pair of tied links.
+
+    Raises:
+        IdentificationError: --symmetric is missing or names no joints, or they are not mirrored.
+    """
+    if not is_tied:
+        mirrored_joints(lib.joint_names, symmetric)
+        return prior
+    if not symmetric:
+        raise IdentificationError(
+            "--tie needs the names of the mirrored joints, got none; give --symmetric LEFT:RIGHT"
+        )
+    from runtime.identification.drive.mirrored_links import mirrored_links
+
+    usual = prior or PriorFile(None, Constraints())
+    rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))
+    return replace(usual, constraints=replace(usual.constraints, equations=rows))
 
 
 def terms_of(data: PreparedLog, method: str | None, named: object) -> Friction | None:

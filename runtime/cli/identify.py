@@ -24,6 +24,7 @@ from runtime.cli.log_options import (
     Run,
     Stream,
     Symmetric,
+    Tie,
 )
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import (
@@ -101,6 +102,7 @@ def identify_command(
     delay: Delay = None,
     encoder_bias: EncoderBias = None,
     symmetric: Symmetric = None,
+    tie: Tie = False,
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
@@ -168,6 +170,7 @@ def identify_command(
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
         unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
         unused |= {"--delay": delay, "--controller": controller, "--robust": robust}
+        unused |= {"--symmetric": symmetric, "--tie": tie}
         identify_free_base_log(
             lib,
             logs,
@@ -194,11 +197,11 @@ def identify_command(
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
-    if symmetric:
-        from runtime.identification.drive.symmetry import mirrored_joints
-
-        mirrored_joints(lib.joint_names, tuple(symmetric))  # refused before the fit
     known = _prior(prior, lib)
+    if symmetric or tie:
+        from runtime.cli.drive import with_mirrored_links
+
+        known = with_mirrored_links(known, lib, tuple(symmetric or ()), tie)  # or refused here
     settings = settings_for(
         lib,
         Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust, refit=refit),

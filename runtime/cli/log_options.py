@@ -102,6 +102,14 @@ Symmetric = Annotated[
         "such as left:right or FL:FR; repeatable.",
     ),
 ]
+Tie = Annotated[
+    bool,
+    typer.Option(
+        "--tie",
+        help="With --symmetric: the right link is the mirror image of the left one; their drives "
+        "stay apart and are compared.",
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option(

@@ -155,7 +155,7 @@ def write_result(
     if result.uncertainty is not None:
         write_posterior(folder, result.uncertainty, result.pi, len(result.log_names))
     with replacing(folder / "predictions.npz") as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        np.savez(file, **arrays)  # type: ignore[arg-type]  # noise does not compress
     with replacing(folder / "result.json") as file:
         file.write(text.encode())
     return facts

@@ -8,26 +8,35 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def thinned(t: Array, y: Array, most: int) -> tuple[Array, Array]:
+def pauses(t: Array) -> NDArray[np.intp]:
+    """Indices of the first samples after pauses of more than ten median steps."""
+    steps = np.diff(t)
+    step = np.median(steps) if len(t) > 1 else 0.0
+    return np.flatnonzero(steps > 10 * step) + 1
+
+
+def thinned(
+    t: Array, y: Array, most: int, gaps: NDArray[np.intp] | None = None
+) -> tuple[Array, Array]:
     """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
-    A pause of more than ten median steps becomes a gap in the line.
+    A pause becomes a gap in the line, unless there are too many.
 
     Args:
         t: (N,) abscissa.
         y: (N,) values.
         most: largest number of points.
+        gaps: `pauses(t)`, for several curves over one abscissa; None computes it.
 
     Returns:
         Abscissa and values of the kept points, with NaN at gaps.
     """
-    steps = np.diff(t)
-    step = np.median(steps) if len(t) > 1 else 0.0
-    pauses = np.flatnonzero(steps > 10 * step) + 1
-    if len(pauses) > most // 20:
-        pauses = pauses[:0]
+    if gaps is None:
+        gaps = pauses(t)
+    if len(gaps) > most // 20:
+        gaps = gaps[:0]
     pieces_t, pieces_y = [], []
-    edges = [0, *pauses, len(t)]
+    edges = [0, *gaps, len(t)]
     for start, stop in pairwise(edges):
         kept = start + _envelope(y[start:stop], max(2, most * (stop - start) // len(t)))
         pieces_t += [t[kept], [np.nan]]

@@ -143,7 +143,9 @@ def axes(panel: Panel, title: str, u_ticks: int, v_ticks: int, u_label: str | No
     return [stroke("".join(grid), "--line", 0.4), stroke(edge, "--line", 0.8), *parts, heading]
 
 
-def curve(panel: Panel, t: Array, y: Array, colour: str) -> str:
+def curve(
+    panel: Panel, t: Array, y: Array, colour: str, gaps: NDArray[np.intp] | None = None
+) -> str:
     """Line through samples, reduced to the smallest and largest value of each pixel.
 
     Args:
@@ -151,11 +153,12 @@ def curve(panel: Panel, t: Array, y: Array, colour: str) -> str:
         t: (N,) abscissa.
         y: (N,) values within the scale of the panel.
         colour: name of a CSS variable.
+        gaps: `pauses(t)`, for several curves over one abscissa; None computes it.
 
     Returns:
         The element.
     """
-    u, v = thinned(t, y, round(2 * PIXELS * panel.width))
+    u, v = thinned(t, y, round(2 * PIXELS * panel.width), gaps)
     points = np.column_stack([panel.x(u), panel.y(v)])
     pieces = np.split(points, np.flatnonzero(np.isnan(u)))
     drawn = (piece[~np.isnan(piece).any(axis=1)].tolist() for piece in pieces)

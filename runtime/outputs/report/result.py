@@ -261,7 +261,8 @@ def _prediction(path: Path, n: int) -> PredictedTorques:
     if t.ndim != 1 or len(t) < 2 or any(a.shape != (len(t), n) for a in arrays.values()):
         shapes = ", ".join(f"{key} {a.shape}" for key, a in [("t", t), *arrays.items()])
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
-    if not all((np.abs(values) <= LARGEST).all() for values in (t, *arrays.values())):
+    # Largest and smallest are NaN where a value is, and no comparison holds.
+    if not all(x.min() >= -LARGEST and x.max() <= LARGEST for x in (t, *arrays.values())):
         raise RuntimeFault(f"'{path}' holds NaN or numbers above {LARGEST:g}; {fault}")
     return PredictedTorques(t, **arrays)
 

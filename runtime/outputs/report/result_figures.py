@@ -6,6 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from runtime.outputs.report.decimation import pauses
 from runtime.outputs.report.panels import (
     FONT,
     LETTER,
@@ -63,7 +64,7 @@ def torques(
     both = WIDTH - _EDGE - _MIDDLE - 8.0
     wide, narrow = _LEFT_SHARE * both, (1.0 - _LEFT_SHARE) * both
     second = _EDGE + wide + _MIDDLE
-    parts = _legend()
+    parts, gaps = _legend(), pauses(t)
     for j in range(n):
         values = [np.ascontiguousarray(a[:, j]) for a in (measured, before, after)]
         errors = [values[0] - other for other in values[1:]]
@@ -73,9 +74,9 @@ def torques(
         right = Panel(second, top, narrow, height, time, span(errors))
         heading = "measured − predicted" if j == 0 else ""
         parts += axes(left, f"{joints[j]}  [{units[j]}]", 8, 4, label)
-        parts += [curve(left, t, v, c) for v, (_, c) in zip(values, CURVES, strict=True)]
+        parts += [curve(left, t, v, c, gaps) for v, (_, c) in zip(values, CURVES, strict=True)]
         parts += axes(right, heading, 6, 4, label)
-        parts += [curve(right, t, v, c) for v, (_, c) in zip(errors, CURVES[1:], strict=True)]
+        parts += [curve(right, t, v, c, gaps) for v, (_, c) in zip(errors, CURVES[1:], strict=True)]
     return figure("torques", _HEAD + _PITCH * n + _FOOT, parts)
 
 

@@ -58,3 +58,18 @@ def test_the_example_names_a_position_per_joint() -> None:
     facts = {"joints": ["a", "b"], "pi0": [1.0] * 20, "home": [0.1, 0.2]}
     assert _example(facts)["home"] == [0.1, 0.2]
     assert _example(facts | {"floating": True})["home"] == [0.0] * 6 + [0.1, 0.2]
+
+
+def test_a_product_holds_the_regressor_of_its_links() -> None:
+    """Oracle: a row of 64 bytes for each joint, link and parameter, here of two more links."""
+    kernels = (kernel("rows", 2, 1), kernel("block", 2, 1), kernel("product", 5, 1))
+    bodies = {"rows": [""], "block": [""]}
+    tiles = {k.name: tile_program(k) for k in kernels}
+    depth = []
+    for links in (3, 5):
+        made = SimpleNamespace(joints=2, links=links, size=10, regressor="rows", block="block")
+        forms = SimpleNamespace(bodies=bodies, products={"product": made}, tiles=tiles)
+        depth.append(stack_bounds(kernels, forms, SimpleNamespace(bodies={})).tiles)
+    for width, bounds in depth[0].items():
+        assert depth[1][width]["product"] - bounds["product"] == 64 * 2 * 2 * 10
+        assert bounds["product"] > bounds["rows"] + 64 * 2 * 3 * 10

@@ -108,10 +108,13 @@ class Planner:
         Returns:
             Names, within the budget of time.
         """
-        usable = {
-            t for t in self.known - self.broken if not robots or any(robot in t for robot in robots)
+        near = {
+            t
+            for t in self.known - self.broken
+            if self._is_near(t, "", room_tests) and (not robots or any(r in t for r in robots))
         }
-        return self._within({t for t in usable if self._is_near(t, "", room_tests)}, self.budget_s)
+        builds = sum(self.extra.get(t, 0.0) for t in near)  # the first one builds for all
+        return self._within(near, self.budget_s + builds)
 
     def _beside(self, tests: set[str]) -> set[str]:
         """Tests of the files of some tests: a fixture that they share runs in the first one."""

@@ -6,6 +6,7 @@ import os
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from coverage import CoverageData
@@ -189,3 +190,13 @@ def test_every_equivalent_mutant_is_of_a_line_that_exists() -> None:
         text = (ROOT / entry["path"]).read_text(encoding="utf-8")
         assert entry["before"] in {line.strip() for line in text.splitlines()}, entry
         assert entry["after"] != entry["before"]
+
+
+def test_tests_of_a_template_build_a_small_robot_once(tmp_path: Path) -> None:
+    """Oracle: by hand; builds of 4 s each do not count against a budget of 0.4 s of tests."""
+    names = [f"tests/a.py::t{k}[{robot}]" for k in range(3) for robot in ("fr3", "small")]
+    planner = Planner(tmp_path, SimpleNamespace(seconds={}), names, 0.4)
+    planner.extra = dict.fromkeys(names, 4.0)
+    small = [name for name in names if "small" in name]
+    assert planner.of_room(["tests/a.py"], ("small",)) == small
+    assert sorted(planner.of_room(["tests/a.py"])) == sorted(names)

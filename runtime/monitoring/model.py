@@ -19,6 +19,8 @@ from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
 from runtime.recording.friction_column import COLUMNS, JointMotion
 
+MEMORY = "dahl"
+"""Friction column whose state follows from the path."""
 CHUNK = 4096
 """States whose regressors are held at a time."""
 SLOW = 2.0
@@ -58,13 +60,16 @@ class MonitoredModel:
         """Coupled motors of the columns; None without."""
         return coupling_of_terms(self.terms)
 
-    def balance(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+    def balance(
+        self, lib: Library, q: Array, dq: Array, zeta: Array | None = None
+    ) -> tuple[Array, Array]:
         """Momentum p and force s of τ_m + τ_ext = dp/dt − s.
 
         Args:
             lib: library of the robot.
             q: (N, n) joint positions of successive instants [rad, m].
             dq: (N, n) joint velocities [rad/s, m/s].
+            zeta: (N, n) state of friction with a memory; None for that of the path q.
 
         Returns:
             p [kg·m²/s, kg·m/s] and s [N·m, N], (N, n) each.
@@ -74,7 +79,7 @@ class MonitoredModel:
             part = slice(start, start + CHUNK)
             over_p, over_s = lib.momentum_regressor(q[part], dq[part])
             momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
-        rotors, columns = self.columns(lib, q, dq)
+        rotors, columns = self.columns(lib, q, dq, zeta)
         momentum += friction.torque(rotors, self.phi, self.coupling)
         force -= friction.torque(columns, self.phi, self.coupling) + lib.known_torque(q)
         if self.net is not None:
@@ -82,7 +87,7 @@ class MonitoredModel:
         return momentum, force
 
     def rows(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Regressors of p and s over [β; φ].
+        """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction.
 
         Args:
             lib: library of the robot.
@@ -93,7 +98,8 @@ class MonitoredModel:
             Two arrays (N, n, n_b + n k).
         """
         over_p, over_s = lib.momentum_regressor(q, dq)
-        rotors, columns = self.columns(lib, q, dq)
+        sign = np.tanh(dq / self.terms.coulomb_speed)
+        rotors, columns = self.columns(lib, q, dq, sign)
         spread_p = friction.spread(rotors, self.coupling)
         spread_s = friction.spread(columns, self.coupling)
         return (
@@ -101,13 +107,16 @@ class MonitoredModel:
             np.concatenate([over_s, -spread_s], axis=2),
         )
 
-    def columns(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+    def columns(
+        self, lib: Library, q: Array, dq: Array, zeta: Array | None = None
+    ) -> tuple[Array, Array]:
         """Friction columns of p and of τ_f.
 
         Args:
             lib: library of the robot.
             q: (N, n) joint positions of successive instants [rad, m].
             dq: (N, n) joint velocities [rad/s, m/s].
+            zeta: (N, n) state of friction with a memory; None for that of the path q.
 
         Returns:
             Columns of rotor inertia at the speed instead of the acceleration, and all others,
@@ -115,16 +124,45 @@ class MonitoredModel:
         """
         inertial = self.inertial
         still = np.zeros_like(dq)
-        plain = friction.columns(JointMotion(dq, q, still, lib), self.terms)
+        terms = self.terms
+        if zeta is not None:  # its place is kept by a column of the instant
+            names = tuple("coulomb" if name == MEMORY else name for name in terms.columns)
+            terms = replace(terms, columns=names)
+        plain = friction.columns(JointMotion(dq, q, still, lib), terms)
+        if zeta is not None:
+            plain[..., self.memory] = zeta[..., None]
         if not inertial.any():
             return np.zeros_like(plain), plain
-        moving = friction.columns(JointMotion(still, q, dq, lib), self.terms)
+        moving = friction.columns(JointMotion(still, q, dq, lib), terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
     @property
+    def memory(self) -> NDArray[np.bool_]:
+        """Whether each friction column has a memory, (k,)."""
+        return np.array([name == MEMORY for name in self.terms.columns], dtype=bool)
+
+    @property
+    def lasting_friction(self) -> Array:
+        """Size of the friction with a memory of every joint, (n,) [N·m, N]."""
+        return np.asarray(np.abs(self.phi[:, self.memory]).sum(axis=1))
+
+    def unknown_state(self, travel: Array) -> Array:
+        """Largest error of the friction with a memory, whose first state is unknown.
+
+        Args:
+            travel: way of every joint since the beginning, (…, n) [rad, m].
+
+        Returns:
+            F exp(−travel / z_c), (…, n) [N·m, N].
+        """
+        return np.asarray(self.lasting_friction * np.exp(-travel / self.terms.dahl_stroke))
+
+    @property
     def dry_friction(self) -> Array:
-        """Size of the dry friction of every joint, Σ |φ| over its columns, (n,) [N·m, N]."""
-        dry = [COLUMNS[name].model_term == "friction" for name in self.terms.columns]
+        """Dry friction of every joint by the sign of its speed, Σ |φ|, (n,) [N·m, N]."""
+        dry = [
+            COLUMNS[name].model_term == "friction" and name != MEMORY for name in self.terms.columns
+        ]
         return np.asarray(np.abs(self.phi[:, np.array(dry, dtype=bool)]).sum(axis=1))
 
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:
@@ -148,7 +186,7 @@ def model_of(identified: Identification | SavedResult, lib: Library) -> Monitore
         lib: library of the robot.
 
     Returns:
-        Parameters for the observer; friction with a memory (dahl) counts as Coulomb friction.
+        Parameters for the observer.
     """
     if isinstance(identified, Identification):
         preparation = identified.train.prepared or Preparation()
@@ -156,10 +194,6 @@ def model_of(identified: Identification | SavedResult, lib: Library) -> Monitore
     else:
         preparation, phi = identified.preparation, identified.phi
     terms = identified.friction if phi.size else Friction(())
-    if "coulomb" not in terms.columns:
-        # ζ of a Dahl column is sign dq beyond z_c after a reversal, where the thresholds are wider.
-        columns = tuple("coulomb" if name == "dahl" else name for name in terms.columns)
-        terms = replace(terms, columns=columns)
     return MonitoredModel(
         beta=lib.base_matrix @ identified.pi,
         terms=terms,

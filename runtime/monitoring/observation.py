@@ -5,7 +5,8 @@
 σ_j is the noise of r in free motion, band_j the standard deviation of the model's torque by its
 posterior at the present state, z_j follows from the rate of false alarms. dry_j is twice the dry
 friction of the joint at rest and for 0.1 s after a reversal, where it may act in either direction,
-else 0. The last term covers torque and position that lie up to a sampling step Δ apart.
+else 0; of friction with a memory (dahl) it is F exp(−travel / z_c), because its first
+state is unknown. The last term covers torque and position that lie up to a sampling step Δ apart.
 """
 
 from dataclasses import dataclass, replace
@@ -192,6 +193,8 @@ def _state_terms(
             band[part][s.steps :] = _band(lib, detector, detector.root, position, speed)
         slow = near(t[part][s.steps :], detector.model.is_slow(speed), 0.0, REVERSAL_S)
         extra[part][s.steps :] = slow * (2 * detector.model.dry_friction)
+        travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
+        extra[part][s.steps :] += detector.model.unknown_state(travel)
         lag = max(s.steps, SLOPE_STEPS)
         extra[part][s.steps + lag :] += np.abs(torque[lag:] - torque[:-lag]) / lag
     return band, extra

@@ -123,7 +123,6 @@ class Observer:
 
     Raises:
         IdentificationError: a setting is out of range.
-        RecordingError: the friction model depends on the whole path.
     """
 
     def __init__(
@@ -139,7 +138,7 @@ class Observer:
         steps = round(window_s * rate_hz)
         self.settings = ObserverSettings(rate_hz, bandwidth, steps, velocity)
         self._lib, self._model = lib, model_of(identified, lib)
-        self._model.columns(lib, lib.home[None], np.zeros((1, lib.n_joints)))
+        self._has_memory = bool(self._model.memory.any())
         # A torque that is logged late belongs to an earlier state, and one logged early to a later.
         delay = self._model.delay_s * rate_hz
         self._late = max(delay, 0.0), max(-delay, 0.0)
@@ -148,13 +147,15 @@ class Observer:
         self._torques: deque[Array] = deque(maxlen=int(np.ceil(self._late[1])) + 2)
         self._window: deque[Array] = deque(maxlen=steps + 1)
         self._last: tuple[Array, Array] | None = None
-        self._r = np.zeros(n)
+        self._place: Array | None = None
+        self._r, self._zeta = np.zeros(n), np.zeros(n)
 
     def reset(self) -> None:
         """Forget all samples, as after a pause of the log."""
         for queue in (self._states, self._torques, self._window):
             queue.clear()
-        self._last, self._r = None, np.zeros(self._lib.n_joints)
+        self._last, self._place = None, None
+        self._r, self._zeta = np.zeros(self._lib.n_joints), np.zeros(self._lib.n_joints)
 
     def update(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> Array:
         """Add one sample.
@@ -193,13 +194,23 @@ class Observer:
         speed = mean[1]
         if s.velocity == "position":
             speed = (rows[-1, 0] - rows[0, 0]) * (s.rate_hz / s.steps)
-        p, force = self._model.balance(self._lib, mean[None, 0], speed[None])
+        zeta = self._advanced(mean[0])[None] if self._has_memory else None
+        p, force = self._model.balance(self._lib, mean[None, 0], speed[None], zeta)
         now = p[0], mean[2] + force[0]
         if self._last is not None:
             w = (now[0] - self._last[0]) * s.rate_hz - (now[1] + self._last[1]) / 2
             self._r = s.decay * self._r + (1 - s.decay) * w
         self._last = now
         return self._r.copy()
+
+    def _advanced(self, q: Array) -> Array:
+        """State ζ of the friction with a memory after a step, as the column `dahl` has it."""
+        if self._place is not None:
+            step = q - self._place
+            drive, stroke = np.sign(step), self._model.terms.dahl_stroke
+            self._zeta = drive + (self._zeta - drive) * np.exp(-np.abs(step) / stroke)
+        self._place = q
+        return self._zeta
 
 
 def _delayed(queue: deque[Array], late: float) -> Array:

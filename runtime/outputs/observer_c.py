@@ -21,9 +21,10 @@ FORMS = {
     "coulomb": "s",
     "offset": "1.0",
     "asymmetric": "v * s",
+    "dahl": "z",
     "stribeck": "s * exp(-(v / STRIBECK) * (v / STRIBECK))",
 }
-"""Friction column → C expression of the speed v and its smooth sign s."""
+"""Friction column → C expression of the speed v, its smooth sign s and the state z of a memory."""
 
 HEADER = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
  * Model $model_hash. */
@@ -35,6 +36,7 @@ typedef struct {
     double window[$steps + 1][3 * $n];
     double torque[$lag + 1][$n];
     double p[$n], u[$n], r[$n];
+    double place[$n], travel[$n], z[$n];
     long samples, means;
     int slow[$n];
 } ${robot}_observer;
@@ -64,6 +66,7 @@ enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests };
 #define DECAY $decay
 #define COULOMB $coulomb_speed
 #define STRIBECK $stribeck_speed
+#define STROKE $dahl_stroke
 
 static const double beta[BASE] = {$beta};
 static const double friction[N][$columns] = {$phi};
@@ -71,9 +74,11 @@ static const double rotor[N] = {$rotor};
 /* Thresholds: z sqrt(sigma^2 + band^2) or the largest slow residual, and twice the dry friction. */
 static const double usual[N] = {$usual};
 static const double dry[N] = {$dry};
+static const double lasting[N] = {$lasting};
 
 /* Momentum p and C' dq - g - tau_f. */
-static void balance(const double q[N], const double v[N], double p[N], double force[N])
+static void balance(const double q[N], const double v[N], const double z[N], double p[N],
+                    double force[N])
 {
     double over_p[N * BASE], over_s[N * BASE];
     memset(over_p, 0, sizeof over_p);
@@ -81,7 +86,7 @@ static void balance(const double q[N], const double v[N], double p[N], double fo
     ${robot}_momentum_regressor(q, v, over_p, over_s);
     for (int j = 0; j < N; ++j) {
         p[j] = rotor[j] * v[j];
-        force[j] = -friction_torque(j, v[j]);
+        force[j] = -friction_torque(j, v[j], z[j]);
         for (int k = 0; k < BASE; ++k) {
             p[j] += over_p[j * BASE + k] * beta[k];
             force[j] += over_s[j * BASE + k] * beta[k];
@@ -115,7 +120,14 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
             mean[N + j] = (now[j] - old[j]) * (RATE / (STEPS ? STEPS : 1));
         }
     }
-    balance(mean, mean + N, p, force);
+    for (int j = 0; j < N; ++j) { /* friction with a memory: its state follows the path */
+        double step = o->means ? mean[j] - o->place[j] : 0.0;
+        double drive = (step > 0) - (step < 0);
+        o->z[j] = drive + (o->z[j] - drive) * exp(-fabs(step) / STROKE);
+        o->travel[j] += fabs(step);
+        o->place[j] = mean[j];
+    }
+    balance(mean, mean + N, o->z, p, force);
     const double *before = o->torque[(o->means + 1) % (LAG + 1)];
     unsigned contacts = 0;
     for (int j = 0; j < N; ++j) {
@@ -134,6 +146,9 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
             threshold[j] += 2 * dry[j];
             --o->slow[j];
         }
+        if (lasting[j] > 0) { /* the first state is unknown */
+            threshold[j] += lasting[j] * exp(-o->travel[j] / STROKE);
+        }
         if (o->means >= LAG) { /* torque and position lie up to a step apart */
             threshold[j] += fabs(mean[2 * N + j] - before[j]) / LAG;
         }
@@ -144,10 +159,11 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     return contacts;
 }
 """)
-FRICTION = Template("""static double friction_torque(int j, double v)
+FRICTION = Template("""static double friction_torque(int j, double v, double z)
 {
     const double s = tanh(v / COULOMB);
     (void)s;
+    (void)z;
     (void)j;
     (void)friction;
     return 0.0$terms;
@@ -232,6 +248,8 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "rotor": _row(model.phi[:, inertial].sum(axis=1)),
         "usual": _row(detector.noise.thresholds(detector.levels, band)),
         "dry": _row(model.dry_friction),
+        "lasting": _row(model.lasting_friction),
+        "dahl_stroke": repr(model.terms.dahl_stroke),
         "slow": SLOW,
         "from_position": int(s.velocity == "position"),
         "home": _row(lib.home),

@@ -122,11 +122,11 @@ def test_no_uninitialised_byte_decides(
     np.testing.assert_allclose(answer[first:, :7], seen.r[first:], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("columns", [("viscous", "rotor", "stribeck"), ()])
+@pytest.mark.parametrize("columns", [("viscous", "rotor", "stribeck"), ("dahl", "offset"), ()])
 def test_without_window_and_with_other_friction(
     columns: tuple[str, ...], lib: Library, detector: Detector, tmp_path: Path
 ) -> None:
-    """Oracle: the same without a window, with rotors and without any friction."""
+    """Oracle: the same without a window, with rotors, with a memory and without any friction."""
     phi = np.linspace(0.1, 0.9, 7 * len(columns)).reshape(7, -1)
     model = dataclasses.replace(detector.model, terms=Friction(columns), phi=phi)
     settings = ObserverSettings(1000.0, 50.0)

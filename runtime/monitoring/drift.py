@@ -10,9 +10,9 @@ the log. The part is named by the likelihood with unknown noise per joint,
 
     N_eff Σ_j log(‖e_j‖² / ‖e_j − C_h x‖²) − k log N_eff + 2 log prior          (Schwarz 1978)
 
-a single inner link only where it explains clearly more than all base parameters do and leaves no
-other significant change. The p-value of
-that hypothesis is multiplied by the number of hypotheses (Bonferroni).
+a single inner link only where it explains clearly more than all base parameters do, and a single
+part only where it leaves no other significant change. The p-value of that hypothesis is multiplied
+by the number of hypotheses (Bonferroni).
 """
 
 import math
@@ -142,12 +142,14 @@ def verdict_of(
     parts = list(hypotheses(lib, model, saved.pi, recording.t, samples))
     tests = [_tested(each, e, over, spread, n_eff) for each in parts]
     ranked = _ranked(tests, n_eff)
-    if ranked[0].group == "links":
-        (link,) = (each for each in parts if (each.group, each.where) == _part(ranked[0]))
-        left = _left(link, e, over)
-        others = [_tested(each, left, over, spread, n_eff) for each in parts if each is not link]
+    if ranked[0].group != "model" and ranked[0].p_value * len(tests) < ALPHA:
+        (part,) = (each for each in parts if (each.group, each.where) == _part(ranked[0]))
+        left = _left(part, e, over)
+        others = [_tested(each, left, over, spread, n_eff) for each in parts if each is not part]
         ranked = _whole_if_several(ranked, others)
-    p_value = min(1.0, ranked[0].p_value * len(tests))
+    # A part that is not the whole change is still evidence of one.
+    strongest = max(tests, key=lambda test: test.score)
+    p_value = min(1.0, min(ranked[0].p_value, strongest.p_value) * len(tests))
     error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
     return Verdict(
         recording.name or "log",
@@ -177,11 +179,11 @@ def _ranked(tests: list[Change], n_eff: float) -> tuple[Change, ...]:
 
 
 def _whole_if_several(ranked: tuple[Change, ...], others: list[Change]) -> tuple[Change, ...]:
-    """The whole model first where a link leaves another change: one part is not all of it then.
+    """The whole model first where a part leaves another change: it is not all of it then.
 
     Args:
-        ranked: hypotheses, a single link first.
-        others: tests of all others on what that link leaves.
+        ranked: hypotheses, a single part first.
+        others: tests of all others on what that part leaves.
 
     Returns:
         Hypotheses in their order, "model" first where others explain a significant rest.

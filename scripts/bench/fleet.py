@@ -145,9 +145,9 @@ def motion(
     return record(lib, design, settings, seed=seed, truth_seed=unit, pi=centre).recording
 
 
-def joined(first: Recording, second: Recording) -> Recording:
+def joined(first: Recording, second: Recording, pause_s: float = PAUSE_S) -> Recording:
     """Two motions as one log with a pause."""
-    later = second.t + first.t[-1] + PAUSE_S
+    later = second.t + first.t[-1] + pause_s
     columns = (
         np.concatenate([getattr(first, key), getattr(second, key)]) for key in ("q", "dq", "tau")
     )

@@ -1,6 +1,6 @@
-"""Monitoring: bands of drawn models, false alarms and steps of the observer, changes of a robot.
+"""Monitoring: bands of drawn models, and results that are written and read again.
 
-Robots are drawn about the FR3's URDF; the observer watches the virtual FR3 of `runtime.simulation`.
+Robots are drawn about the FR3's URDF.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,10 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
-from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out
-from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.recording import Friction, Preparation
 from runtime.simulation import Plant, ideal
-from runtime.simulation.virtual_robot import perturbed, record
+from runtime.simulation.virtual_robot import perturbed
 
 Array = NDArray[np.float64]
 
@@ -85,85 +82,6 @@ def draws_coverage(
     return float(np.mean(inside)), float(np.mean(consistent))
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
-    """Alarms and pushes of the observer on the virtual FR3.
-
-    Attributes:
-        alarms: stated rate [1/h] → alarms that were counted and alarms that were expected.
-        found: share of pushes that were found within `WITHIN_S`.
-        pushes: number of pushes.
-        missed: joint of every push that was not, from 1.
-    """
-
-    alarms: dict[float, tuple[int, float]]
-    found: float
-    pushes: int
-    missed: tuple[int, ...]
-
-
-PUSH = (3.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0)
-"""Size of the pushes, N·m."""
-WITHIN_S, PERIOD_S, LENGTH_S = 0.02, 0.5, 0.25
-"""Time within which a push has to be found, time between two pushes, and their length, s."""
-
-
-def observer_trials(
-    lib: Library, designs: tuple[Trajectory, ...], logs: int, rates: tuple[float, ...]
-) -> Watched:
-    """False alarms and pushes on motions of the virtual FR3 that were not in its training.
-
-    Args:
-        lib: the FR3.
-        designs: training motion, and those of the logs in turn.
-        logs: number of logs.
-        rates: stated rates of false alarms, 1/h.
-
-    Returns:
-        Counts.
-    """
-    log = record(lib, designs[0], seed=0).recording
-    result = identify(log, lib, preparation=FILTERED, friction_columns=OF_ARM)
-    counts = {rate: [0, 0.0] for rate in rates}
-    hits: list[tuple[int, bool]] = []
-    with TemporaryDirectory() as folder:
-        known = saved_of(lib, result, Path(folder))
-        model = model_of(known.saved, lib)
-        held_out = read_held_out(Path(folder), model)
-    root = known.posterior.root(lib)
-    for k in range(logs):
-        raw = record(lib, designs[1 + k % (len(designs) - 1)], seed=k + 1).recording
-        data = prepared_for(raw, model)
-        for rate in rates:
-            detector = detector_for(lib, model, data, held_out, stated(rate), root=root)
-            seen = observe(lib, detector, data)
-            counts[rate][0] += len(seen.contacts)
-            counts[rate][1] += seen.seconds * rate / 3600
-        detector = detector_for(lib, model, data, held_out, stated(1.0), root=root)
-        hits += pushed(lib, detector, data, k)
-    found = [hit for _, hit in hits]
-    return Watched(
-        {rate: (int(seen), expected) for rate, (seen, expected) in counts.items()},
-        float(np.mean(found)),
-        len(found),
-        tuple(j + 1 for j, hit in hits if not hit),
-    )
-
-
 def stated(per_hour: float) -> AlarmRate:
     """Rate of false alarms per hour."""
     return alarm_rate(f"{per_hour:g} per hour")
-
-
-def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list[tuple[int, bool]]:
-    """Joint of pushes that are added to a log, and whether each was found in time."""
-    starts = np.arange(data.t[0] + PERIOD_S, data.t[-1] - PERIOD_S, PERIOD_S)
-    joints = [(turn + k) % lib.n_joints for k in range(len(starts))]
-    tau = np.array(data.tau)
-    for start, j in zip(starts, joints, strict=True):
-        tau[(data.t >= start) & (data.t < start + LENGTH_S), j] -= PUSH[j]
-    seen = observe(lib, detector, data.replace(tau=tau))
-    return [
-        (j, any(c.number == j and 0 <= c.time_s - start <= WITHIN_S for c in seen.contacts))
-        for start, j in zip(starts, joints, strict=True)
-    ]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.compiled_plant import record
+from bench.fleet import joined
 from bench.monitoring import FILTERED, saved_of
 from runtime import Recording, choose_default_friction, identify
 from runtime.excitation import Trajectory
@@ -55,11 +56,7 @@ def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
     one, two = (
         record(lib, design, seed=FIRST_SEED + k).recording for k, design in enumerate(designs)
     )
-    columns = {
-        key: np.concatenate([getattr(one, key), getattr(two, key)]) for key in ("q", "dq", "tau")
-    }
-    t = np.concatenate([one.t, two.t + one.t[-1] + PAUSE_S])
-    log = one.replace(t=t, **columns)
+    log = joined(one, two, PAUSE_S)
     terms = choose_default_friction(log, lib, FILTERED).terms
     result = identify(log, lib, preparation=FILTERED, friction_columns=terms, refit=True)
     with TemporaryDirectory() as folder:

@@ -87,7 +87,7 @@ def read_recipe(folder: Path) -> CompileRecipe:
                     sources=_all(_FILE, group["sources"]),
                     flags=_all(_FLAG, group["flags"]),
                     gcc=_all(_FLAG, group["gcc"]),
-                    beside=_all(_FLAG, group["beside"]),
+                    beside=_all(_FLAG, group.get("beside", [])),
                 )
                 for group in _list(raw["groups"])
             ),

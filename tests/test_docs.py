@@ -29,7 +29,7 @@ OF_SCRIPTS = {
     f"--{name}"
     for name in (
         *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
-        *("free", "latest", "throughput", "resume"),
+        *("free", "latest", "throughput", "resume", "serial", "compiled"),
     )
 }
 """Options of the programs in scripts/ that pages name."""

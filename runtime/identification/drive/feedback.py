@@ -67,16 +67,18 @@ def feedback_torque(
     rest = samples.tau - samples.rigid(lib, result.pi) - samples.friction(result.phi)
     t, moves = result.train.t, np.zeros((3, *samples.q.shape))
     inertia, slope = _loop(samples, lib, result.pi, result.phi, terms)
-    for part in segments(t):
-        moves[:, part] = response(
-            t[part],
-            -rest[part],
-            inertia[part],
-            slope[part],
-            gains,
-            np.broadcast_to(delay, (lib.n_joints,)),
-        )
-    size, usual = np.linalg.norm(moves[0]), np.linalg.norm(samples.q - samples.q.mean(axis=0))
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable loop is refused below
+        for part in segments(t):
+            moves[:, part] = response(
+                t[part],
+                -rest[part],
+                inertia[part],
+                slope[part],
+                gains,
+                np.broadcast_to(delay, (lib.n_joints,)),
+            )
+        size = np.linalg.norm(moves[0])
+    usual = np.linalg.norm(samples.q - samples.q.mean(axis=0))
     if not (np.isfinite(moves).all() and size < MOST_RESPONSE * usual):
         return None
     clean = _moved(samples, -moves, lib, terms)
@@ -109,7 +111,7 @@ def response(
         delay: d, (n,) [s].
 
     Returns:
-        δ, δ̇ and δ̈, (3, N, n).
+        δ, δ̇ and δ̈, (3, N, n); beyond every size where the loop is unstable.
     """
     (kp, kd), n = gains, noise.shape[1]
     q, v = np.zeros_like(noise), np.zeros_like(noise)

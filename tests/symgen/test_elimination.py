@@ -1,9 +1,13 @@
 """symgen.emit.elimination: patterns of toys, against elimination of random numbers."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
+from symgen.emit import tile_program
 from symgen.emit.elimination import PANEL, Panel, eliminate, fill_in
+from symgen.emit.programs import _statistics
+from symgen.kernel import Argument, make_kernel
 
 STAIRS = [[1, 1, 1, 1], [0, 1, 1, 1], [0, 0, 0, 1]]
 """A chain: a row has entries from its own column on."""
@@ -76,3 +80,15 @@ def test_panels_name_all_that_changes(pattern):
         filled = {(i, c) for i, row in enumerate(pattern) for c, here in enumerate(row) if here}
         allowed = filled | set(fill_in(pattern, panels))
         assert {(int(i), int(c)) for i, c in np.argwhere(rows)} <= allowed
+
+
+def test_each_joint_lists_its_columns_and_the_torque():
+    """Oracle, by hand: three joints of a chain and four base parameters; column 4 is the torque."""
+    x = ca.SX.sym("x")
+    rows = ca.vertcat(*(ca.horzcat(*row) for row in ([x, x, x, x], [0, 0, x, x], [0, 0, 0, x])))
+    regressor = make_kernel(
+        "base_regressor", {Argument("x", (1,), "1"): x}, {Argument("Y_b", (3, 4), "1"): rows}, ""
+    )
+    tables = _statistics({"base_regressor": regressor}, {"base_regressor": tile_program(regressor)})
+    assert tables["joint_table"] == [0, 1, 2, 3, 4, 2, 3, 4, 3, 4]
+    assert tables["joint_at"] == [0, 5, 8, 10]  # the last entry ends the list of the last joint

@@ -67,6 +67,8 @@ def test_2_no_clock_at_all(lib: Library, clean: Recording, saved, tmp_path: Path
     assert result.plan.time.rate_hz == pytest.approx(100.0, rel=0.02)
     require_no_warning(result, log, lib, tmp_path)
     silent = inspect_log(saved(clean, t=None, dq=None), lib)
+    # Nothing is stated about speeds and times, such as rest, that a made-up clock would give.
+    assert set(sentences(silent)) == {"missing_clock"}
     assert "--log-rate" in sentences(silent)["missing_clock"]
     assert "# rate_hz" in recipe_text(silent)
     assert sentences(inspect_log(saved(clean, t=None, dq=None), lib, rate_hz=100.0)) == {}

@@ -74,7 +74,8 @@ def test_log_of_an_exact_half_turn(diagonal: tuple[int, int, int], positive: int
 
 def test_log_of_a_half_turn_is_positive_first() -> None:
     """Property: at θ = π the first non-zero component is positive (errata to Eqs. 2.10–2.12)."""
-    for v in ([0.0, -0.6, 0.8], [-0.6, 0.8, 0.0], [0.0, 0.0, -1.0], [-0.36, 0.48, 0.8]):
+    falling = ([0.0, -0.6, 0.8], [-0.6, 0.8, 0.0], [0.0, 0.0, -1.0], [-0.36, 0.48, 0.8])
+    for v in (*falling, [0.6, 0.8, 0.0], [0.36, 0.48, 0.8]):
         axis = np.array(v)
         half_turn = 2 * np.outer(axis, axis) - np.eye(3)
         omega = logarithm(half_turn)

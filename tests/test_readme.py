@@ -126,12 +126,18 @@ def test_blocks_run(page, desk, monkeypatch, capsys):
         assert (desk / "results/mine/identified.urdf").exists()
 
 
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter")
+
+
 def test_c_block_compiles_and_runs(desk):
-    """Oracle: the weight of seven unit masses on joint 2 of the FR3 at home is not zero."""
+    """Oracle: the weight of seven unit masses on joint 2 of the FR3 at home is not zero.
+
+    Without optimisation; the test below compiles the same files with it and the same warnings.
+    """
     if shutil.which("cc") is None:
         pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
     folder = desk / "generated/fr3"
-    flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter"]
+    flags = [*STRICT, "-O0"]
     run(["cc", *flags, "-c", str(folder / "kernels.c"), "-o", "kernels.o"], desk)
     for block in shown("c"):
         source = desk / "main.c"
@@ -144,13 +150,19 @@ def test_c_block_compiles_and_runs(desk):
 
 
 def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):
-    """Oracle: the README's own line, with the `symgen` of this tree on the path."""
+    """Oracle: the README's own line, with the `symgen` of this tree on the path.
+
+    A `cc` of the same path adds that every warning is an error.
+    """
     if shutil.which("cc") is None:
         pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
     (tmp_path / "main.c").write_text(shown("c")[0], encoding="utf-8")
     command = tmp_path / "symgen"
     command.write_text(f"#!{sys.executable}\nfrom symgen.console import main\nmain()\n")
     command.chmod(0o755)
+    strict = tmp_path / "cc"
+    strict.write_text(f'#!/bin/sh\nexec {shutil.which("cc")} {" ".join(STRICT)} "$@"\n')
+    strict.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     (line,) = re.findall(r"^`(cc -O1 [^`]+)`", README.read_text(encoding="utf-8"), re.MULTILINE)

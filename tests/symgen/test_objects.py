@@ -239,7 +239,9 @@ def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, na
     for file in ("example.c", "kernels.c", "update.c", f"{name}.h"):
         shutil.copy(lib.folder / file, tmp_path)
     compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], tmp_path)
-    linked(tool, ["-O1"], "example.o", ["kernels.c", "update.c"], tmp_path)
+    # The FR3's kernels take 6 s at -O1, which the README's own line and the other robots cover.
+    flags = ["-O0" if name == "fr3" else "-O1"]
+    linked(tool, flags, "example.o", ["kernels.c", "update.c"], tmp_path)
     text = (tmp_path / "example.c").read_text(encoding="utf-8")
     state = [
         np.array(re.search(rf" {x}\[JOINTS\] = {{(.*)}};", text)[1].split(", "), dtype=float)

@@ -69,10 +69,12 @@ def empty(tmp_path_factory, fr3):
 
 @pytest.fixture(scope="module")
 def desk(empty, fr3):
-    """A user's folder: a URDF, a motion, and the FR3 as `symgen build` makes it."""
+    """A user's folder: a URDF of two joints, a motion, and the FR3 as `symgen build` makes it."""
     (empty / "generated").mkdir()
     (empty / "generated" / "fr3").symlink_to(fr3.folder)
-    shutil.copy(ROOT / "symgen/robots/fr3.urdf", empty / "my.urdf")
+    tutorial = (ROOT / "runtime/tutorials/own-robot.md").read_text(encoding="utf-8")
+    (arm,) = (block for language, block in blocks(tutorial) if language == "xml")
+    (empty / "my.urdf").write_text(arm, encoding="utf-8")
     shutil.copy(ROOT / "runtime/examples/fr3_trajectory.json", empty / "motion.json")
     return empty
 

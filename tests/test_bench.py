@@ -43,7 +43,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def build(home: Path) -> Any:
-    words = ("--robot", "ur5e", "--level", "portable", "--out", str(home / "generated"))
+    words = ("--level", "portable", "--out", str(home / "generated"))
     return script("bench_build", *words, home=home)
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import sys
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,7 @@ def condition_number(result: Identification) -> float | None:
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 
+@cache  # metadata of packages are files, and one process writes many results
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that compute a result."""
     python = ".".join(map(str, sys.version_info[:3]))

@@ -182,11 +182,11 @@ def test_unknown_level_is_refused(fr3):
         load(fr3.folder, "v9")
 
 
-def test_tiles_compile_for_arm(fr3, tmp_path):
+def test_tiles_compile_for_arm(robot, tmp_path):
     """Oracle: zig's cross compiler for 64-bit Arm; the code cannot run here."""
     pytest.importorskip("ziglang", reason="the ziglang wheel is the cross compiler")
-    for file in ("tiles.c", "tiles.h", "lanes.h", "sines.h", "fr3.h"):
-        shutil.copy(fr3.folder / file, tmp_path)
+    for file in ("tiles.c", "tiles.h", "lanes.h", "sines.h", "gantry.h"):
+        shutil.copy(robot("gantry").folder / file, tmp_path)
     command = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-gnu", "-O1", "-c"]
     subprocess.run(
         [*command, "-std=c99", "-DLEVEL=neon", "-DW=2", "tiles.c", "-o", "tiles.o"],

@@ -102,7 +102,7 @@ ROOMS = {
             *(
                 f"tests/symgen/test_{name}.py"
                 for name in (
-                    *("emit", "emit_manifest", "elimination", "schedule", "stack"),
+                    *("emit", "emit_manifest", "composition", "elimination", "schedule", "stack"),
                     *("tile_program", "parts", "tiles", "lanes", "objects", "memory"),
                 )
             ),

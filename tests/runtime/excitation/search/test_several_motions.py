@@ -1,10 +1,13 @@
 """Several motions that share a time: their information adds up, and the later ones complement."""
 
+import runpy
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from runtime import load
 from runtime.excitation import DesignSettings, Trajectory, information
@@ -65,3 +68,14 @@ def test_the_command(command: Command, pendulum: Library, tmp_path: Path) -> Non
         assert (tmp_path / f"m-{k}.csv").exists()
     again = command(*words)
     assert (again.code, "m-1.json" in again.err) == (2, True)
+
+
+def test_differences_are_paired(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the interval of a paired t-test; designs share their robots, so means do not do."""
+    scripts = Path(__file__).parents[4] / "scripts"
+    monkeypatch.setattr(sys, "path", [str(scripts), *sys.path])
+    table = runpy.run_path(str(scripts / "motions_table"), run_name="motions_table")["table"]
+    one, four = [7.0, 9.0, 5.0, 6.0], [6.0, 7.5, 4.5, 5.0]
+    band = stats.ttest_rel(four, one).confidence_interval()
+    row = table({1: one, 4: four}, {1: one, 4: four}).splitlines()[-1]
+    assert row.endswith(f"| -1.00 ({band.low:+.2f} to {band.high:+.2f}) |")

@@ -163,7 +163,9 @@ def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):
     command.write_text(f"#!{sys.executable}\nfrom symgen.console import main\nmain()\n")
     command.chmod(0o755)
     strict = tmp_path / "cc"
-    strict.write_text(f'#!/bin/sh\nexec {shutil.which("cc")} {" ".join(STRICT)} "$@"\n')
+    # The path without the folder of this program: a compiler cache searches the compiler there.
+    usual = f"PATH='{os.environ['PATH']}' exec {shutil.which('cc')} {' '.join(STRICT)}"
+    strict.write_text(f'#!/bin/sh\n{usual} "$@"\n', encoding="utf-8")
     strict.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))

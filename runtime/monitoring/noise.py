@@ -6,7 +6,8 @@ S_e is the spectrum of the residual that `identify` has kept from its test part,
 has not seen, and H the observer. f_s is 10 Hz, or below the filter of that log; above it the
 variance of r itself counts, in short blocks of the observed log, without those in which it is far
 above the median: these hold contacts. Reversals of a joint are left out of S_e, because thresholds
-add its dry friction there.
+add its dry friction there, and so is the beginning of a motion, where friction with a memory has an
+unknown state.
 """
 
 from dataclasses import dataclass
@@ -38,6 +39,8 @@ OUTLIER = 6.0
 """Variance of a block over the median of all, above which it counts as a contact."""
 MARGIN = 1.1
 """Threshold over the largest slow residual that was seen in free motion, at least."""
+UNKNOWN = 0.01
+"""Share of the friction with a memory below which the error of its first state is forgotten."""
 REVERSAL_S = 0.1
 """Time after a reversal or a rest in which the direction of dry friction is uncertain [s]."""
 
@@ -127,8 +130,17 @@ def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
         "average": preparation.window_s and AVERAGE_CUTOFF / preparation.window_s,
         "savitzky-golay": preparation.window_s and preparation.order / (2 * preparation.window_s),
     }.get(preparation.filter)
-    usable = ~near(t, model.is_slow(dq), REVERSAL_S, REVERSAL_S)
+    usable = ~near(t, model.is_slow(dq) | _is_unknown(t, dq, model), REVERSAL_S, REVERSAL_S)
     return HeldOutResidual(t, rest, usable, min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ)
+
+
+def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> NDArray[np.bool_]:
+    """Instants at which the state of friction with a memory is not known yet, (N, n)."""
+    travel = np.zeros_like(dq)
+    for part in segments(t):
+        steps = np.diff(t[part], prepend=t[part][:1])[:, None]
+        travel[part] = np.cumsum(np.abs(dq[part]) * steps, axis=0)
+    return model.unknown_state(travel) > UNKNOWN * model.lasting_friction
 
 
 def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) -> NDArray[np.bool_]:

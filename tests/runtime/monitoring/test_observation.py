@@ -11,8 +11,10 @@ from runtime import Recording, write_recording
 from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of
 from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.noise import noise_of_observer, read_held_out
+from runtime.monitoring.observer import ObserverSettings
 from runtime.monitoring.wrench import wrench_at
+from runtime.recording import Friction
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
@@ -148,3 +150,26 @@ def test_residuals_count_below_the_filter_of_their_log(
     held_out = read_held_out(monitored.folder, changed)
     assert held_out.limit_hz == pytest.approx(limit)
     assert not held_out.is_used.all()  # reversals are left out
+
+
+def test_unknown_first_state_of_dahl_friction_raises_no_threshold(
+    lib: Library, monitored: Monitored, tmp_path: Path
+) -> None:
+    """Property: an error F exp(−travel/z_c) after every hole is left out of the largest residual.
+
+    What remains is the 1 % of F that counts as forgotten, and twice as much beyond the low-pass.
+    """
+    model = model_of(monitored.saved, lib)
+    terms = Friction(("dahl",), dahl_stroke=0.01)
+    changed = dataclasses.replace(model, terms=terms, phi=np.ones((7, 1)))
+    t = np.arange(600) / 100
+    t[300:] += 1.0  # a hole: the state is unknown again
+    dq = np.full((600, 7), 0.1)
+    travel = 0.1 * (t - np.where(t < 3.5, 0.0, t[300]))
+    rest = np.repeat(np.exp(-travel / 0.01)[:, None], 7, axis=1)
+    np.savez(tmp_path / "predictions.npz", t=t, dq=dq, measured=rest, after=np.zeros_like(rest))
+    held_out = read_held_out(tmp_path, changed)
+    settings = ObserverSettings(100.0, 50.0)
+    noise = noise_of_observer(settings, held_out, t, np.zeros((600, 7)))
+    assert (noise.largest < 0.03).all()
+    assert held_out.is_used.mean() > 0.7  # of 3 s each .46 s of travel and .1 s beside it

@@ -16,7 +16,7 @@ import numpy as np
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET
+from runtime.recording.friction import OFFSET, dahl_state
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import differentiate, low_pass
 
@@ -39,8 +39,6 @@ NAMES = (*FRICTION, *ERRORS, OFFSET.name)
 """All columns; the offset, the last one, is one per log."""
 STROKE, PEAK_SPEED = 2e-3, 0.1
 """z_c and v_s before they are estimated [rad, rad/s]."""
-BLOCK = 64
-"""Samples of a log that are stepped through side by side with others."""
 STEP = 0.1
 """Step of ln z_c in the difference quotient of the columns."""
 
@@ -196,29 +194,9 @@ def slope_columns(motion: Recording, gear: GearFriction, columns: Array) -> Arra
 def _with_memory(motion: Recording, gear: GearFriction, stroke: Array) -> Array:
     """The columns with ζ, (N, n, 4)."""
     dq = motion.required("dq")
-    zeta = _dahl(motion.q, stroke)
+    zeta = dahl_state(motion.q, stroke)
     factors = (
         *(np.ones_like(dq), np.tanh(dq / SIGN_SPEED), np.exp(-((dq / gear.peak_speed) ** 2))),
         np.abs(motion.required("tau")),
     )
     return zeta[..., None] * np.stack(factors, axis=2)
-
-
-def _dahl(q: Array, stroke: Array) -> Array:
-    """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
-    step = np.diff(q, axis=0)
-    count, n = step.shape
-    rows = -(-count // BLOCK)
-    stay, gained = np.ones((rows * BLOCK, n)), np.zeros((rows * BLOCK, n))
-    stay[:count] = np.exp(-np.abs(step) / stroke)
-    gained[:count] = np.sign(step) * (1 - stay[:count])
-    # Within a block ζ = a ζ₀ + b: all blocks step by step, then from block to block.
-    a, b = stay.reshape(rows, BLOCK, n), gained.reshape(rows, BLOCK, n)
-    for i in range(1, BLOCK):
-        b[:, i] += a[:, i] * b[:, i - 1]
-        a[:, i] *= a[:, i - 1]
-    first = np.zeros((rows, 1, n))
-    for i in range(1, rows):
-        first[i, 0] = a[i - 1, -1] * first[i - 1, 0] + b[i - 1, -1]
-    zeta = (a * first + b).reshape(rows * BLOCK, n)[:count]
-    return np.concatenate([np.zeros((1, n)), zeta])

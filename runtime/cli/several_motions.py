@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import say
+from runtime.cli.given_options import given_options
 from runtime.cli.motion_output import certified_stages, write_motion_log
 from runtime.cli.overwriting import require_unused
 from runtime.errors import RuntimeFault
@@ -62,11 +63,10 @@ def require_several(context: typer.Context, motions: int) -> None:
     Raises:
         RuntimeFault: such an option is given.
     """
-    for one in context.command.params:
-        source = getattr(context.get_parameter_source(str(one.name)), "name", "DEFAULT")
-        if motions > 1 and one.name in _EXCLUDED and source != "DEFAULT":
+    for name, option in given_options(context).items():
+        if motions > 1 and name in _EXCLUDED:
             raise RuntimeFault(
-                f"--motions writes one file per motion, to which {one.opts[0]} does not apply; "
+                f"--motions writes one file per motion, to which {option} does not apply; "
                 "leave it out (symgen approach plans the ways of a motion and exports it)"
             )
 

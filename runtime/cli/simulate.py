@@ -12,6 +12,7 @@ import typer
 from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.given_options import given_options
 from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
@@ -184,16 +185,12 @@ def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
     Raises:
         IdentificationError: an option belongs to the other engine.
     """
-    given = {
-        name
-        for name in (*_ONLY_COMPILED, *_ONLY_MUJOCO)
-        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT"
-    }
-    virtual = bool(given & {*_ONLY_MUJOCO}) if engine is None else engine is Engine.mujoco
+    given = given_options(context)
+    for_mujoco = any(name in given for name in _ONLY_MUJOCO)
+    virtual = for_mujoco if engine is None else engine is Engine.mujoco
     foreign = [name for name in (_ONLY_COMPILED if virtual else _ONLY_MUJOCO) if name in given]
     if foreign:
-        options = {"exact": "--ideal"}
-        named = ", ".join(options.get(name, f"--{name.replace('_', '-')}") for name in foreign)
+        named = ", ".join(given[name] for name in foreign)
         used, other = ("mujoco", "compiled") if virtual else ("compiled", "mujoco")
         raise IdentificationError(
             f"{named} belongs to the engine '{other}', not to '{used}'; leave it out, or "

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import say
+from runtime.cli.given_options import given_options
 from runtime.cli.motion_output import json_path
 from runtime.cli.overwriting import require_unused
 from runtime.cli.planned_noise import planned_noise
@@ -74,25 +75,16 @@ def require_applicable(context: typer.Context, static: bool) -> None:
     Raises:
         RuntimeFault: such an option is given.
     """
-    given = {
-        name
-        for name in context.params
-        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT"
-    }
+    given = given_options(context)
     if not static:
         if "poses" in given:
             raise RuntimeFault("--poses is the number of poses of --static; give --static too")
         return
-    if other := sorted(given - _APPLICABLE):
-        option = _option(context, other[0])
+    if other := sorted(given.keys() - _APPLICABLE):
+        option = given[other[0]]
         raise RuntimeFault(
             f"--static designs poses at rest, to which {option} does not apply; leave it out"
         )
-
-
-def _option(context: typer.Context, name: str) -> str:
-    """Option of a parameter as the user writes it."""
-    return next(one.opts[0] for one in context.command.params if one.name == name)
 
 
 def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:

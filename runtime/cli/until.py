@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.approach_options import SessionPlan
+from runtime.cli.given_options import given_options
 from runtime.errors import RuntimeFault
 from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
 from runtime.identification.expected_accuracy.promise import ModelError
@@ -27,9 +28,15 @@ GainError = Annotated[
         help="Standard deviation of the torque gain of every joint in --until, relative to one.",
     ),
 ]
-_FOLLOWING = (
-    *("duration", "criterion", "document", "static", "payload_only", "noise_model", "cutoff"),
-)
+_FOLLOWING = {
+    "duration",
+    "criterion",
+    "document",
+    "static",
+    "payload_only",
+    "noise_model",
+    "cutoff",
+}
 """Parameters that --until chooses."""
 
 
@@ -48,11 +55,9 @@ def until_kind(context: typer.Context, until: str | None) -> str | None:
     """
     if until is None:
         return None
-    for name in _FOLLOWING:
-        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT":
-            raise RuntimeFault(
-                f"--until chooses the motion by its target; leave out --{name.replace('_', '-')}"
-            )
+    for name, option in given_options(context).items():
+        if name in _FOLLOWING:
+            raise RuntimeFault(f"--until chooses the motion by its target; leave out {option}")
     from runtime.campaign.target import target_of
 
     return target_of(until).kind

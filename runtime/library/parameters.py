@@ -17,6 +17,8 @@ N_PARAMETERS = len(PI_NAMES)
 """Parameters of one body, in π as in λ."""
 MASS, FIRST_MOMENT, INERTIA = 0, slice(1, 4), slice(4, N_PARAMETERS)
 """Places of m, m·c and (XX, YY, ZZ, XY, XZ, YZ) in π of one body."""
+INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of XX, YY, ZZ, XY, XZ, YZ in the inertia matrix."""
 _CENTRE, _ROTATION, _AXES = slice(1, 4), slice(4, 7), slice(7, N_PARAMETERS)
 
 Array = NDArray[np.float64]
@@ -45,6 +47,20 @@ def first_moment(pi: Array) -> Array:
 def inertia(pi: Array) -> Array:
     """Inertia (XX, YY, ZZ, XY, XZ, YZ) about the link origin, (…, 6), kg·m², from π, (…, 10)."""
     return np.asarray(pi[..., INERTIA])
+
+
+def inertia_entries(matrix: Array) -> Array:
+    """Entries (XX, YY, ZZ, XY, XZ, YZ), (…, 6), of inertia matrices, (…, 3, 3)."""
+    return np.stack([matrix[..., i, j] for i, j in INERTIA_ENTRIES], axis=-1)
+
+
+def inertia_matrix(entries: ArrayLike) -> Array:
+    """Inertia matrices, (…, 3, 3), of entries (XX, YY, ZZ, XY, XZ, YZ), (…, 6)."""
+    values = np.asarray(entries, dtype=float)
+    matrix = np.empty((*values.shape[:-1], 3, 3))
+    for k, (i, j) in enumerate(INERTIA_ENTRIES):
+        matrix[..., i, j] = matrix[..., j, i] = values[..., k]
+    return matrix
 
 
 def centre_of_mass(pi: Array) -> Array:

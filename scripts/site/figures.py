@@ -16,6 +16,7 @@ import runtime
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.excitation.trajectory_file import read_trajectory
+from runtime.library.parameters import inertia_matrix
 from runtime.recording import Friction, Preparation
 
 mpl.use("svg")
@@ -40,8 +41,7 @@ def _consistency(axes: plt.Axes, ink: str) -> None:
     axes.plot(*inner.T, color=TEAL, lw=1.4)
     for k, pi in enumerate(lib.pi0.reshape(-1, 10)):
         m, c = pi[0], pi[1:4] / pi[0]
-        xx, yy, zz, xy, xz, yz = pi[4:]
-        about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        about_origin = inertia_matrix(pi[4:])
         moments = np.linalg.eigvalsh(about_origin - m * (c @ c * np.eye(3) - np.outer(c, c)))[::-1]
         x, y = moments[:2] / moments.sum()
         axes.plot(x, y, "o", color=ORANGE, ms=5)

@@ -12,15 +12,20 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import Row
 from runtime.identification.drive.symmetry import mirrored_joints
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS
+from runtime.library.parameters import (
+    FIRST_MOMENT,
+    INERTIA,
+    MASS,
+    N_PARAMETERS,
+    inertia_entries,
+    inertia_matrix,
+)
 
 PLANES = {"yz": (-1.0, 1.0, 1.0), "xz": (1.0, -1.0, 1.0), "xy": (1.0, 1.0, -1.0)}
 """Planes of the base, and the diagonal of M."""
 _TURN, _TOLERANCE = 0.3, 1e-3
 """Angle of the joints at which poses are compared [rad, m], and tolerance [m, 1]: a millimetre is
 below the rounding of a URDF."""
-_PLACES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
-"""Place of every entry of I among XX, YY, ZZ, XY, XZ, YZ."""
 
 
 def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
@@ -68,14 +73,9 @@ def mirror_image(turn: Array) -> Array:
         (10, 10).
     """
     image = np.zeros((N_PARAMETERS, N_PARAMETERS))
-    image[0, 0] = 1.0
-    image[1:4, 1:4] = turn
-    for k in range(6):
-        unit = (np.asarray(_PLACES) == k).astype(float)
-        turned = turn @ unit @ turn.T
-        image[4:, 4 + k] = [
-            turned[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        ]
+    image[MASS, MASS] = 1.0
+    image[FIRST_MOMENT, FIRST_MOMENT] = turn
+    image[INERTIA, INERTIA] = inertia_entries(turn @ inertia_matrix(np.eye(6)) @ turn.T).T
     return image
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from runtime.estimators.convex import Bodies
 from runtime.library import Array
+from runtime.library.parameters import inertia_entries
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 """Names of the ten values: kg, m ×3, kg·m² ×6, with the inertia about the centre of mass."""
-_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Body:
     @property
     def values(self) -> Array:
         """The ten values named by `NAMES`."""
-        return np.array([self.mass, *self.com, *(self.inertia[e] for e in _ENTRIES)])
+        return np.array([self.mass, *self.com, *inertia_entries(self.inertia)])
 
     @property
     def sigma(self) -> Array:
@@ -80,12 +80,6 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
     return np.asarray(np.linalg.lstsq(flat.T, P.ravel(), rcond=None)[0])
 
 
-def inertia_from_entries(entries: Array) -> Array:
-    """Symmetric (3, 3) from its entries xx, yy, zz, xy, xz, yz."""
-    xx, yy, zz, xy, xz, yz = entries
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
 def jacobian(bodies: Bodies, pi: Array) -> Array:
     """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π.
 
@@ -103,7 +97,7 @@ def jacobian(bodies: Bodies, pi: Array) -> Array:
     cross = dh[:, :, None] * h[None, None, :]
     d_sigma = unit[:, :3, :3] - (cross + np.swapaxes(cross, 1, 2)) / m
     d_inertia = _about(d_sigma + dm[:, None, None] * np.outer(h, h) / m**2)
-    return np.vstack([dm, d_com.T, [d_inertia[:, i, j] for i, j in _ENTRIES]])
+    return np.vstack([dm, d_com.T, inertia_entries(d_inertia).T])
 
 
 def _about(sigma: Array) -> Array:

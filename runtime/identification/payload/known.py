@@ -13,8 +13,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.files import json_of
-from runtime.identification.payload.body import inertia_from_entries
 from runtime.library import Array
+from runtime.library.parameters import inertia_matrix
 
 FORMAT = 1
 """Number of the format of payload.json; it is raised by a change that readers would misread."""
@@ -75,7 +75,7 @@ def read_known_payload(text: str) -> KnownPayload:
             "expected the payload as MASS,CX,CY,CZ, or these and IXX,IYY,IZZ,IXY,IXZ,IYZ about the "
             f"centre of mass, or a file that ends in .json, got '{text}'; correct it"
         )
-    inertia = inertia_from_entries(values[4:]) if len(values) > 4 else None
+    inertia = inertia_matrix(values[4:]) if len(values) > 4 else None
     return KnownPayload(float(values[0]), values[1:4], inertia)
 
 

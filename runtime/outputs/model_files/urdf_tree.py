@@ -13,6 +13,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
+from runtime.library.parameters import inertia_matrix
 from runtime.numerics.rotations import matrix_from_rpy
 from runtime.outputs.model_files.bodies import RigidBody
 
@@ -78,12 +79,11 @@ class Tree:
             return None
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         T = _placement(inertial, f"link '{link}'")
-        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        xx, xy, xz, yy, yz, zz = (
+        entries = [
             0.0 if inertia is None else number(inertia.get(key, "0"), f"link '{link}': {key}")
-            for key in keys
-        )
-        inertia_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        ]
+        inertia_com = inertia_matrix(entries)
         value = "0" if mass is None else mass.get("value", "0")
         return RigidBody(
             number(value, f"link '{link}': mass"), T[:3, 3], T[:3, :3] @ inertia_com @ T[:3, :3].T

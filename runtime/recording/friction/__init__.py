@@ -9,6 +9,7 @@ from runtime.recording.friction.coupled_motors import (
     geared,
     spread,
 )
+from runtime.recording.friction.dahl import dahl_state
 from runtime.recording.friction.drive_columns import DRIVE, default_terms
 from runtime.recording.friction.model import (
     add_columns,
@@ -38,6 +39,7 @@ __all__ = [
     "completed",
     "coupling_of",
     "coupling_of_terms",
+    "dahl_state",
     "default_terms",
     "directions",
     "geared",

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording.friction.coupled_motors import directions
+from runtime.recording.friction.dahl import dahl_state
 from runtime.recording.friction_column import FrictionColumn, JointMotion
 from runtime.recording.settings import Friction
 
@@ -83,18 +84,12 @@ def _rotor(motion: JointMotion, _: Friction) -> FloatArray:
 
 
 def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
-    """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
     if motion.q is None or len(motion.q) < 2:
         raise RecordingError(
             "the friction column 'dahl' depends on the path; give the motion of a whole recording, "
             "or identify with --friction offset,viscous,coulomb"
         )
-    step = np.diff(motion.q, axis=0)
-    stay, drive = np.exp(-np.abs(step) / terms.dahl_stroke), np.sign(step)
-    zeta = np.zeros_like(motion.q)
-    for i in range(len(step)):
-        zeta[i + 1] = drive[i] + (zeta[i] - drive[i]) * stay[i]
-    return zeta
+    return dahl_state(motion.q, terms.dahl_stroke)
 
 
 def _motor_motion(motion: JointMotion, terms: Friction, name: str) -> JointMotion:

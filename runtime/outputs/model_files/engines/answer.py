@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.library import Array, Library
+from runtime.library.parameters import inertia_entries, pi_from_parts
 
 STATES = 1000
 """Number of random states at which torques are compared."""
@@ -60,5 +61,4 @@ def pi_of(P: Array) -> Array:
     """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
     sigma = P[:3, :3]
     inertia = np.trace(sigma) * np.eye(3) - sigma
-    entries = [inertia[e] for e in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    return np.array([P[3, 3], *P[:3, 3], *entries])
+    return pi_from_parts(P[3, 3], P[:3, 3], inertia_entries(inertia))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from runtime.identification.payload.body import Body, inertia_from_entries
+from runtime.identification.payload.body import Body
 from runtime.identification.payload.vendor_files import kuka_angles, principal_axes, vendor_texts
+from runtime.library.parameters import inertia_matrix
 
 NUMBER = r"[-+0-9.e]+"
 
@@ -35,7 +36,7 @@ def test_each_controller_gets_the_same_body(body):
     assert float(script[1]) == body.mass
     assert [float(x) for x in script[2].split(",")] == body.com.tolist()
     entries = np.array([float(x) for x in script[3].split(",")])  # xx, yy, zz, xy, xz, yz
-    np.testing.assert_allclose(inertia_from_entries(entries), body.inertia, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(inertia_matrix(entries), body.inertia, rtol=0, atol=1e-15)
 
     load = texts["load_data.krl"]
     fields = "".join(f"{{sep}}{name} ({NUMBER})" for name in "XYZABC").replace("{sep}", ",")[1:]

@@ -15,12 +15,9 @@ import pytest
 import runtime.cli
 import symgen.cli
 from symgen import __version__
+from symgen.command_list import BUILD, GROUPS, RUN, Command
 from symgen.console import (
-    BUILD,
-    GROUPS,
     INSPECT_FLAGS,
-    RUN,
-    Command,
     inspected_file,
     is_model,
     main,

@@ -18,7 +18,8 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET, dahl_state
 from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.filters import differentiate, low_pass
+from runtime.recording.preprocessing.derivatives import differentiate
+from runtime.recording.preprocessing.filters import low_pass
 
 MOTION_HZ, BELOW_RATE = 60.0, 0.4
 """Cut-off of q before it is differentiated [Hz], and the same over the rate of a slow log: measured

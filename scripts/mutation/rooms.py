@@ -56,7 +56,9 @@ ROOMS = {
         (f"{_T}/estimators/convex", f"{_T}/estimators/test_armature_prior.py"),
     ),
     "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
-    "uncertainty": Room((f"{_E}/uncertainty.py",), (f"{_T}/estimators/test_uncertainty.py",)),
+    "uncertainty": Room(
+        (f"{_E}/uncertainty.py", f"{_E}/laplace.py"), (f"{_T}/estimators/test_uncertainty.py",)
+    ),
     "residuals": Room(
         tuple(
             f"{_E}/regression/{name}.py"

@@ -15,7 +15,7 @@ def markdown() -> str:
     """One section per command in the order of `symgen --help`: sentences, examples, parameters."""
     import runtime.cli
     import symgen.cli
-    from symgen.console import GROUPS
+    from symgen.command_list import GROUPS
 
     apps = {"symgen.cli": symgen.cli.app, "runtime.cli": runtime.cli.app}
     lines = [

@@ -1,10 +1,12 @@
 """URDF → frozen `Chain`: joints, placements, limits, inertials, gravity, lumped fixed bodies.
 
-`document` parses the XML, `normalise` locks, cuts and snaps it, and `model` reads the result with
+`document` parses the XML, `normalise` locks, cuts and snaps it, and `reading` reads the result with
 pinocchio. CasADi and equations of motion are left to `symgen.mechanics`.
 """
 
-from symgen.chain.model import Chain, Joint, LumpedBody, Tip, read_chain
+from symgen.chain.joint import Joint
+from symgen.chain.model import Chain, LumpedBody, Tip
 from symgen.chain.normalise import ChainOptions
+from symgen.chain.reading import read_chain
 
 __all__ = ["Chain", "ChainOptions", "Joint", "LumpedBody", "Tip", "read_chain"]

@@ -24,7 +24,7 @@ from symgen.errors import UrdfError
 
 if TYPE_CHECKING:
     from symgen.chain.coupling import Coupling
-    from symgen.chain.model import Joint
+    from symgen.chain.joint import Joint
 
 _NEAR = 1e-3
 """m, rad between two frames at the start, below which they are meant to coincide."""

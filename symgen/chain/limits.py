@@ -7,7 +7,7 @@ from symgen.chain.document import Document, numbers
 from symgen.errors import UrdfError
 
 if TYPE_CHECKING:
-    from symgen.chain.model import Joint
+    from symgen.chain.joint import Joint
 
 
 def limits_of(

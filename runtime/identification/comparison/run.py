@@ -13,10 +13,10 @@ import numpy as np
 
 from runtime.errors import IdentificationError, NeedsError, RuntimeFault
 from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
+from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.methods import require_method
 from runtime.estimators.optimizers import Status
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification import metrics
 from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 from runtime.identification.comparison.truth import Truth

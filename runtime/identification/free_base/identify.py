@@ -229,7 +229,7 @@ def _offset_prior(trained: FreeBaseRows, sigma: Array | None) -> FrictionPrior |
 
 
 def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:
-    """Root of the covariance and share of the prior, as `estimators.uncertainty` computes them."""
+    """Root of the covariance and share of the prior, as `estimators.laplace` computes them."""
     lib, (_, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
         raise IdentificationError("expected statistics of the fit; use the method map")

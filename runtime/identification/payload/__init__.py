@@ -6,7 +6,8 @@ from runtime.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from runtime.identification.payload.body import Body, body_of, pi_of_body
-    from runtime.identification.payload.estimate import Payload, identify_payload
+    from runtime.identification.payload.estimate import identify_payload
+    from runtime.identification.payload.identified_payload import Payload
     from runtime.identification.payload.known import (
         KnownPayload,
         read_known_payload,
@@ -41,7 +42,7 @@ __getattr__ = lazy_names(
         "Body": "runtime.identification.payload.body",
         "KnownPayload": "runtime.identification.payload.known",
         "Mount": "runtime.identification.payload.mount",
-        "Payload": "runtime.identification.payload.estimate",
+        "Payload": "runtime.identification.payload.identified_payload",
         "arm_model": "runtime.identification.payload.reading",
         "body_of": "runtime.identification.payload.body",
         "identify_payload": "runtime.identification.payload.estimate",

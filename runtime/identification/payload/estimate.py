@@ -21,6 +21,7 @@ from runtime.identification.payload.arm_error import arm_covariance
 from runtime.identification.payload.body import NAMES, Body, body_of
 from runtime.identification.payload.differential import empty_residual
 from runtime.identification.payload.gain_error import gain_covariance
+from runtime.identification.payload.identified_payload import Payload
 from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.reading import ArmModel, arm_model
 from runtime.identification.payload.sentences import notes_of, status_of
@@ -29,7 +30,6 @@ from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.notebook import html_table
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
@@ -46,57 +46,6 @@ _SILENT = 1e-9
 """Varying part of the columns over the columns, below which it is rounding."""
 _PRIOR_SHARE = 0.5
 """σ of a value over σ of the prior, above which the prior dominates the value."""
-
-
-@dataclass(frozen=True, slots=True)
-class Payload:
-    """An identified payload with its uncertainty.
-
-    Attributes:
-        mount: link and frame.
-        pi: parameters in the link's frame, (10,) [kg, kg·m ×3, kg·m² ×6].
-        covariance: of π for N_eff samples, (10, 10).
-        body: mass, centre of mass and inertia in the mount's frame, covariance for N_eff samples.
-        white: the same body with the covariance for white noise.
-        offsets: b, (n,) N·m or N.
-        noise: σ_j, (n,) N·m or N.
-        n_samples: N.
-        n_effective: N_eff.
-        differential: True when a run without the payload was subtracted.
-        prior_dominated: names of values that the prior determines rather than the data.
-        arm: origin of the arm's model.
-        status: one sentence.
-        notes: sentences of advice.
-        gain_error: standard deviation of the torque gains that the covariances include.
-    """
-
-    mount: Mount
-    pi: Array
-    covariance: Array
-    body: Body
-    white: Body
-    offsets: Array
-    noise: Array
-    n_samples: int
-    n_effective: float
-    differential: bool
-    prior_dominated: tuple[str, ...]
-    arm: str
-    status: str
-    notes: tuple[str, ...]
-    gain_error: float
-
-    def _repr_html_(self) -> str:
-        """The ten values with their standard deviations, as a table for notebooks."""
-        units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
-        rows = [
-            (name, f"{value:.6g}", f"{sigma:.2g}", unit)
-            for name, value, sigma, unit in zip(
-                NAMES, self.body.values, self.body.sigma, units, strict=True
-            )
-        ]
-        title = f"payload on {self.mount.link}, frame {self.mount.frame}: {self.status}"
-        return html_table(title, rows, ("parameter", "value", "σ", "unit"))
 
 
 @one_blas_thread

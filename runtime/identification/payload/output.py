@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.files import replacing
 from runtime.identification.payload.body import NAMES, Body
-from runtime.identification.payload.estimate import Payload
+from runtime.identification.payload.identified_payload import Payload
 from runtime.identification.payload.known import FORMAT
 from runtime.identification.payload.vendor_files import VENDOR_FILES, digits, vendor_texts
 from runtime.library import Array, Library

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.recording import Preparation, Recording
+from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import (
     ALL,
     butterworth,
-    differentiate,
     low_pass_sentence,
     low_passed,
     without_short,

@@ -1,10 +1,10 @@
-"""Zero-phase filters and derivatives, segment by segment: no filter crosses a hole.
+"""Zero-phase low-pass filters, segment by segment: no filter crosses a hole.
 
-Every filter treats q, dq, ddq, τ and the friction columns alike, because a linear relation
-between signals survives only if all of them pass the same filter.
+Every filter, here and in `smoothing`, treats q, dq, ddq, τ and the friction columns alike, because
+a linear relation between signals survives only if all of them pass the same filter.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,145 +154,6 @@ def low_pass_sentence(cutoff_hz: float, order: int) -> str:
         The sentence.
     """
     return f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
-
-
-def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] = ALL) -> Recording:
-    """Mean over a centred window of an odd number of samples; it narrows at the ends.
-
-    Args:
-        recording: on a uniform clock.
-        window_s: length of the window [s].
-        only: names of the signals.
-
-    Returns:
-        The averaged recording.
-
-    Raises:
-        RecordingError: the clock is not uniform.
-    """
-    half = _half_window(recording, window_s, "average")
-
-    def smooth(values: FloatArray) -> FloatArray:
-        n = len(values)
-        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-        i = np.arange(n)
-        reach = np.minimum(half, np.minimum(i, n - 1 - i))
-        width = (2 * reach + 1).reshape(-1, *[1] * (values.ndim - 1))
-        return (sums[i + reach + 1] - sums[i - reach]) / width
-
-    what = "all signals" if only == ALL else ", ".join(only)
-    sentence = f"Averaged {what} over {2 * half + 1} samples ({window_s:g} s)."
-    return _per_segment(recording, smooth, 1, sentence, only)
-
-
-def savitzky_golay(
-    recording: Recording, window_s: float, order: int = 4, only: tuple[str, ...] = ALL
-) -> Recording:
-    """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives.
-
-    Args:
-        recording: on a uniform clock.
-        window_s: length of the window [s].
-        order: degree of the polynomials.
-        only: names of the signals.
-
-    Returns:
-        The smoothed recording.
-
-    Raises:
-        RecordingError: the clock is not uniform, or the window holds too few samples.
-    """
-    half = _half_window(recording, window_s, "fit polynomials")
-    width = 2 * half + 1
-    if width <= order:
-        raise RecordingError(
-            f"the Savitzky–Golay window of {width} samples expects more than {order}, the degree; "
-            "widen window_s"
-        )
-    step = uniform_step(recording, "fit polynomials")
-
-    def smooth(values: FloatArray, derivative: int = 0) -> FloatArray:
-        from scipy import signal as scipy_signal
-
-        return np.asarray(
-            scipy_signal.savgol_filter(values, width, order, deriv=derivative, delta=step, axis=0)
-        )
-
-    missing = [key for key in ("dq", "ddq") if key in only and getattr(recording, key) is None]
-    recording = without_short(recording, width)
-    derived: dict[str, FloatArray] = {}
-    for key in missing:
-        base, derivative = ("q", 1) if key == "dq" else ("dq", 1)
-        if key == "ddq" and "dq" in missing:
-            base, derivative = "q", 2
-        values = getattr(recording, base)
-        parts = segments(recording.t)
-        derived[key] = np.concatenate([smooth(values[part], derivative) for part in parts])
-    suffix = f", {' and '.join(missing)} by its derivatives" if missing else ""
-    sentence = f"Smoothed by Savitzky–Golay, degree {order} over {width} samples{suffix}."
-    return _per_segment(recording, smooth, width, sentence, only).replace(**derived)
-
-
-def differentiate(recording: Recording, from_position: bool = False) -> Recording:
-    """Fill in dq from q and ddq from dq by central differences, of second order at the ends as
-    well.
-
-    Args:
-        recording: with q.
-        from_position: replace measured dq and ddq too.
-
-    Returns:
-        The recording with dq and ddq.
-    """
-    result = recording
-    if from_position or recording.dq is None:
-        result = without_short(result, 3)
-        result = result.replace(dq=_gradient(result.t, result.q)).noted(
-            "Differentiated q to dq by central differences."
-        )
-    if from_position or recording.ddq is None:
-        result = without_short(result, 3)
-        result = result.replace(ddq=_gradient(result.t, result.required("dq"))).noted(
-            "Differentiated dq to ddq by central differences."
-        )
-    return result
-
-
-def _gradient(t: FloatArray, values: FloatArray) -> FloatArray:
-    """The slope of the parabola through three neighbours: the row itself, or next to an edge."""
-    hole = holes(t)
-    centre = np.arange(len(t))
-    centre[0] += 1
-    centre[1:] += hole
-    centre[:-1] -= hole
-    centre[-1] -= 1
-    before, after = t[centre] - t[centre - 1], t[centre + 1] - t[centre]
-    off = 2.0 * (t - t[centre])  # 0 but at edges
-    left = (off - after) / (before * (before + after))
-    right = (off + before) / (after * (before + after))
-    here = values.take(centre, axis=0)
-    slope = left[:, None] * (values.take(centre - 1, axis=0) - here)
-    slope += right[:, None] * (values.take(centre + 1, axis=0) - here)
-    return slope
-
-
-def _half_window(recording: Recording, window_s: float, purpose: str) -> int:
-    """Half of the odd window, in samples: the largest that fits into window_s."""
-    return int(window_s / uniform_step(recording, purpose) + 1e-6) // 2
-
-
-def _per_segment(
-    recording: Recording,
-    function: Callable[[FloatArray], FloatArray],
-    minimum: int,
-    sentence: str,
-    only: tuple[str, ...],
-) -> Recording:
-    recording = without_short(recording, minimum)
-    parts = segments(recording.t)
-    return recording.mapped(
-        lambda values: np.concatenate([function(values[part]) for part in parts]), sentence, only
-    )
 
 
 def without_short(recording: Recording, minimum: int) -> Recording:

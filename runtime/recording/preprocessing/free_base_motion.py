@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.preprocessing.filters import differentiate, low_pass
+from runtime.recording.preprocessing.derivatives import differentiate
+from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import resample
 from runtime.recording.recording import FloatArray, Recording
 

@@ -11,12 +11,10 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.decimated_filter import thinned
+from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import (
     ALL,
-    differentiate,
     low_pass,
-    moving_average,
-    savitzky_golay,
 )
 from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of, torque_of_rows
 from runtime.recording.preprocessing.segments import (
@@ -26,6 +24,7 @@ from runtime.recording.preprocessing.segments import (
     resample,
     trim,
 )
+from runtime.recording.preprocessing.smoothing import moving_average, savitzky_golay
 from runtime.recording.recording import FloatArray
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)

@@ -10,9 +10,9 @@ from runtime import identify
 from runtime.estimators import uncertainty
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.convex.constraints import Constraints
+from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
 from runtime.identification import metrics
 from runtime.identification.comparison import advise, compare

@@ -1,0 +1,208 @@
+"""`Chain` of a normalised URDF, parsed by pinocchio, with exact structural zeros.
+
+The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are snapped to 0 and ±1
+here and nowhere else: every one that remains becomes code in all kernels.
+"""
+
+from dataclasses import replace
+
+import pinocchio
+
+from symgen.chain.assembly import close_loops
+from symgen.chain.assumed_bodies import assume_bodies
+from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
+from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.joint import FLOATING, Joint, Vector, free_base, rows_of, snapped
+from symgen.chain.limits import limits_of, range_of_followers
+from symgen.chain.mechanism import Mechanism
+from symgen.chain.model import Chain, LumpedBody, Tip
+from symgen.chain.normalise import ChainOptions, normalise
+from symgen.chain.parse import parse_with_pinocchio
+from symgen.errors import UrdfError
+
+MOST_JOINTS = 100
+"""Largest number of moving joints; the C code grows with its square."""
+
+
+def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
+    """Read a URDF given as text.
+
+    Args:
+        text: the URDF, without DTD and xacro instructions.
+        options: base, tip, locked joints, gravity and snapping of angles.
+
+    Returns:
+        The chain of all moving joints, with the couplings of <mimic> and of the mechanism.
+
+    Raises:
+        UrdfError: the message names the joint or link and what to do.
+    """
+    options = options or ChainOptions()
+    document, gravity, removed = normalise(text, options)
+    rows = (*mimic_rows(document), *options.mechanism.coupling)
+    followers = {row.joint: tuple(row.of) for row in rows if row.joint in document.joints}
+    new = {} if options.masses is None else assume_bodies(document, options.masses, followers)
+    for name in document.links:
+        _check_inertial(document, name)
+    urdf = document.text()
+    moving = [name for name in document.joints if document.kind(name) in MOVING]
+    if len(moving) > MOST_JOINTS:
+        raise UrdfError(
+            f"expected at most {MOST_JOINTS} moving joints, got {len(moving)}; select a part of "
+            "the robot with --base and --tip, or fix joints with --lock"
+        )
+    if not moving:
+        raise UrdfError(
+            "no joint of this URDF moves, so there is nothing to identify; "
+            "check --base, --tip and --lock"
+        )
+    model = parse_with_pinocchio(document)
+    _require_no_springs(options)
+    base = (free_base(document.root_link, model.inertias[0]),) if options.floating else ()
+    joints = tuple(
+        _joint(document, model, index, len(base) - 1) for index in range(1, model.njoints)
+    )
+    coupling = _coupling(document, joints, options.mechanism)
+    if coupling is not None:
+        for k, ends in range_of_followers(joints, coupling).items():
+            joints = (*joints[:k], replace(joints[k], **ends), *joints[k + 1 :])
+    return Chain(
+        name=document.name,
+        base=document.root_link,
+        joints=(*base, *joints),
+        gravity=snapped(gravity),
+        tip=_tip(document, model, (*base, *joints), options.tip),
+        lumped=_lumped(document, options.floating),
+        removed=removed,
+        urdf=urdf,
+        assumed=options.assumed | new,
+        base_is_assumed=(
+            options.base is None and not options.floating and not document.has_base_joint()
+        ),
+        coupling=coupling,
+        mechanism=options.mechanism,
+        loops=close_loops(model, joints, coupling, options.mechanism),
+    )
+
+
+def _require_no_springs(options: ChainOptions) -> None:
+    mechanism = options.mechanism
+    others = (mechanism.spring, mechanism.known_torque, mechanism.friction, mechanism.loop)
+    if options.floating and any(others):
+        raise UrdfError(
+            "--floating takes couplings of a mechanism only, got [[spring]], [[known_torque]], "
+            "[[friction]] or [[loop]] too; remove these tables, or build without --floating"
+        )
+
+
+def _coupling(
+    document: Document, joints: tuple[Joint, ...], mechanism: Mechanism
+) -> Coupling | None:
+    """Coupling of <mimic> elements and of the mechanism, whose rows come first."""
+    stated = {row.joint for row in mechanism.coupling}
+    mimics = [row for row in mimic_rows(document) if row.joint not in stated]
+    names = tuple(joint.name for joint in joints)
+    independent = () if mechanism.loop else mechanism.independent  # of loops: `close_loops`
+    return read_coupling(names, (*mechanism.coupling, *mimics), independent)
+
+
+def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -> Joint:
+    name = model.names[index]
+    placement, inertia = model.jointPlacements[index], model.inertias[index]
+    link = document.child_link(name)
+    if not inertia.mass > 0:
+        raise UrdfError(
+            f"link '{link}' moves with joint '{name}' but has no mass, nor do links fixed to it; "
+            "give it an <inertial> or a mass with --masses, lock the joint with --lock or cut it "
+            "off with --tip"
+        )
+    lower, upper, velocity, effort = limits_of(document, name)
+    return Joint(
+        name=name,
+        kind=document.kind(name),
+        parent=model.parents[index] + shift,
+        rotation=rows_of(placement.rotation),
+        translation=snapped(placement.translation),
+        axis=_axis(model, index),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        effort=effort,
+        link=link,
+        mass=float(inertia.mass),
+        com=snapped(inertia.lever),
+        inertia=tuple(tuple(float(x) for x in row) for row in inertia.inertia),
+    )
+
+
+def _axis(model: pinocchio.Model, index: int) -> Vector:
+    short = model.joints[index].shortname()
+    aligned = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+    if short in {f"JointModel{kind}{letter}" for kind in "RP" for letter in aligned}:
+        return aligned[short[-1]]
+    if short in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
+        return snapped(model.joints[index].extract().axis)
+    raise UrdfError(
+        f"joint '{model.names[index]}' became pinocchio's {short}, which is not supported; "
+        "give it one axis of rotation or translation"
+    )
+
+
+def _check_inertial(document: Document, link: str) -> None:
+    """Check that the numbers of an <inertial> are finite and its mass is not negative."""
+    inertial = document.links[link].find("inertial")
+    if inertial is None:
+        return
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None:
+        raise UrdfError(f"the <inertial> of link '{link}' needs both <mass> and <inertia>")
+    value = numbers(mass.get("value", ""), 1, f"link '{link}': mass")[0]
+    if value < 0:
+        raise UrdfError(f"link '{link}' has the negative mass {value:g} kg; correct the URDF")
+    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        numbers(inertia.get(key, ""), 1, f"link '{link}': inertia {key}")
+    node = inertial.find("origin")
+    if node is not None:
+        for key in ("xyz", "rpy"):
+            numbers(node.get(key, "0 0 0"), 3, f"link '{link}': inertial origin {key}")
+
+
+def _carrier(document: Document, link: str) -> str | None:
+    """The moving link that a link is fixed to, directly or not; None for the base."""
+    while link in document.parent_joint:
+        joint = document.parent_joint[link]
+        if document.kind(joint) in MOVING:
+            return link
+        link = document.parent_link(joint)
+    return None
+
+
+def _lumped(document: Document, floating: bool) -> tuple[LumpedBody, ...]:
+    bodies = []
+    for link, element in document.links.items():
+        carrier = _carrier(document, link) or (document.root_link if floating else None)
+        inertial = element.find("inertial")
+        if carrier in {None, link} or inertial is None:
+            continue
+        mass = inertial.find("mass")
+        value = float(mass.get("value", "0")) if mass is not None else 0.0
+        bodies.append(LumpedBody(name=link, onto=str(carrier), mass=value))
+    return tuple(bodies)
+
+
+def _tip(
+    document: Document, model: pinocchio.Model, joints: tuple[Joint, ...], requested: str | None
+) -> Tip:
+    """The requested tip link, or the last link fixed beyond the last joint."""
+    link = requested
+    if link is None:
+        link = joints[-1].link
+        while children := [j for j in document.children(link) if document.kind(j) == "fixed"]:
+            link = document.child_link(children[-1])
+    frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
+    return Tip(
+        link=link,
+        joint=int(frame.parentJoint) - (joints[0].kind != FLOATING),
+        rotation=rows_of(frame.placement.rotation),
+        translation=snapped(frame.placement.translation),
+    )

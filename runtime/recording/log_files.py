@@ -10,6 +10,7 @@ from typing import Any
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS, all_suffixes, format_of_folder, format_of_suffix
+from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.control_law import NUMBERS
@@ -45,7 +46,7 @@ class LogFiles:
     recipe: Recipe
     joints: tuple[str, ...] = ()
     in_place: bool = False
-    sha256: dict[str, str] = field(default_factory=dict)
+    sha256: Digests = field(default_factory=Digests)
     _raw: dict[str, RawFile] = field(default_factory=dict)
     _readers: dict[tuple[str, str], LogReader] = field(default_factory=dict)
 
@@ -169,8 +170,8 @@ class LogFiles:
         pins = self.recipe.source.sha256
         return [
             f"Warning: {name} is not the published file that recipe {self.recipe.name!r} pins."
-            for name, digest in self.sha256.items()
-            if name in pins and pins[name] != digest
+            for name in self.sha256
+            if name in pins and pins[name] != self.sha256[name]
         ]
 
     def file_of(self, name: str) -> str:

@@ -5,7 +5,7 @@ sentence of `RecordingError`. `unit_conversion` has the steps from a number in a
 angle.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,7 +79,7 @@ class Raw:
     names: dict[str, tuple[str, ...]]
     motors: NDArray | None
     name: str
-    source: dict[str, str]
+    source: Mapping[str, str]
     pins: tuple[str, ...]
 
     @property

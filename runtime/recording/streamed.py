@@ -1,6 +1,6 @@
 """A log that stays in its file; any rows of it become a `Recording` without the others."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -15,11 +15,26 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
-from runtime.recording.recording import Recording
+from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.unit_conversion import converted
 
 LARGE = 200_000_000
 """Size of a file above which a log is streamed by default [bytes]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawRows:
+    """Consecutive rows of a log in the units of its files.
+
+    Attributes:
+        start: first row.
+        stop: one past the last row.
+        values: kind of signal → (stop − start, m).
+    """
+
+    start: int
+    stop: int
+    values: dict[str, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +59,7 @@ class StreamedRecording:
     rows: int
     plan: Recipe
     recipe: Recipe | None
-    source: dict[str, str]
+    source: Mapping[str, str]
     joint_names: tuple[str, ...]
     origin: float | None
     files: tuple[Rows, ...]
@@ -65,12 +80,41 @@ class StreamedRecording:
         Raises:
             RecordingError: they are not a recording.
         """
+        return self.recording_of(self.numbers(start, stop))
+
+    def numbers(self, start: int, stop: int) -> "RawRows":
+        """Rows start … stop as they lie in the files, read by one thread at a time.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            Numbers of every kind of signal.
+
+        Raises:
+            RecordingError: a file is damaged or has become shorter.
+        """
         stop = min(stop, self.rows)
         with self.one_at_a_time:  # a file has one place, which another thread would move
             values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
-        lines = np.arange(start, stop, dtype=np.int64)
-        raw = {kind: LogTable(v, lines) for kind, v in sorted(values.items(), key=_time_first)}
-        data = converted(self.plan, raw, first_row=start, origin=self.origin)
+        return RawRows(start, stop, values)
+
+    def recording_of(self, raw: "RawRows") -> Recording:
+        """Usable rows in SI units and on the joint side; any thread may convert its rows.
+
+        Args:
+            raw: from `numbers`.
+
+        Returns:
+            The usable rows.
+
+        Raises:
+            RecordingError: they are not a recording.
+        """
+        lines = np.arange(raw.start, raw.stop, dtype=np.int64)
+        tables = {k: LogTable(v, lines) for k, v in sorted(raw.values.items(), key=_time_first)}
+        data = converted(self.plan, tables, first_row=raw.start, origin=self.origin)
         return Recording(
             t=data.t,
             **data.signals,

@@ -1,7 +1,9 @@
 """Samples → statistics in one pass, block by block; Y_b is never stored."""
 
+from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
 
 import numpy as np
 
@@ -90,10 +92,17 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
         IdentificationError: as `compress`, or there is no piece.
     """
     factors: list[Statistics] = []
-    for piece in pieces:
-        factors.append(compress(lib, piece, weights))
-        if len(factors) == TOGETHER:
-            factors = [factors[0].merged(*factors[1:])]
+    with ThreadPoolExecutor(cores()) as pool:
+        # Pieces are taken by this thread, a bounded number ahead, and compressed on the others.
+        source, waiting = iter(pieces), deque[Future[Statistics]]()
+        while True:
+            for piece in islice(source, 2 * cores() - len(waiting)):
+                waiting.append(pool.submit(compress, lib, piece, weights))
+            if not waiting:
+                break
+            factors.append(waiting.popleft().result())
+            if len(factors) == TOGETHER:
+                factors = [factors[0].merged(*factors[1:])]
     if not factors:
         raise IdentificationError("there are no samples to compress; use another --split")
     return factors[0].merged(*factors[1:]) if len(factors) > 1 else factors[0]

@@ -7,7 +7,7 @@ once; its rows are then stored in a temporary file.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -19,6 +19,7 @@ from runtime.recording import Friction, Preparation, Recording, StreamedRecordin
 from runtime.recording.formats.spool import Spool
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import SIGNALS, FloatArray
+from runtime.recording.streamed import RawRows
 
 BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""
@@ -69,7 +70,7 @@ class Blocks:
             RecordingError: a step cannot be taken.
         """
         if index not in self.kept:
-            return self._stored(index, self._prepare(index))
+            return self._stored(index, self._prepare(index, self._read(index)))
         kept = self.kept[index]
         return None if kept is None else kept.read(self.spool)
 
@@ -77,31 +78,45 @@ class Blocks:
         self.kept[index] = None if rows is None else _stored(rows, self.spool)
         return rows
 
-    def _in_order(self, indices: range) -> Iterator[Recording | None]:
+    def in_order(self, indices: range) -> Iterator[Recording | None]:
         """Prepared blocks; the next ones are read and prepared meanwhile, one per core.
 
-        Blocks are stored by this thread alone, because the spool has one place.
+        Args:
+            indices: of consecutive blocks. A file is read forwards; Parquet is decoded from the
+                start of a row group, so that blocks out of order would be decoded repeatedly.
+
+        Yields:
+            Prepared rows of each block; None where the arm rests in all of it.
+
         """
+        # This thread alone reads and stores: files and spool have one place, and rows that are
+        # read in order are decoded once.
         new = [index for index in indices if index not in self.kept]
         if min(cores(), len(new)) < 2:
             yield from map(self.prepared, indices)
             return
         rest = iter(new)
         with ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
-            started = {i: pool.submit(self._prepare, i) for i in islice(rest, AHEAD)}
+
+            def submit(index: int) -> Future[Recording | None]:
+                return pool.submit(self._prepare, index, self._read(index))
+
+            started = {i: submit(i) for i in islice(rest, AHEAD)}
             for index in indices:
                 if index not in started:
                     yield self.prepared(index)
                     continue
-                rows = started.pop(index).result()
                 if (later := next(rest, None)) is not None:
-                    started[later] = pool.submit(self._prepare, later)
-                yield self._stored(index, rows)
+                    started[later] = submit(later)
+                yield self._stored(index, started.pop(index).result())
 
-    def _prepare(self, index: int) -> Recording | None:
+    def _read(self, index: int) -> RawRows:
         start, stop = self.edges[index], self.edges[index + 1]
         first = max(start - self.overlap, self.edges[0])
-        window = self.log.block(first, min(stop + self.overlap, self.edges[-1]))
+        return self.log.numbers(first, min(stop + self.overlap, self.edges[-1]))
+
+    def _prepare(self, index: int, raw: RawRows) -> Recording | None:
+        window = self.log.recording_of(raw)
         whole = prepare(
             window, replace(self.preparation, rest_speed=None), self.terms, lib=self.lib
         )
@@ -137,7 +152,7 @@ class Blocks:
         Yields:
             Recordings in the order of time.
         """
-        for block in self._in_order(self.within(first, last)):
+        for block in self.in_order(self.within(first, last)):
             if block is None:
                 continue
             inside = (block.t >= first) & (block.t < last)
@@ -196,6 +211,7 @@ def blocks_of(
     terms: Friction,
     rows: tuple[int, int] | None = None,
     between: tuple[float, float] = (-np.inf, np.inf),
+    rate_hz: float | None = None,
 ) -> Blocks:
     """Divide rows of a log into blocks whose size is a whole number of prepared rows.
 
@@ -206,6 +222,7 @@ def blocks_of(
         terms: friction columns.
         rows: first row and one past the last; None for all rows.
         between: instants between which prepared rows are kept [s].
+        rate_hz: rate of the log [Hz]; None for that of its first rows.
 
     Returns:
         The blocks; none is prepared yet.
@@ -213,7 +230,7 @@ def blocks_of(
     Raises:
         RecordingError: the log has no clock.
     """
-    rate = head_of(log).rate_hz
+    rate = head_of(log).rate_hz if rate_hz is None else rate_hz
     blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
     ratio = blocks._ratio()
     overlap = _rounded(int(np.ceil(_reach_of_edge(preparation) * rate)) + 8, ratio)

@@ -258,14 +258,16 @@ def _head(log: StreamedRecording, lib: Library) -> Recording:
 
 
 def _windows(part: StreamedPart, name: str) -> Recording:
-    """Windows spread evenly over a part, joined to one recording with gaps in time."""
+    """Windows spread evenly over a part, joined to one recording with gaps in time.
+
+    All blocks of the part are prepared and stored, since the passes that follow need them.
+    """
     blocks = part.blocks
     within = blocks.within(part.first, np.inf)
-    chosen = np.unique(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int))
+    chosen = set(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int).tolist())
     windows = []
-    for index in chosen:
-        block = blocks.prepared(int(index))
-        if block is None:
+    for index, block in zip(within, blocks.in_order(within), strict=True):
+        if block is None or index not in chosen:
             continue
         inside = np.flatnonzero(block.t >= part.first)[:LENGTH]
         if inside.size:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of
+from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of, head_of
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
@@ -63,6 +63,7 @@ def parts_of_log(
     start = float(log.instants([0], REACH)[0])
     end = float(log.block(max(log.rows - REACH, 0), log.rows).t[-1])
     duration = end - start or 1.0
+    rate = head_of(log).rate_hz
 
     def row(share: float) -> int:
         def share_of(row: int) -> float:
@@ -85,7 +86,7 @@ def parts_of_log(
             span[0] if guarded and share[0] > 0.0 else -np.inf,
             span[1] if guarded and share[1] < 1.0 else np.inf,
         )
-        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept), span)
+        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept, rate), span)
 
     train = part("train", shares.joined() if is_joined else shares.train)
     if shares.is_everything:

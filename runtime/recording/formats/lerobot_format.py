@@ -6,7 +6,6 @@ a feature, `columns` are names of its numbers, or indices. Episodes are joined w
 them, which filters and derivatives respect. Source: LeRobot, LeRobotDataset v2.1 and v3.0.
 """
 
-import hashlib
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -93,13 +92,13 @@ class LerobotReader(LogReader):
             if key in self.raw.sha256:
                 continue
             try:
-                with require_file(path).open("rb") as file:
-                    self.raw.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
+                require_file(path).open("rb").close()
             except OSError as error:
                 raise RecordingError(
                     f"{key} is expected to be a Parquet file, but cannot be read "
                     f"({error.strerror}); download the data set again"
                 ) from None
+            self.raw.sha256.of_file(key, path)
         return paths
 
     def _column(self, name: str) -> FloatArray:

@@ -5,9 +5,7 @@ an entry point of the group "symgen.log_formats"). A reader returns numbers as t
 units, signs, order and gear are applied later, by the recipe.
 """
 
-import hashlib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Protocol
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.files import require_file
+from runtime.recording.formats.digests import Digests, reading
 from runtime.recording.formats.tables import FloatArray, LogTable
 
 if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
@@ -62,7 +61,7 @@ class RawFile:
     recipe: "Recipe"
     joints: Texts
     in_place: bool
-    sha256: dict[str, str]
+    sha256: Digests
     _data: bytes | None = None
 
     def data(self) -> bytes:
@@ -73,23 +72,22 @@ class RawFile:
         """
         if self._data is None:
             self._data = raw_bytes(self.path)
-            self.sha256[self.name] = hashlib.sha256(self._data).hexdigest()
+            self.sha256.of_bytes(self.name, self._data)
         return self._data
 
     def hashed(self) -> Path:
-        """Path of a file that is not held; it is hashed piece by piece.
+        """Path of a file that is not held; it is hashed piece by piece, a large one meanwhile.
 
         Raises:
             RecordingError: it cannot be read, or is not a regular file.
         """
         path = self.path
-        with _reading(path):
+        with reading(path):
             inside = [each for each in path.iterdir() if not each.is_dir()] if path.is_dir() else []
         for each in sorted(inside) or [path]:
             key = self.name if each == path else f"{self.name}/{each.name}"
             if key not in self.sha256:
-                with _reading(each), require_file(each).open("rb") as file:
-                    self.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
+                self.sha256.of_file(key, each)
         return path
 
 
@@ -212,16 +210,5 @@ def raw_bytes(path: Path) -> bytes:
     Raises:
         RecordingError: it cannot be read, or is not a regular file.
     """
-    with _reading(path):
+    with reading(path):
         return require_file(path).read_bytes()
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(
-            f"cannot read {path.name} in {path.parent} ({error.strerror}); "
-            "check the path, or the file names in the recipe"
-        ) from error

@@ -1,0 +1,77 @@
+"""One pass over the file: every row is decoded once, in order, and compressed on all cores."""
+
+import threading
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from runtime.estimators.regression import compress, compress_all, compression
+from runtime.estimators.regression.samples import Samples
+from runtime.identification.long_logs import blocks, identify_streamed
+from runtime.identification.long_logs import identify as passes
+from runtime.recording import Friction, Preparation, open_streamed
+from runtime.recording.formats import parquet
+from runtime.recording.formats.parquet import Batch
+from tests.runtime.motions import moving
+
+PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
+
+
+def test_row_groups_are_decoded_once(lib, tmp_path, monkeypatch):
+    """Property: with a window in every third block, no more rows are decoded than the log has.
+
+    Sixty percent of them again are allowed for: the first and the last rows are read before, each
+    from the start of its row group, a quarter of the log. Blocks in the order of the windows, or of
+    the threads that read them, begin a row group anew.
+    """
+    titles, values = moving(lib, 24_000).titled()
+    table = pa.table(dict(zip(titles, values.T, strict=True)))
+    pq.write_table(table, tmp_path / "x.parquet", row_group_size=6000)
+    monkeypatch.setattr(blocks, "BLOCK", 1024)
+    monkeypatch.setattr(parquet, "BATCH", 1024)
+    monkeypatch.setattr(passes, "WINDOWS", 5)
+    decoded, numbers = [], Batch.numbers
+
+    def counted(batch, columns):
+        decoded.append(len(batch.cells) * len(columns))
+        return numbers(batch, columns)
+
+    monkeypatch.setattr(Batch, "numbers", counted)
+    log = open_streamed(tmp_path / "x.parquet")
+    decoded.clear()
+    identify_streamed(log, lib, preparation=PREPARATION, friction_columns=Friction())
+    assert sum(decoded) < 1.6 * values.size
+
+
+def test_pieces_are_compressed_beside_each_other(lib, monkeypatch):
+    """Oracle: the factor of pieces one after the other, to the bit; few pieces are held at once."""
+    rng = np.random.default_rng(3)
+    q, dq, ddq, tau = rng.normal(size=(4, 400, lib.n_joints))
+    whole = Samples(q, dq, ddq, tau, np.zeros((400, lib.n_joints, 0)))
+    weights, held, most, threads = np.ones(lib.n_joints), [0], [0], set()
+    bounds = range(0, 401, 20)
+    parts = [compress(lib, whole.rows(slice(a, b)), weights) for a, b in pairwise(bounds)]
+
+    def pieces():
+        for a, b in pairwise(bounds):
+            held[0] += 1
+            most[0] = max(most[0], held[0])
+            yield whole.rows(slice(a, b))
+
+    def traced(*given):
+        threads.add(threading.current_thread())
+        factor = compress(*given)
+        held[0] -= 1
+        return factor
+
+    monkeypatch.setattr(compression, "cores", lambda: 3)
+    monkeypatch.setattr(compression, "compress", traced)
+    result = compress_all(lib, pieces(), weights)
+    first = parts[0].merged(*parts[1:16])
+    expected = first.merged(*parts[16:])
+    assert result.factor == pytest.approx(expected.factor, abs=0.0)
+    assert threading.main_thread() not in threads
+    assert most[0] <= 7

@@ -15,6 +15,9 @@ STILL = 1e-12
 """Largest ∫dq dt that counts as rest [rad, m]."""
 USUAL_STEP = 0.5
 """Median step above which the rows are not a motion, but drawn at random for example [rad]."""
+TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
+"""Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
+its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""
 DEGREE = 180.0 / np.pi
 
 
@@ -54,15 +57,18 @@ def check_consistency(recording: Recording) -> Recording:
 def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     """Angles without jumps of one turn, and the number of jumps per joint.
 
-    A step counts as a jump only if it is one turn to within 0.5 rad, at a joint whose steps are
-    usually small; other steps are kept.
+    A step counts as a jump only if it is one turn to within what the joint moves in a step, at a
+    joint whose steps are usually small; other steps, those to corrupt rows too, are kept.
     """
     steps = np.diff(q, axis=0)
     if not steps.size or np.abs(steps).max() < np.pi:
         return q, np.zeros(q.shape[1], dtype=np.int64)
     turns = np.round(steps / (2.0 * np.pi))
-    jump = (np.abs(turns) == 1.0) & (np.abs(steps - 2.0 * np.pi * turns) < 0.5)
-    jump &= np.median(np.abs(steps), axis=0) < USUAL_STEP
+    sizes = np.abs(steps)
+    usual = TIMES_USUAL * np.quantile(sizes, 0.99, axis=0)
+    rest = np.abs(steps - 2.0 * np.pi * turns)
+    jump = (np.abs(turns) == 1.0) & (rest < np.clip(usual, *BESIDE_TURN))
+    jump &= np.median(sizes, axis=0) < USUAL_STEP
     if not jump.any():
         return q, np.zeros(q.shape[1], dtype=np.int64)
     correction = np.zeros_like(q)

@@ -4,7 +4,9 @@
 
 A step, as of Coulomb friction, has d = 0; noise and slow motion stay below the quantile. Positions
 have no steps: the same rule for their differences, with 2 % of the range of q, finds both ends of
-every jump, and two jumps within `APART` rows enclose a burst.
+every jump. Two jumps within `APART` rows enclose a burst; so do two of opposite sign further apart,
+between which the positions are displaced. A torque beyond the limit of effort and beyond all others
+of its joint is an outlier for as long as it lasts.
 """
 
 import itertools
@@ -26,6 +28,13 @@ MOST = 0.05
 """Share of the rows above which a signal is noisy rather than corrupt in places."""
 APART = 10
 """Rows between two outliers that belong to different bursts."""
+ALIKE = 0.5
+"""Smaller over larger jump of a displacement: q moves on between them."""
+FASTER = 2.0
+"""Step across a gap of the clock over that at the largest speed of the log, above which it is a
+jump."""
+BEYOND = 1.2
+"""Torque over the limit of effort from which on it cannot be one of the drive."""
 FEWEST = 50
 """Rows below which no quantile is taken."""
 MOST_SPANS = 200
@@ -47,10 +56,13 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     if len(recording) < FEWEST:
         return plan, []
     signals = {key: getattr(recording, key) for key in _NAMES}
-    marks = {key: _outliers(values) for key, values in signals.items() if values is not None}
-    marks["q"] |= _jumps(recording)
     beside = _beside_gaps(recording)
-    marks = {key: mark & ~beside for key, mark in marks.items()}
+    marks = {
+        key: _outliers(values) & ~beside for key, values in signals.items() if values is not None
+    }
+    marks["q"] |= _jumps(recording)
+    if recording.tau is not None:
+        marks["tau"] |= _beyond_effort(recording.tau, lib)
     marks = {key: mark for key, mark in marks.items() if mark.any()}
     if not marks:
         return plan, []
@@ -119,20 +131,42 @@ def _beside_gaps(recording: Recording) -> NDArray[np.bool_]:
     return np.asarray(gaps[1:] | gaps[:-1])[:, None]
 
 
+def _beyond_effort(tau: Array, lib: Library) -> NDArray[np.bool_]:
+    """Torques beyond the limit of effort and far beyond all others of their joint, (N, n).
+
+    The second condition holds in every unit of the log, which is not known yet.
+    """
+    low, high = np.quantile(tau, [MOST / 2, 1.0 - MOST / 2], axis=0)
+    far = (tau > high + (high - low)) | (tau < low - (high - low))
+    return np.asarray(far & (np.abs(tau) > BEYOND * lib.limits()["effort"]))
+
+
 def _jumps(recording: Recording) -> NDArray[np.bool_]:
-    """Rows at both ends of jumps of q that are followed by another one, (N, n)."""
+    """Rows between jumps of q that are followed by another one, (N, n)."""
     marks = np.zeros(recording.q.shape, dtype=bool)
     # Differences, not speeds: uneven stamps change these.
     steps = np.diff(recording.q, axis=0)
     low, high = np.quantile(recording.q, [0.01, 0.99], axis=0)
-    jumps = _outliers(steps) & (np.abs(steps) > RANGE * (high - low))
-    jumps &= ~holes(recording.t)[:, None]
+    odd = _outliers(steps)
+    # Across a gap the arm moves on, at most as fast as elsewhere.
+    gaps, times = holes(recording.t)[:, None], np.diff(recording.t)[:, None]
+    fastest = np.max(np.abs(steps) / times, axis=0, where=~odd & ~gaps, initial=0.0)
+    reach = np.where(gaps, FASTER * fastest * times, 0.0)
+    jumps = odd & (np.abs(steps) > np.maximum(RANGE * (high - low), reach))
     for j in range(jumps.shape[1]):
         places = np.flatnonzero(jumps[:, j])
         for a, b in itertools.pairwise(places):
-            if b - a <= APART:
+            if b - a <= APART or (
+                b - a <= MOST * len(steps) and _returns(steps[a, j], steps[b, j])
+            ):
                 marks[a + 1 : b + 1, j] = True
     return marks
+
+
+def _returns(there: float, back: float) -> bool:
+    """Whether two jumps are the beginning and the end of one displacement."""
+    sizes = sorted([abs(there), abs(back)])
+    return bool(there * back < 0.0 and sizes[0] >= ALIKE * sizes[1])
 
 
 def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:

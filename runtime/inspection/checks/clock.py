@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.inspection.checks.lost_rows import lost_rows
+from runtime.inspection.checks.lost_rows import lost_beside_repeats, lost_rows
 from runtime.inspection.checks.signals import REST_SPEED, moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Preparation, Recipe, Recording
@@ -92,6 +92,9 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
     )
     if not findings:
         preparation, findings = _lost(recording, preparation)
+    elif "skipped_ticks" in findings[0].evidence:
+        evidence = findings[0].evidence
+        findings += lost_beside_repeats(recording, evidence["count"], evidence["skipped_ticks"])
     constant = plan.time is None or plan.time.rate_hz is not None
     if len(recording) < 10 or (constant and not plan.leave_out):
         return plan.replace(preparation=preparation), findings

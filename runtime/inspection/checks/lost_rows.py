@@ -15,6 +15,8 @@ from runtime.recording import Recording
 
 EVEN = 0.05
 """Largest relative spread of the steps of a clock that counts as made up."""
+MADE_UP = 0.95
+"""Share of such steps from which on the clock counts as made up."""
 LOST, WIDTH = 0.004, 0.2
 """Share of the steps with r = 2 that is reported, and their distance from it."""
 BETWEEN = (1.35, 1.65)
@@ -35,10 +37,8 @@ def lost_rows(recording: Recording) -> list[Finding]:
     """
     if len(recording) < FEWEST:
         return []
-    steps = np.diff(recording.t)
-    step = float(np.median(steps))
-    even = np.abs(steps / step - 1.0) < EVEN
-    if even.mean() < 0.95:
+    step, even = _even_steps(recording)
+    if even.mean() < MADE_UP:
         return []
     ratio, fast = _ratios(recording, step)
     ratio = ratio[fast & even]
@@ -61,6 +61,47 @@ def lost_rows(recording: Recording) -> list[Finding]:
             trap=2,
         )
     ]
+
+
+def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> list[Finding]:
+    """Rows lost from a log that also repeats states.
+
+    A logger at the rate of the robot that is not in step with it repeats as many states as it
+    skips. More skipped ticks, under a clock of constant rate, are rows that were lost before it
+    was made.
+
+    Args:
+        recording: read with the plan.
+        repeated: rows that repeat the state before.
+        skipped: ticks without a row on the clock rebuilt from Δq = v Δt.
+
+    Returns:
+        "restamped" where rows are missing though the stamps are even.
+    """
+    step, even = _even_steps(recording)
+    gaps = np.round(np.diff(recording.t)[~even] / step) - 1.0
+    lost = skipped - repeated - int(gaps.clip(0.0).sum())
+    share = lost / max(len(recording), 1)
+    if even.mean() < MADE_UP or share < LOST:
+        return []
+    return [
+        Finding(
+            "restamped",
+            WARNING,
+            f"{lost} rows more are missing than repeated ({100 * share:.1f} %), though the stamps "
+            "are even: rows were lost and the others stamped at a constant rate; use the rebuilt "
+            "clock (clock_tick under [preparation]), or log the clock of the controller",
+            {"share": share, "step_s": step},
+            trap=2,
+        )
+    ]
+
+
+def _even_steps(recording: Recording) -> tuple[float, NDArray[np.bool_]]:
+    """Median step [s], and whether each step is that of a clock of constant rate, (N − 1,)."""
+    steps = np.diff(recording.t)
+    step = float(np.median(steps))
+    return step, np.asarray(np.abs(steps / step - 1.0) < EVEN)
 
 
 def _ratios(recording: Recording, step: float) -> tuple[Array, NDArray[np.bool_]]:

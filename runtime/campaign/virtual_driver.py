@@ -15,7 +15,7 @@ from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sa
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.simulation.joint_friction import JointFriction
-from runtime.simulation.mujoco_engine import engine
+from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.sensors import Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
 from runtime.simulation.virtual_robot import perturbed
@@ -55,7 +55,7 @@ class PlantedFault:
 
 
 class VirtualDriver(Driver):
-    """A robot in MuJoCo, as a driver.
+    """A simulated robot, as a driver.
 
     Args:
         lib: the robot.
@@ -86,7 +86,7 @@ class VirtualDriver(Driver):
         self._calibration = calibration(s.sensors, np.random.default_rng(of_robot[1]))
         self._seed = seed
         self._rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
-        self._plant = engine(lib, self.pi, s.rotor, s.step_s)
+        self._plant = plant_engine(lib, self.pi, s.rotor, s.step_s)
         self._friction = self._new_friction()
         self._substeps = round(1 / (s.rate_hz * s.step_s))
         self._effort = lib.limits()["effort"]
@@ -104,12 +104,12 @@ class VirtualDriver(Driver):
         Args:
             q: (n,) [rad, m].
         """
-        data = self._plant.data
-        data.qpos[:], data.qvel[:] = self._plant.sorted(np.asarray(q, dtype=float)), 0.0
+        plant = self._plant
+        plant.q[:], plant.dq[:] = plant.sorted(np.asarray(q, dtype=float)), 0.0
         self._start, self._ticks = np.inf, 0
         self._encoders = self._new_encoders()
         self._link = self._plant.sorted(
-            self.lib.bias_forces(q, np.zeros(self.lib.n_joints), self.pi)
+            self.lib.bias_forces(q, np.zeros(self.lib.n_joints), self.pi) + self.lib.known_torque(q)
         )
         steps = round(self._settings.delay_s / self._settings.step_s)
         # Until the first torque arrives the brakes hold what that torque will be.
@@ -157,7 +157,7 @@ class VirtualDriver(Driver):
 
     def stop(self) -> None:
         """Hold the present position by the controller until the arm is at rest."""
-        here = self._plant.restored(np.array(self._plant.data.qpos))
+        here = self._plant.restored(np.array(self._plant.q))
         still = np.zeros(self.lib.n_joints)
         for _ in range(round(_BRAKE_S * self.rate_hz)):
             self._advance(*self._now, Reference(here, still, still))
@@ -166,7 +166,7 @@ class VirtualDriver(Driver):
     @property
     def position(self) -> Array:
         """True position, (n,) [rad, m]."""
-        return self._plant.restored(np.array(self._plant.data.qpos))
+        return self._plant.restored(np.array(self._plant.q))
 
     @property
     def gains(self) -> Array:
@@ -176,7 +176,7 @@ class VirtualDriver(Driver):
     @property
     def velocity(self) -> Array:
         """True velocity, (n,) [rad/s, m/s]."""
-        return self._plant.restored(np.array(self._plant.data.qvel))
+        return self._plant.restored(np.array(self._plant.dq))
 
     def _new_friction(self) -> JointFriction:
         settings = self._settings
@@ -190,20 +190,20 @@ class VirtualDriver(Driver):
 
     def _read(self) -> tuple[Array, Array]:
         """Measured q̂ and dq̂ in the order of the library."""
-        data = self._plant.data
+        plant = self._plant
         # The rows of noise are used again after four seconds; they are far from correlated.
-        seen = self._encoders.read(self._ticks % _NOISE_ROWS, np.array(data.qpos), data.qvel)
+        seen = self._encoders.read(self._ticks % _NOISE_ROWS, np.array(plant.q), plant.dq)
         self._ticks += 1
-        q, dq = (self._plant.restored(np.array(part)) for part in seen)
+        q, dq = (plant.restored(np.array(part)) for part in seen)
         return q, dq
 
     def _advance(self, q: Array, dq: Array, reference: Reference) -> None:
         """Computed torque with the bodies of the URDF for one period."""
         s, lib, plant = self._settings, self.lib, self._plant
         u = reference.ddq + s.damping * (reference.dq - dq) + s.stiffness * (reference.q - q)
-        tau = lib.inverse_dynamics(q, dq, u, lib.pi0) + s.rotor * u
+        tau = lib.inverse_dynamics(q, dq, u, lib.pi0) + s.rotor * u + lib.known_torque(q)
         command = plant.sorted(np.clip(tau, -self._effort, self._effort))
-        data, model, h = plant.data, plant.model, plant.model.opt.timestep
+        now_q, now_dq, h = plant.q, plant.dq, plant.step_s
         rotor = plant.sorted(s.rotor)
         push = plant.sorted(self._push())
         stuck = self._stuck()
@@ -211,16 +211,16 @@ class VirtualDriver(Driver):
         for j in range(self._substeps):
             self._commands.append(command)
             applied = self._commands[0]
-            f, slope = self._friction.advance(data.qpos, data.qvel, self._link)
-            model.dof_damping[:] = slope if stuck is None else np.where(stuck > 0, _STUCK, slope)
-            data.qfrc_applied[:] = applied - f + slope * data.qvel + push
-            before = np.array(data.qvel)
-            plant.mujoco.mj_step(model, data)
+            f, slope = self._friction.advance(now_q, now_dq, self._link)
+            plant.damping[:] = slope if stuck is None else np.where(stuck > 0, _STUCK, slope)
+            plant.applied[:] = applied - f + slope * now_dq + push
+            before = np.array(now_dq)
+            plant.advance()
             if j == 0:
-                link = applied - rotor * (data.qvel - before) / h
+                link = applied - rotor * (now_dq - before) / h
         self._link = link
         self._time += 1 / self.rate_hz
-        if not np.isfinite(data.qpos).all():
+        if not np.isfinite(now_q).all():
             raise SimulationError("the virtual robot diverged; lower the gains of its controller")
 
     def _sample(self, q: Array, dq: Array) -> Sample:

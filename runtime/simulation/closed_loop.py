@@ -137,7 +137,7 @@ def ideal(
     """
     t = sample_times(trajectory.duration, rate_hz)
     q, dq, ddq, _ = trajectory.at(lib, t)
-    tau = lib.inverse_dynamics(q, dq, ddq, plant.pi) + _friction(plant, dq)
+    tau = lib.inverse_dynamics(q, dq, ddq, plant.pi) + lib.known_torque(q) + _friction(plant, dq)
     if rng is not None:
         tau = tau + plant.torque_noise * rng.normal(size=tau.shape)
     sentence = f"Simulated {len(t)} samples at {rate_hz:g} Hz along the trajectory."
@@ -215,8 +215,14 @@ def follow(
         States and torques per period.
 
     Raises:
-        SimulationError: M + J is not positive definite, or the motion diverged.
+        SimulationError: M + J is not positive definite, the motion diverged, or springs or torque
+            curves act on the robot.
     """
+    if "known_torque" in lib.manifest.kernels:
+        raise SimulationError(
+            f"springs or torque curves act on '{lib.name}', which the compiled simulation "
+            "does not contain; use --engine mujoco (record), or --ideal (ideal)"
+        )
     period = 1.0 / rate_hz
     loop = lib.closed_loop(
         _body(lib, plant),

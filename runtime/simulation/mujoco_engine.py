@@ -34,6 +34,73 @@ class Engine:
     data: Any
     places: Array
 
+    @property
+    def name(self) -> str:
+        """Name and version."""
+        return f"mujoco {self.mujoco.__version__}"
+
+    @property
+    def q(self) -> Array:
+        """Positions (n,) [rad, m], to be written to."""
+        return np.asarray(self.data.qpos)
+
+    @property
+    def dq(self) -> Array:
+        """Velocities (n,) [rad/s, m/s], to be written to."""
+        return np.asarray(self.data.qvel)
+
+    @property
+    def applied(self) -> Array:
+        """Torques (n,) [N·m, N] of the next step, to be written to."""
+        return np.asarray(self.data.qfrc_applied)
+
+    @property
+    def damping(self) -> Array:
+        """Damping (n,) [N·m·s/rad, N·s/m] of the next step, to be written to."""
+        return np.asarray(self.model.dof_damping)
+
+    @property
+    def step_s(self) -> float:
+        """Step of the integrator [s]."""
+        return float(self.model.opt.timestep)
+
+    def advance(self) -> None:
+        """Move the state by one step under the applied torques and the damping."""
+        self.mujoco.mj_step(self.model, self.data)
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
+
+        Args:
+            q: (n,) rad or m.
+            dq: (n,) rad/s or m/s.
+            ddq: (n,) rad/s² or m/s².
+
+        Returns:
+            τ, (n,) N·m or N.
+        """
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        self.mujoco.mj_inverse(self.model, data)
+        return np.array(data.qfrc_inverse)
+
+    def mass_diagonal(self, q: Array) -> Array:
+        """Diagonal of M(q) with the rotors, in MuJoCo's order.
+
+        Args:
+            q: (n,) rad or m.
+
+        Returns:
+            (n,) kg·m² or kg.
+        """
+        data, n = self.data, self.model.nv
+        data.qpos[:], data.qvel[:] = q, 0.0
+        self.mujoco.mj_forward(self.model, data)
+        columns = np.zeros((n, n))
+        for unit, column in zip(np.eye(n), columns, strict=True):
+            self.mujoco.mj_mulM(self.model, data, column, unit)
+        return np.array(np.diagonal(columns))
+
     def sorted(self, values: Array) -> Array:
         """Values (…, n) in MuJoCo's order from those of the library."""
         return np.ascontiguousarray(values[..., np.argsort(self.places)])
@@ -64,8 +131,8 @@ def engine(
     """
     if lib.manifest.coupling is not None or lib.manifest.loops:
         raise SimulationError(
-            f"joints of '{lib.name}' follow others, which the simulation in MuJoCo does not "
-            "support; use lib.forward_dynamics, or lock the joints when you build"
+            f"joints of '{lib.name}' follow others, which this model in MuJoCo has no equalities "
+            "for; use runtime.simulation.plant_engine, or lock the joints when you build"
         )
     mujoco = _mujoco()
     spec = mujoco.MjSpec()
@@ -94,43 +161,6 @@ def engine(
         raise SimulationError(f"MuJoCo refuses the robot '{lib.name}': {reason}") from None
     places = np.array([model.joint(name).dofadr[0] for name in lib.joint_names])
     return Engine(mujoco, model, mujoco.MjData(model), places)
-
-
-def inverse_dynamics(robot: Engine, q: Array, dq: Array, ddq: Array) -> Array:
-    """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
-
-    Args:
-        robot: the engine.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        ddq: (n,) rad/s² or m/s².
-
-    Returns:
-        τ, (n,) N·m or N.
-    """
-    data = robot.data
-    data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
-    robot.mujoco.mj_inverse(robot.model, data)
-    return np.array(data.qfrc_inverse)
-
-
-def mass_diagonal(robot: Engine, q: Array) -> Array:
-    """Diagonal of M(q) with the rotors, in MuJoCo's order.
-
-    Args:
-        robot: the engine.
-        q: (n,) rad or m.
-
-    Returns:
-        (n,) kg·m² or kg.
-    """
-    data, n = robot.data, robot.model.nv
-    data.qpos[:], data.qvel[:] = q, 0.0
-    robot.mujoco.mj_forward(robot.model, data)
-    columns = np.zeros((n, n))
-    for unit, column in zip(np.eye(n), columns, strict=True):
-        robot.mujoco.mj_mulM(robot.model, data, column, unit)
-    return np.array(np.diagonal(columns))
 
 
 def _mujoco() -> Any:

@@ -10,8 +10,8 @@ the truth is drawn, is `pi`, by default that of the URDF:
     P_true = P^½ exp(s S) P^½,   S symmetric, N(0, 1) on and N(0, ½) beside the diagonal
 
 The controller ticks at its rate on measured q̂, dq̂; its torque arrives after the delay, within the
-motor's limits, and is held. Between ticks MuJoCo integrates `engine`, with `friction` against it.
-Same seeds, same bits.
+motor's limits, and is held. Between ticks MuJoCo integrates the plant, or `ReducedEngine` where
+joints follow others, with `friction` against it. Same seeds, same bits.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,9 @@ from runtime.recording import Recording
 from runtime.simulation.box_payload import Box, pi_from_pseudo
 from runtime.simulation.closed_loop import SimulatedMotion
 from runtime.simulation.joint_friction import JointFriction
-from runtime.simulation.mujoco_engine import Engine, engine, inverse_dynamics, mass_diagonal
+from runtime.simulation.mujoco_engine import Engine
+from runtime.simulation.plant_engine import plant_engine
+from runtime.simulation.reduced_engine import ReducedEngine
 from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
 
@@ -184,12 +186,12 @@ class _Simulator:
     ) -> None:
         self._settings, step = settings, settings.step_s
         self._substeps = round(1 / (settings.rate_hz * step))
-        self._plant = engine(lib, pi, settings.rotor, step)
-        self._belief = engine(lib, model, settings.rotor, step, ranges=False)
+        self._plant = plant_engine(lib, pi, settings.rotor, step)
+        self._belief = plant_engine(lib, model, settings.rotor, step, ranges=False)
         self._friction = JointFriction(settings.friction, step, self._plant.places)
         self._delay = round(settings.delay_s / step)
         self._effort = self._plant.sorted(lib.limits()["effort"])
-        self.engine = f"mujoco {self._plant.mujoco.__version__}"
+        self.engine = self._plant.name
 
     def run(
         self, reference: Array, jitter: Array, progress: Callable[[float], None] | None
@@ -204,11 +206,10 @@ class _Simulator:
         encoders = Encoders(settings.sensors, sort(jitter), 1 / settings.rate_hz, plant.places)
         law = _law(self._belief, settings, sort(reference))
         wanted, rotor = sort(reference[0]), sort(settings.rotor)
-        data, model, step = plant.data, plant.model, plant.mujoco.mj_step
-        data.qpos[:], data.qvel[:] = wanted[0], sort(reference[1])[0]
-        q, dq, applied, damping = data.qpos, data.qvel, data.qfrc_applied, model.dof_damping
+        q, dq, applied, damping = plant.q, plant.dq, plant.applied, plant.damping
+        q[:], dq[:] = wanted[0], sort(reference[1])[0]
         count, n = wanted.shape
-        log, h = np.zeros((7, count, n)), model.opt.timestep
+        log, h = np.zeros((7, count, n)), plant.step_s
         commands, clipped, link = np.zeros((count, n)), np.zeros(n), np.zeros(n)
         advance, substeps, delay = self._friction.advance, self._substeps, self._delay
         for k in range(count):
@@ -224,7 +225,7 @@ class _Simulator:
                 damping[:] = slope
                 applied[:] = tau - f + slope * dq
                 before = dq.copy() if j == 0 else None
-                step(model, data)
+                plant.advance()
                 if before is not None:
                     ddq = (dq - before) / h
                     log[4:, k] = ddq, tau, tau - rotor * ddq
@@ -243,7 +244,7 @@ class _Simulator:
 
 
 def _law(
-    belief: Engine, settings: VirtualRobotSettings, reference: Array
+    belief: Engine | ReducedEngine, settings: VirtualRobotSettings, reference: Array
 ) -> Callable[[int, Array, Array], Array]:
     """The controller: its torque of tick k from q̂ and dq̂, with J in its model.
 
@@ -257,11 +258,11 @@ def _law(
         return np.asarray(damping * (dq_d[k] - dq) + stiffness * (q_d[k] - q))
 
     if settings.law == "computed_torque":
-        return lambda k, q, dq: inverse_dynamics(belief, q, dq, ddq_d[k] + correction(k, q, dq))
-    inertia = mass_diagonal(belief, q_d[0])
+        return lambda k, q, dq: belief.inverse_dynamics(q, dq, ddq_d[k] + correction(k, q, dq))
+    inertia = belief.mass_diagonal(q_d[0])
 
     def feedforward(k: int, q: Array, dq: Array) -> Array:
-        known = inverse_dynamics(belief, q_d[k], dq_d[k], ddq_d[k])
+        known = belief.inverse_dynamics(q_d[k], dq_d[k], ddq_d[k])
         return known + inertia * correction(k, q, dq)
 
     return feedforward

@@ -19,7 +19,6 @@ from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import virtual_robot
 from runtime.simulation.closed_loop import SimulatedMotion
-from runtime.simulation.mujoco_engine import mass_diagonal
 from runtime.simulation.virtual_robot import VirtualLog
 
 Array = NDArray[np.float64]
@@ -41,7 +40,7 @@ class CompiledSimulator(virtual_robot._Simulator):
         wanted = sort(reference)
         gains = np.ones(n)
         if s.law != "computed_torque":
-            gains = mass_diagonal(belief, wanted[0, 0])
+            gains = belief.mass_diagonal(wanted[0, 0])
         of_joints = [
             self._effort,
             sort(s.stiffness),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.errors import IdentificationError, RuntimeFault
+from runtime.errors import IdentificationError, RuntimeFault, SimulationError
+from runtime.excitation import Trajectory
 from runtime.library import Library, load
 from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.formats.mjcf import MJCF
@@ -17,11 +18,13 @@ from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import Coupling, spread, torque
 from runtime.recording.preprocessing import prepare
+from runtime.simulation import Plant, closed_loop, ideal, record, settings_of
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest, request_from_folder
 from symgen.chain import ChainOptions
 from symgen.chain.mechanism import mechanism_from_table
 from tests.robots import DATA, ONE_LEVEL
+from tests.virtual_settings import frictionless
 
 MECHANISM = {
     "coupling": [
@@ -266,3 +269,21 @@ def test_an_unknown_spring_is_named(lib: Library) -> None:
     log = Recording(t, q, dq, ddq, 0 * q + 1)
     with pytest.raises(RuntimeFault, match=r"no spring 'x' .*spring:back, spring:strut"):
         prepare(log, None, Friction(("spring:x",)), lib=lib)
+
+
+def test_simulated_logs_contain_springs_and_curves(lib: Library) -> None:
+    """Oracle: τ − known torque = Y π with the true bodies, to rounding, along a trajectory and in
+    the first step of every tick of the virtual robot; the compiled simulation refuses.
+    """
+    motion_ = Trajectory(np.zeros(2), np.array([[0.05, -0.02], [-0.04, 0.03]]), 0.3)
+    exact = ideal(lib, motion_, Plant(lib.pi0))
+    q, dq, ddq, _ = motion_.at(lib, exact.t)
+    left = exact.tau - lib.known_torque(q)
+    np.testing.assert_allclose(left, lib.inverse_dynamics(q, dq, ddq, lib.pi0), atol=1e-12)
+    with pytest.raises(SimulationError, match=r"springs or torque curves act on 'wrist'.*mujoco"):
+        closed_loop(lib, motion_, Plant(lib.pi0), np.random.default_rng(0))
+    log = record(lib, motion_, frictionless(settings_of(lib)), seed=0, truth_seed=0)
+    known = lib.known_torque(log.motion.q)
+    rigid = lib.inverse_dynamics(log.motion.q, log.motion.dq, log.motion.ddq, log.truth.pi)
+    np.testing.assert_allclose(log.motion.link, rigid + known, atol=1e-9 * np.abs(rigid).max())
+    assert np.abs(known).max() > 0.1

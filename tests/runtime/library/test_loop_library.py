@@ -18,6 +18,7 @@ from runtime.errors import (
     RecordingError,
     ShapeError,
 )
+from runtime.excitation import Trajectory
 from runtime.library import Library, load
 from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.formats.mjcf import MJCF
@@ -25,12 +26,15 @@ from runtime.outputs.model_files.formats.urdf import URDF
 from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
+from runtime.simulation import Controller, Plant, follow, record, settings_of
+from runtime.simulation.plant_engine import plant_engine
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest, request_from_folder
 from symgen.chain import ChainOptions
 from symgen.chain.mechanism import mechanism_from_table
 from tests.linkages import Projection, palletizer
 from tests.robots import ONE_LEVEL
+from tests.virtual_settings import frictionless
 
 LINKAGE = palletizer(np.random.default_rng(7))
 ALL = ("waist", "arm", "forearm", "crank", "rod")
@@ -226,3 +230,64 @@ def test_friction_of_dependent_joints_is_identified(lib: Library) -> None:
         sentence = f"no joint '{wrong}' that follows others .there are: "
         with pytest.raises(RecordingError, match=sentence):
             runtime.identify(log, lib, method="ols", friction_columns=unknown)
+
+
+def test_simulated_motion_is_that_of_the_constrained_tree(lib: Library) -> None:
+    """Oracle: RK4 with KKT accelerations of Pinocchio's tree, all joints free to move; a fall with
+    viscous friction, by the compiled simulation (order 2) and by the step of the virtual robot
+    (order 1, errors of two steps extrapolated).
+    """
+    start, rates, seconds = np.array([0.1, 0.3, -0.2]), np.array([0.4, -0.5, 0.8]), 0.05
+    friction = np.full(3, 0.3)
+    oracle = Projection(LINKAGE, lib.all_joint_names, lib.gravity)
+
+    def slope(state: np.ndarray) -> np.ndarray:
+        x, own = np.split(state, 2)
+        v, _ = oracle.rates(x, own[oracle.own], np.zeros(3))
+        ddq = oracle.acceleration(x, v, -friction * v[oracle.own])
+        return np.concatenate([v, oracle.rates(x, v[oracle.own], ddq)[1]])
+
+    x = oracle.pose(start)
+    state, h = np.concatenate([x, oracle.rates(x, rates, np.zeros(3))[0]]), seconds / 25
+    for _ in range(25):
+        k1 = slope(state)
+        k2 = slope(state + h / 2 * k1)
+        k3 = slope(state + h / 2 * k2)
+        state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(state + h * k3))
+    fallen, speeds = (part[oracle.own] for part in np.split(state, 2))
+    moved = np.abs(fallen - start).max()
+    assert np.abs(speeds - rates).max() > 0.5  # gravity acts
+
+    reference = np.zeros((round(1000 * seconds) + 1, 3, 3))
+    reference[0, 0], reference[0, 1] = start, rates
+    plant = Plant(lib.pi0, viscous=friction, rotor=0.0)
+    idle = Controller(0 * lib.pi0, rotor=0.0, stiffness=0.0, damping=0.0)
+    motion_ = follow(lib, reference, plant, idle, 1000.0)
+    assert np.abs(motion_.q[-1] - fallen).max() < 1e-6 * moved  # (2e-4 s)² x 10 /s²
+    assert np.abs(motion_.dq[-1] - speeds).max() < 1e-6 * np.abs(speeds).max()
+
+    ends = []
+    for step in (2.5e-4, 1.25e-4):
+        made = plant_engine(lib, lib.pi0, 0.0, step)
+        made.q[:], made.dq[:], made.damping[:] = start, rates, friction
+        for _ in range(round(seconds / step)):
+            made.advance()
+        ends.append(np.array(made.q))
+    errors = [np.abs(end - fallen).max() for end in ends]
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)
+    assert np.abs(2 * ends[1] - ends[0] - fallen).max() < 0.01 * errors[1]
+
+
+def test_a_virtual_robot_with_a_loop_follows_its_equations(lib: Library) -> None:
+    """Oracle: torque behind the rotors = inverse dynamics of the true bodies, to rounding: the
+    first step of a tick solves these equations; a motion out of the range of the loop is refused.
+    """
+    wave = 0.05 * np.array([[1.0, -0.5], [-0.5, 1.0], [1.0, 0.5]])
+    settings = frictionless(settings_of(lib))
+    log = record(lib, Trajectory(np.zeros(3), wave, 0.3), settings, seed=0)
+    m = log.motion
+    assert log.truth.engine == "symgen kernels"
+    torque = lib.inverse_dynamics(m.q, m.dq, m.ddq, log.truth.pi)
+    np.testing.assert_allclose(m.link, torque, atol=1e-9 * np.abs(torque).max())
+    with pytest.raises(PostureError, match="singular posture of the loop"):
+        record(lib, Trajectory(np.array([0.0, 0.0, 1.7]), wave, 0.3), settings, seed=0)

@@ -14,7 +14,7 @@ from runtime.errors import IdentificationError, SimulationError
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.simulation import Box, read_payload, settings_of
 from runtime.simulation.joint_friction import JointFriction
-from runtime.simulation.mujoco_engine import engine, inverse_dynamics, mass_diagonal
+from runtime.simulation.mujoco_engine import engine
 from runtime.simulation.sensors import Calibration, Encoders, measured_torque, quantised
 from runtime.simulation.settings import Sensors, VirtualFriction
 from runtime.simulation.virtual_robot import perturbed
@@ -38,7 +38,7 @@ def test_mujoco_and_the_library_are_one_robot(name: str, robot: Callable[[str], 
         state = (made.sorted(x[k]) for x in (q, dq, ddq))
         # Rounding, 1e-13 of the torque; the inertia goes through λ and principal axes.
         size = np.abs(tau).max()
-        assert made.restored(inverse_dynamics(made, *state)) == pytest.approx(
+        assert made.restored(made.inverse_dynamics(*state)) == pytest.approx(
             tau[k], abs=1e-10 * size
         )
         made.data.qfrc_applied[:] = made.sorted(tau[k])
@@ -48,7 +48,7 @@ def test_mujoco_and_the_library_are_one_robot(name: str, robot: Callable[[str], 
             free[k], abs=1e-9 * np.abs(free).max()
         )
     diagonal = np.diag(lib.mass_matrix(q[-1], pi)) + rotor
-    assert made.restored(mass_diagonal(made, made.sorted(q[-1]))) == pytest.approx(diagonal)
+    assert made.restored(made.mass_diagonal(made.sorted(q[-1]))) == pytest.approx(diagonal)
 
 
 def test_the_tree_is_the_urdfs(fr3: Library) -> None:

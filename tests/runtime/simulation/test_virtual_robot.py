@@ -17,8 +17,9 @@ from runtime.library import Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare
 from runtime.simulation import Box, VirtualLog, VirtualRobotSettings, record, settings_of
-from runtime.simulation.settings import Sensors, VirtualFriction
+from runtime.simulation.settings import Sensors
 from tests.runtime.conftest import Command
+from tests.virtual_settings import frictionless
 
 BOX = Box(1.8, (0.01, 0.02, 0.167), (0.1, 0.08, 0.1))
 
@@ -26,11 +27,9 @@ BOX = Box(1.8, (0.01, 0.02, 0.167), (0.1, 0.08, 0.1))
 def perfect(settings: VirtualRobotSettings, **changes: object) -> VirtualRobotSettings:
     """Without friction, with perfect sensors."""
     n = len(settings.rotor)
-    none = {key: np.zeros(n) for key in VirtualFriction.__dataclass_fields__}
-    none |= {"stribeck_speed": np.ones(n), "dahl_stroke": np.ones(n)}
     exact = {key: np.zeros(n) for key in Sensors.__dataclass_fields__}
     exact["velocity_cutoff_hz"] = np.full(n, 100.0)
-    return replace(settings, friction=VirtualFriction(**none), sensors=Sensors(**exact), **changes)
+    return replace(frictionless(settings), sensors=Sensors(**exact), **changes)
 
 
 @pytest.fixture(scope="module")

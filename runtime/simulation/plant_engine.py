@@ -1,0 +1,39 @@
+"""Choice of the engine of a virtual robot: MuJoCo, or the kernels where joints follow others."""
+
+from numpy.typing import ArrayLike
+
+from runtime.library import Array, Library
+from runtime.simulation.mujoco_engine import Engine, engine
+from runtime.simulation.reduced_engine import ReducedEngine
+
+
+def has_mechanism(lib: Library) -> bool:
+    """Whether joints follow others, or springs and curves of known stiffness act on them."""
+    manifest = lib.manifest
+    return (
+        manifest.coupling is not None or bool(manifest.loops) or "known_torque" in manifest.kernels
+    )
+
+
+def plant_engine(
+    lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
+) -> Engine | ReducedEngine:
+    """Engine of a robot with given parameters.
+
+    Args:
+        lib: the robot.
+        pi: standard parameters, (10 L,), physically consistent.
+        rotor: inertia of the motors, reflected to the joints, (n,) or one number [kg·m², kg].
+        step: of the integrator [s].
+        ranges: joints stop at the ends of their range; only in MuJoCo.
+
+    Returns:
+        MuJoCo, or `ReducedEngine` for a robot with couplings, loops or known springs.
+
+    Raises:
+        SimulationError: MuJoCo is not installed or refuses the robot.
+        NotRealisableError: a body of π is not physically consistent.
+    """
+    if has_mechanism(lib):
+        return ReducedEngine(lib, pi, rotor, step)
+    return engine(lib, pi, rotor, step, ranges)

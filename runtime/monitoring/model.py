@@ -6,7 +6,7 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
 from runtime.recording.friction_column import COLUMNS, JointMotion
 
-MEMORY = "dahl"
+MEMORY, POSITION = "dahl", "position"
 """Friction column whose state follows from the path."""
 CHUNK = 4096
 """States whose regressors are held at a time."""
@@ -124,22 +124,18 @@ class MonitoredModel:
         """
         inertial = self.inertial
         still = np.zeros_like(dq)
-        terms = self.terms
-        if zeta is not None:  # its place is kept by a column of the instant
-            names = tuple("coulomb" if name == MEMORY else name for name in terms.columns)
-            terms = replace(terms, columns=names)
-        plain = friction.columns(JointMotion(dq, q, still, lib), terms)
-        if zeta is not None:
-            plain[..., self.memory] = zeta[..., None]
+        plain = friction.columns(JointMotion(dq, q, still, lib, zeta), self.terms)
         if not inertial.any():
             return np.zeros_like(plain), plain
-        moving = friction.columns(JointMotion(still, q, dq, lib), terms)
+        moving = friction.columns(JointMotion(still, q, dq, lib, zeta), self.terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
     @property
     def memory(self) -> NDArray[np.bool_]:
         """Whether each friction column has a memory, (k,)."""
-        return np.array([name == MEMORY for name in self.terms.columns], dtype=bool)
+        names = self.terms.columns
+        lasting = {MEMORY, POSITION} if MEMORY in names else set()
+        return np.array([name in lasting for name in names], dtype=bool)
 
     @property
     def lasting_friction(self) -> Array:

@@ -7,15 +7,19 @@ not known from the log. Source of the law: the drives of servo arms and legged r
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.recipes.control_law import ControlLaw
-from runtime.recording.recording import FloatArray
+from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.settings import Preparation
 
 MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
 """Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""
+MOST_TRIMMED = 0.05
+"""Largest share of the duration that is left out at either end."""
 
 
 def commanded_torque(
@@ -56,6 +60,26 @@ def commanded_torque(
     return gear * np.clip(tau, -bound, bound), (
         f"Computed τ by the {law}: it is commanded, not measured{limits}."
     )
+
+
+def without_ends(recording: Recording, preparation: Preparation) -> Preparation:
+    """The preparation without both ends of a commanded torque.
+
+    There the low-pass extrapolates, and a robot that starts from rest holds any torque below its
+    dry friction.
+
+    Args:
+        recording: log as read.
+        preparation: its steps.
+
+    Returns:
+        The same, with one period of the cut-off trimmed where it has a low-pass and no trim.
+    """
+    cutoff = preparation.cutoff_hz
+    if recording.torque_source != COMMANDED or preparation.trim_s is not None or cutoff is None:
+        return preparation
+    trim = min(1.0 / cutoff, MOST_TRIMMED * recording.duration)
+    return replace(preparation, trim_s=float(f"{trim:.3g}"))
 
 
 def _per_joint(key: str, value: object, n: int) -> FloatArray:

@@ -31,12 +31,14 @@ class JointMotion:
         q: (N, n) joint positions of successive instants [rad, m]; for dahl, load and position.
         ddq: (N, n) joint accelerations [rad/s², m/s²]; for rotor.
         lib: library of the robot; for load and position.
+        zeta: (N, n) state of friction with a memory where it is known; None for that of the path q.
     """
 
     dq: FloatArray
     q: FloatArray | None = None
     ddq: FloatArray | None = None
     lib: "Library | None" = None
+    zeta: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,9 @@ from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.current_gains.scaling import with_current_gains
+from runtime.identification.drive.dry_friction_choice import with_dry_friction
 from runtime.identification.drive.feedback import FEEDBACK, feedback_torque
 from runtime.identification.drive.linearised import LinearisedDrive, linearised, torque_rate
-from runtime.identification.drive.position_choice import with_position
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import assemble, known_friction
@@ -27,6 +27,7 @@ from runtime.identification.single_log import identify, identify_assembled
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import default_terms, geared
 from runtime.recording.preprocessing import before_test
@@ -93,12 +94,13 @@ def identify_drive(
     settings = replace(settings, refit=False)
     if settings.splitting is None and (recipe is None or recipe.split is None):
         settings = replace(settings, splitting=SPLIT)
-    preparation = settings.preparation or recording.preparation
+    preparation = without_ends(recording, settings.preparation or recording.preparation)
+    settings = replace(settings, preparation=preparation)
     terms = settings.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
     if settings.friction_columns is None and not (recipe and recipe.friction):
         seen = before_test(recording, settings.splitting)
-        terms, sentence = with_position(seen, lib, preparation, terms)
+        terms, sentence = with_dry_friction(seen, lib, preparation, terms, request.delay)
         settings = replace(settings, friction_columns=terms)
         if sentence:
             result = identify_drive(recording, lib, settings, request, progress=progress)

@@ -7,10 +7,26 @@ import numpy as np
 
 from runtime.library import Array
 
-COLUMNS = {"armature": "rotor", "viscous": "viscous", "coulomb": "coulomb", "offset": "offset"}
-"""Key of a drive in result.json → friction column."""
+COLUMNS = {
+    "armature": ("rotor",),
+    "viscous": ("viscous",),
+    "coulomb": ("coulomb", "dahl"),
+    "offset": ("offset",),
+}
+"""Key of a drive in result.json → friction column; one of them is fitted. Both columns of dry
+friction are ±1 in steady motion."""
 DETERMINED = 0.5
 """σ of an encoder bias over that of its prior below which the motion counts as informative."""
+
+
+def places_of(columns: tuple[str, ...]) -> dict[str, int]:
+    """Key of a drive → place of its column, where it is fitted."""
+    return {
+        key: columns.index(name)
+        for key, names in COLUMNS.items()
+        for name in names
+        if name in columns
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +98,7 @@ class DriveFit:
         Returns:
             One table per joint; None where a column was not fitted or is not determined.
         """
-        place = {key: columns.index(name) for key, name in COLUMNS.items() if name in columns}
+        place = places_of(columns)
         tables, verdicts = [], self.verdicts()
         for j, joint in enumerate(joints):
             sigma = {

@@ -83,7 +83,7 @@ TORQUE_KEYS: tuple[Key, ...] = (
     Key("drive[].joint", "text", "name of the joint"),
     Key("drive[].armature", "number?", "inertia of rotor and gear", unit="kg·m²"),
     Key("drive[].viscous", "number?", "viscous friction", unit="N·m·s/rad"),
-    Key("drive[].coulomb", "number?", "Coulomb friction", unit="N·m"),
+    Key("drive[].coulomb", "number?", "Coulomb friction, with or without a memory", unit="N·m"),
     Key("drive[].offset", "number?", "torque offset", unit="N·m"),
     Key("drive[].encoder_bias", "number?", "b of q_true = q + b", unit="rad"),
     Key(

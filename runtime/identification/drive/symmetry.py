@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.drive.result import COLUMNS, DriveFit
+from runtime.identification.drive.result import DriveFit, places_of
 from runtime.identification.identified import Identification
 from runtime.library import Array
 from runtime.numerics.quantiles import chi2_quantile
@@ -137,10 +137,10 @@ def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification
             "--symmetric compares drives with their standard deviations, which this identification "
             "does not have; give --delay auto, or a log with a commanded torque"
         )
-    columns = result.friction.columns
+    places_of_keys = places_of(result.friction.columns)
     sets = {"armature": ("armature",), "friction": FRICTION}
     kept = {
-        name: [columns.index(COLUMNS[key]) for key in keys if COLUMNS[key] in columns]
+        name: [places_of_keys[key] for key in keys if key in places_of_keys]
         for name, keys in sets.items()
     }
     compared = tuple(

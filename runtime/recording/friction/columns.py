@@ -3,7 +3,7 @@
     s = tanh(dq / ε) stands for the sign of dq and is smooth at rest
 
     offset 1 · viscous dq · coulomb s · asymmetric dq s · stribeck s exp(−(dq / v_s)²)
-    load |τ_g| s · position x s, x ∈ [−1, 1] between the limits · rotor ddq
+    load |τ_g| s · position x s, x ∈ [−1, 1] between the limits, x ζ beside dahl · rotor ddq
     dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
     motor_viscous · motor_coulomb · motor_rotor: of motors that drive several joints
 
@@ -67,14 +67,15 @@ def gravity_load(lib: Library, q: FloatArray) -> FloatArray:
 
 
 def _position(motion: JointMotion, terms: Friction) -> FloatArray:
-    """Coulomb friction of a linkage, whose transmission ratio changes with the position."""
+    """Dry friction of a linkage, whose transmission ratio changes with the position."""
     if motion.q is None or motion.lib is None:
         raise RecordingError("the friction column 'position' needs q and the library of the robot")
     limits = motion.lib.limits()
     middle, half = (limits["upper"] + limits["lower"]) / 2, (limits["upper"] - limits["lower"]) / 2
     ends = np.isfinite(half) & (half > 0)
     place = (motion.q - np.where(ends, middle, 0.0)) / np.where(ends, half, np.pi)
-    return place * _sign(motion, terms)
+    dry = _dahl if DAHL.name in terms.columns else _sign
+    return np.asarray(place * dry(motion, terms))
 
 
 def _rotor(motion: JointMotion, _: Friction) -> FloatArray:
@@ -84,6 +85,8 @@ def _rotor(motion: JointMotion, _: Friction) -> FloatArray:
 
 
 def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
+    if motion.zeta is not None:
+        return motion.zeta
     if motion.q is None or len(motion.q) < 2:
         raise RecordingError(
             "the friction column 'dahl' depends on the path; give the motion of a whole recording, "
@@ -181,7 +184,7 @@ DAHL = FrictionColumn(
 LOAD = FrictionColumn("load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",))
 POSITION = FrictionColumn(
     "position",
-    "x tanh(dq / ε), x from −1 to 1 between the limits",
+    "x tanh(dq / ε), beside dahl x ζ; x from −1 to 1 between the limits",
     _position,
     widths=("coulomb_speed",),
     is_passive=False,

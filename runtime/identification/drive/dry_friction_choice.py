@@ -1,0 +1,168 @@
+"""Dry friction of drives: with a memory or without, the same everywhere or changing with q.
+
+    e = τ(t + δ) − Y π0 − F φ,   F with coulomb or dahl, each without and with position
+
+The memory is the stroke z_c within which friction turns round after a reversal; behind a linkage or
+a cable friction changes with the position. The candidates are fitted joint by joint and compared by
+cross-validation on contiguous blocks. A memory and a delay both make the torque of a reversal late:
+where the delay is unknown, a memory has to pay at the δ that is best without it, and then has a δ
+of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from runtime.estimators.regression.recorded_delay import (
+    EARLIEST_S,
+    FEWEST,
+    LATEST_S,
+    ROWS,
+    filtered,
+)
+from runtime.estimators.regression.samples import samples_of
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.commanded_torque import COMMANDED
+from runtime.recording.preprocessing import prepare
+
+DRY, MEMORY, POSITION = "coulomb", "dahl", "position"
+"""Names of the columns."""
+STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
+"""Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
+DELAY_STEP_S = 0.005
+"""Step of the delays that are tried [s]."""
+FOLDS = 5
+"""Contiguous blocks of the cross-validation."""
+LEAST_GAIN = 0.1
+"""Share by which further columns have to lower the mean square error (geometric mean of joints)."""
+_RANK = 1e-10
+"""Eigenvalue of a Gram matrix of unit columns, over the largest, below which it counts as 0."""
+
+
+def with_dry_friction(
+    recording: Recording, lib: Library, preparation: Preparation, terms: Friction, late: bool
+) -> tuple[Friction, str]:
+    """Friction terms of a commanded torque for which no command names any.
+
+    Args:
+        recording: rows before the test part.
+        lib: library of the robot.
+        preparation: its filter is used, and its delay where that is known.
+        terms: columns of a drive.
+        late: whether the delay is unknown.
+
+    Returns:
+        The terms, with `dahl` in place of `coulomb` and `position` where they lower the error, and
+        a sentence; empty where the terms stay.
+    """
+    if recording.torque_source != COMMANDED or DRY not in terms.columns:
+        return terms, ""
+    known = None if late else preparation.torque_delay_s
+    usual = replace(filtered(recording, preparation), torque_delay_s=known)
+    more = replace(terms, columns=(*terms.columns, POSITION))
+    others = [Friction((MEMORY, POSITION), dahl_stroke=stroke) for stroke in STROKES]
+    whole = prepare(recording, usual, more, *others, lib=lib)
+    samples, t = samples_of(whole, lib), whole.t
+    delays: Array = np.zeros(1)
+    if late:
+        first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
+        delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
+    rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
+    if len(rows) < FEWEST:
+        return terms, ""
+    rows = rows[:: -(-len(rows) // ROWS)]
+    samples = samples.rows(rows)
+    model = samples.rigid(lib, lib.pi0)
+    rest = np.array(
+        [
+            np.stack([np.interp(t[rows] + d, t, row) for row in whole.required("tau").T], axis=1)
+            - model
+            for d in delays
+        ]
+    )
+    count, place = len(terms.columns), terms.columns.index(DRY)
+    moving = samples.columns[:, :, place].any(axis=0)  # by dq, without which there is no sign of it
+    if not moving.any():
+        return terms, ""
+
+    def losses(memory: int | None, position: bool) -> Array:
+        """Mean of ln s_j² over the joints that move, of every delay, (M,)."""
+        columns = list(range(count))
+        if memory is not None:
+            columns[place] = count + 1 + 2 * memory
+        if position:
+            columns.append(count if memory is None else count + 2 + 2 * memory)
+        errors = _errors(samples.columns[:, moving][:, :, columns], rest[:, :, moving])
+        return np.asarray(np.log(np.maximum(errors, np.finfo(float).tiny)).mean(axis=1))
+
+    # Simplest first: a further column has to pay at the delay that the simplest model has.
+    simplest = losses(None, False)
+    at, no_memory = int(simplest.argmin()), losses(None, True)
+    memory = {each: [losses(k, each) for k in range(len(STROKES))] for each in (False, True)}
+    candidates = [
+        (simplest[at], False, False),
+        (no_memory[at], False, True),
+        *((min(loss[at] for loss in memory[each]), True, each) for each in (False, True)),
+    ]
+    enough = min(loss for loss, *_ in candidates) - np.log(1 - LEAST_GAIN)
+    least, has_memory, has_position = next(each for each in candidates if each[0] <= enough)
+    if not has_memory and not has_position:
+        return terms, ""
+    chosen, stroke = terms, None
+    if has_memory:  # its stroke and the delay that is best with it
+        best = [float(loss.min()) for loss in memory[has_position]]
+        least, stroke = min(best), _best_stroke(best)
+        names = tuple(MEMORY if name == DRY else name for name in terms.columns)
+        chosen = replace(terms, columns=names, dahl_stroke=stroke)
+    if has_position:
+        chosen = replace(chosen, columns=(*chosen.columns, POSITION))
+    fall = 100 * (1 - np.exp((least - simplest[at]) / 2))
+    return chosen, (
+        f"dry friction {_kind(stroke, has_position)}: the error of cross-validation falls by "
+        f"{fall:.2g} %; --friction {','.join(terms.columns)} leaves it out"
+    )
+
+
+def _kind(stroke: float | None, position: bool) -> str:
+    """What the chosen columns describe."""
+    memory = f"has a memory of {stroke:.2g} rad of travel (column dahl)" if stroke else ""
+    changes = "changes with the position (column position)" if position else ""
+    return " and ".join(part for part in (memory, changes) if part)
+
+
+def _best_stroke(losses: Sequence[float]) -> float:
+    """z_c at the vertex of a parabola over ln z_c."""
+    k = int(np.argmin(losses))
+    if not 0 < k < len(losses) - 1:
+        return STROKES[k]
+    low, middle, high = losses[k - 1 : k + 2]
+    bend = low - 2 * middle + high
+    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
+    return float(f"{STROKES[k] * (STROKES[k] / STROKES[k - 1]) ** shift:.3g}")
+
+
+def _errors(columns: Array, rest: Array) -> Array:
+    """Sums of squares of what the other blocks predict of each block.
+
+    Args:
+        columns: friction columns, (N, n, k).
+        rest: torque without that of the links at M delays, (M, N, n) [N·m, N].
+
+    Returns:
+        The sum of every delay and joint, (M, n) [(N·m)², N²].
+    """
+    lengths = np.linalg.norm(columns, axis=0)
+    x = np.moveaxis(columns / np.where(lengths > 0, lengths, 1.0), 0, 1)  # (n, N, k)
+    y = np.moveaxis(rest, 0, 2).swapaxes(0, 1)  # (n, N, M)
+    edges = np.linspace(0, x.shape[1], FOLDS + 1).astype(int)
+    blocks = [slice(*pair) for pair in pairwise(edges)]
+    gram = np.array([x[:, b].swapaxes(1, 2) @ x[:, b] for b in blocks])
+    cross = np.array([x[:, b].swapaxes(1, 2) @ y[:, b] for b in blocks])
+    phi = np.linalg.pinv(gram.sum(axis=0) - gram, rcond=_RANK, hermitian=True) @ (
+        cross.sum(axis=0) - cross
+    )
+    left = [np.sum((y[:, b] - x[:, b] @ p) ** 2, axis=1) for b, p in zip(blocks, phi, strict=True)]
+    return np.asarray(np.sum(left, axis=0).T)

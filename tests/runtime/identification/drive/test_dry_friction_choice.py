@@ -1,0 +1,136 @@
+"""Friction of drives with a memory and with the position: the columns, and their choice."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.identification.drive.estimate import identify_drive
+from runtime.identification.drive.result import DriveRequest
+from runtime.identification.identified import Identification
+from runtime.identification.settings import Settings
+from runtime.library import Array, Library, load
+from runtime.monitoring.model import model_of
+from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording.commanded_torque import COMMANDED, without_ends
+from runtime.recording.friction import DRIVE, JointMotion, columns
+from tests.runtime.servo_logs import KP, Servo, random_servo, servo_arrays
+
+PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
+STROKE = 2e-3
+"""Travel [rad] within which the friction of the virtual drive turns round."""
+
+
+def servo_log(lib: Library, folder: Path, memory: bool, slope: float) -> tuple[Recording, Servo]:
+    """A log of a drive whose dry friction has a memory, or grows with the position."""
+    rng = np.random.default_rng(0)
+    servo = replace(random_servo(lib, rng), delay=np.zeros(1), bias=np.zeros(1), pi=lib.pi0)
+    arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
+    motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
+    usual = columns(motion, Friction(("coulomb", "position")))
+    kept = columns(motion, Friction(("dahl", "position"), dahl_stroke=STROKE)) if memory else usual
+    coulomb = servo.phi[:, 1]
+    change = coulomb * (kept - usual)[..., 0] + slope * kept[..., 1]
+    arrays["q_des"] = arrays["q_des"] + change / KP
+    logged = {key: values for key, values in arrays.items() if key != "tau_true"}
+    np.savez(folder / "log.npz", **logged)  # type: ignore[arg-type]
+    return read_recording(folder / "log.npz"), servo
+
+
+def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
+    """The result with the delay as an unknown."""
+    settings = Settings(preparation=PREPARATION, friction_columns=terms)
+    return identify_drive(log, lib, settings, DriveRequest(delay=True))
+
+
+def is_within(result: Identification, column: str, truth: Array | float) -> bool:
+    """Whether a coefficient is within four standard deviations, left with probability 6e-5."""
+    k = result.friction.columns.index(column)
+    assert result.drive is not None
+    return bool((abs(result.phi[:, k] - truth) < 4 * result.drive.phi_sigma[:, k]).all())
+
+
+@pytest.mark.parametrize("varies", [True, False])
+def test_position_is_chosen_where_friction_changes_with_it(tiny_built: Path, tmp_path, varies):
+    """Property: the column is taken where the log needs it, with its coefficient, and else not."""
+    lib, slope = load(tiny_built), 2.0 if varies else 0.0
+    log, _ = servo_log(lib, tmp_path, memory=False, slope=slope)
+    result = identified(log, lib)
+    assert result.friction.columns == (*DRIVE, "position")[: 5 if varies else 4]
+    assert any("changes with the position" in note for note in result.notes) == varies
+    if varies:
+        assert is_within(result, "position", slope)
+    assert identified(log, lib, Friction(columns=DRIVE)).friction.columns == DRIVE
+
+
+@pytest.mark.parametrize("slope", [0.0, 2.0])
+def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slope):
+    """Property: dahl replaces coulomb, and its coefficient is the Coulomb friction of the drive.
+
+    The stroke is that of the log within a step of those that are tried. The noise of dq in the
+    tanh of another model would move the delay, which is 0, by milliseconds.
+    """
+    lib = load(tiny_built)
+    log, servo = servo_log(lib, tmp_path, memory=True, slope=slope)
+    result = identified(log, lib)
+    names = tuple("dahl" if name == "coulomb" else name for name in DRIVE)
+    assert result.friction.columns == (names if slope == 0 else (*names, "position"))
+    assert np.sqrt(0.5) < result.friction.dahl_stroke / STROKE < np.sqrt(2.0)
+    assert any("has a memory of" in note for note in result.notes)
+    assert is_within(result, "dahl", servo.phi[:, 1])
+    drive = result.drive
+    assert drive is not None
+    assert abs(drive.delay[0]) < 5e-4
+    facts = drive.facts(lib.joint_names, result.phi, result.friction.columns)
+    assert facts[0]["coulomb"] == result.phi[0, 1]
+    assert facts[0]["sigma"]["coulomb"] == drive.phi_sigma[0, 1]
+
+
+def test_position_runs_from_one_limit_to_the_other(tiny_built: Path):
+    """Oracle: x is −1 at the lower limit, 1 at the upper one, and the sign is that of the speed."""
+    lib = load(tiny_built)
+    limits = lib.limits()
+    low, high = limits["lower"][0], limits["upper"][0]
+    q = np.array([[low], [high], [(low + high) / 2], [high]])
+    dq = np.array([[1.0], [1.0], [1.0], [-1.0]])
+    terms = Friction(columns=("position",), coulomb_speed=1e-3)
+    values = columns(JointMotion(dq, q, lib=lib), terms)[:, 0, 0]
+    np.testing.assert_allclose(values, [-1.0, 1.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_position_beside_dahl_has_its_state(tiny_built: Path, tmp_path):
+    """Oracle: the column is x ζ, of the path, or of a state that an observer has computed."""
+    lib, t = load(tiny_built), np.linspace(0.0, 3.0, 200)[:, None]
+    q, dq = 0.3 * np.sin(2 * t), 0.6 * np.cos(2 * t)
+    terms = Friction(("dahl", "position"), dahl_stroke=STROKE)
+    zeta, both = columns(JointMotion(dq, q, lib=lib), terms)[:, 0].T
+    limits = lib.limits()
+    middle, half = (
+        (limits["upper"] + limits["lower"]) / 2,
+        (limits["upper"] - limits["lower"]) / 2,
+    )
+    np.testing.assert_allclose(both, ((q - middle) / half)[:, 0] * zeta, atol=1e-15)
+    log, _ = servo_log(lib, tmp_path, memory=True, slope=2.0)
+    model = model_of(identified(log, lib), lib)
+    state = np.full((1, 1), 0.25)
+    _, plain = model.columns(lib, q[50:51], dq[50:51], state)
+    place = ((q[50] - middle) / half)[0]
+    names = list(model.terms.columns)
+    assert plain[0, 0, names.index("dahl")] == 0.25
+    assert plain[0, 0, names.index("position")] == pytest.approx(0.25 * place, abs=1e-15)
+    phi = np.abs(model.phi[:, [names.index("dahl"), names.index("position")]])
+    np.testing.assert_allclose(model.lasting_friction, phi.sum(axis=1))
+
+
+def test_both_ends_of_a_commanded_torque_are_left_out(tiny_built: Path, tmp_path):
+    """Property: a period of the cut-off, a stated trim stays, and a measured torque is not cut."""
+    log, _ = servo_log(load(tiny_built), tmp_path, memory=False, slope=0.0)
+    assert log.torque_source == COMMANDED
+    usual = replace(PREPARATION, trim_s=None)
+    assert without_ends(log, usual).trim_s == 0.1
+    assert without_ends(log, replace(usual, cutoff_hz=0.2)).trim_s == 0.6  # 5 % of 12 s
+    assert without_ends(log, PREPARATION) is PREPARATION
+    assert without_ends(log.replace(torque_source="measured"), usual) is usual
+    bare = Preparation()
+    assert without_ends(log, bare) is bare

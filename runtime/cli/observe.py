@@ -18,18 +18,18 @@ from runtime.files import replacing
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Array, Library
+from runtime.monitoring.calibration import FreeMotion, Tail, calibrated, tails_of, verified
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.observation import (
     WITHIN_S,
     Detector,
-    FreeMotion,
     Observation,
     detector_for,
-    observe,
+    observation_of,
     prepared_for,
-    verified,
+    signals_of,
 )
 from runtime.monitoring.wrench import wrench_at
 from runtime.outputs import torque_mcap
@@ -67,6 +67,14 @@ def observe_command(
         str | None,
         typer.Option(metavar="LOG", help="A log without contacts, on which the rate is verified."),
     ] = None,
+    calibrate: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOG",
+            help="A log without contacts, from whose residuals thresholds are fitted; may be given "
+            "again.",
+        ),
+    ] = None,
     link: Annotated[
         str | None,
         typer.Option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
@@ -93,11 +101,14 @@ def observe_command(
     A generalised-momentum observer with the identified model, friction, rotors and the delay of the
     torque: the result is positive where the environment pushes in the direction of the joint. A
     contact is reported where it exceeds a threshold; thresholds follow from the stated rate of
-    false alarms, the model's posterior and the residuals of its test part.
+    false alarms, the model's posterior and the residuals of its test part. With --calibrate their
+    level is fitted to the largest residuals of free motion: half an hour of it gives rates down to
+    one alarm per hour, where residuals are not Gaussian.
 
     \b
     symgen observe second.csv --model results/first-map --false-alarms "1 per hour"
     symgen observe second.csv --model results/first-map --free third.csv --link fr3_link7
+    symgen observe second.csv --model results/first-map --calibrate half_hour.csv
 
     Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
     and observer.c, the same observer for a control loop, with observer.h and example_observer.c.
@@ -114,14 +125,24 @@ def observe_command(
     data = _read(lib, known, log, recipe, run)
     root, note = _root(model, saved, lib)
     held_out = read_held_out(model, known)
-    detector = detector_for(lib, known, data, held_out, rate, within, root)
-    seen = observe(lib, detector, data)
+    free_motion = [_read(lib, known, each, None, None) for each in calibrate or ()]
+    # The observer that is calibrated is chosen on the same motion, so that no contact decides.
+    chosen_on = free_motion[0] if free_motion else data
+    detector = detector_for(lib, known, chosen_on, held_out, rate, within, root)
+    tails: tuple[Tail, ...] = ()
+    if free_motion:
+        signals = (signals_of(lib, detector, each) for each in free_motion)
+        tails = tails_of(signals, detector.settings.rate_hz)
+        detector = calibrated(detector, tails)
+    seen = observation_of(lib, detector, signals_of(lib, detector, data))
     check = None if free is None else verified(lib, detector, _read(lib, known, free, None, None))
     bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if mcap else None
     texts, left_out = _in_c(lib, detector, seen)
     if bag is not None:
         texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
-    facts = _facts(lib, detector, seen, check, data, link) | {"notes": notes + note + left_out}
+    facts = _facts(lib, detector, seen, check, data, link, tails) | {
+        "notes": notes + note + left_out
+    }
     _write(lib, saved, seen, facts, folder)
     for name, content in texts.items():
         with replacing(folder / name) as file:
@@ -171,6 +192,7 @@ def _facts(
     check: FreeMotion | None,
     data: Recording,
     link: str | None,
+    tails: tuple[Tail, ...],
 ) -> dict[str, Any]:
     contacts = []
     for contact in seen.contacts:
@@ -195,6 +217,7 @@ def _facts(
             "per_hour": detector.rate.per_second * 3600,
             "expected_in_log": detector.rate.per_second * seen.seconds,
         },
+        "calibration": _calibration(tails) if tails else None,
         "free_motion": None if check is None else asdict(check),
         "observer": {
             "bandwidth": settings.bandwidth,
@@ -203,6 +226,16 @@ def _facts(
             "rate_hz": settings.rate_hz,
             "within_s": detector.within_s,
         },
+    }
+
+
+def _calibration(tails: tuple[Tail, ...]) -> dict[str, Any]:
+    """Duration, and what was fitted to every joint."""
+    return {
+        "seconds": tails[0].seconds,
+        "peaks": [len(tail.peaks) - 1 for tail in tails],
+        "largest": [float(tail.peaks[0]) for tail in tails],
+        "shape": [tail.shape for tail in tails],
     }
 
 
@@ -233,6 +266,8 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
         f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
         f"{stated['expected_in_log']:.2g} false alarms are expected in this time"
     )
+    if facts["calibration"] is not None:
+        say(f"thresholds are fitted to {facts['calibration']['seconds']:.3g} s of free motion")
     for contact in facts["contacts"][:SHOWN]:
         say(f"contact: {contact['time_s']:.3f} s, {contact['joint']}, {contact['torque']:+.3g}")
     if alarms > SHOWN:

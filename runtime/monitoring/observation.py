@@ -3,10 +3,9 @@
     threshold_j(t) = z_j √(σ_j² + band_j(t)²) + dry_j(t) + Δ |dτ_j/dt|
 
 σ_j is the noise of r in free motion, band_j the standard deviation of the model's torque by its
-posterior at the present state, z_j follows from the rate of false alarms. dry_j is twice the dry
-friction of the joint at rest and for 0.1 s after a reversal, where it may act in either direction,
-else 0; of friction with a memory (dahl) it is F exp(−travel / z_c), because its first
-state is unknown. The last term covers torque and position that lie up to a sampling step Δ apart.
+posterior at the present state, z_j follows from the rate of false alarms. band_j, dry_j and the
+last term are those of `state_terms`. Without further logs z_j is that of a Gaussian sequence;
+`runtime.monitoring.calibration` takes it from free motion.
 """
 
 from dataclasses import dataclass, replace
@@ -17,22 +16,12 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import Contact, contacts_of
 from runtime.monitoring.false_alarms import AlarmRate, levels
-from runtime.monitoring.model import CHUNK, MonitoredModel
-from runtime.monitoring.noise import (
-    REVERSAL_S,
-    HeldOutResidual,
-    ObserverNoise,
-    near,
-    noise_of_observer,
-)
-from runtime.monitoring.observer import (
-    ObserverSettings,
-    averaged,
-    external_torque,
-    observer_settings,
-)
+from runtime.monitoring.model import MonitoredModel
+from runtime.monitoring.noise import HeldOutResidual, ObserverNoise, noise_of_observer
+from runtime.monitoring.observer import ObserverSettings, external_torque, observer_settings
+from runtime.monitoring.state_terms import state_terms
 from runtime.recording import Preparation, Recording
-from runtime.recording.preprocessing import differentiate, on_grid, segments
+from runtime.recording.preprocessing import differentiate, on_grid
 
 WITHIN_S = 0.025
 """Time in which r shows 95 % of a step unless it is stated [s]."""
@@ -40,10 +29,8 @@ WINDOWS = (0.0, 1 / 6, 1 / 3, 2 / 3)
 """Candidates of the averaging window, as shares of that time."""
 EXCERPT_S = 60.0
 """Length of a log from which the observer is chosen [s]."""
-SLOPE_STEPS = 10
-"""Samples over which the slope of the torque is taken, at least."""
-BAND_HZ = 100.0
-"""Rate at which the model's band is evaluated; it changes with the motion [Hz]."""
+RATE_OFF = 0.01
+"""Relative difference of rates up to which two logs count as equally fast."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,6 +144,57 @@ def detector_for(
     return min(choices, key=lambda each: np.sum(np.log(np.maximum(each.thresholds, 1e-300))))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Signals:
+    """What contacts are decided from, without a stated rate.
+
+    Attributes:
+        t: (N,) [s].
+        r: (N, n) external torque, NaN where unknown [N·m, N].
+        band: (N, n) standard deviation of the model's torque [N·m, N].
+        sigma: (N, n) standard deviation of r in free motion, band included [N·m, N].
+        extra: (N, n) dry friction and timing in the thresholds [N·m, N].
+    """
+
+    t: Array
+    r: Array
+    band: Array
+    sigma: Array
+    extra: Array
+
+    @property
+    def normalised(self) -> Array:
+        """(|r| − extra)/σ, (N, n): the level z at which a sample is an alarm; NaN where unknown."""
+        return np.asarray((np.abs(self.r) - self.extra) / np.maximum(self.sigma, 1e-300))
+
+
+def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signals:
+    """External torque of a log and the terms of its thresholds.
+
+    Args:
+        lib: library of the robot.
+        detector: observer; its levels do not count.
+        recording: on the uniform grid of the detector's rate, with dq and tau.
+
+    Returns:
+        r, σ and the terms that follow the state.
+
+    Raises:
+        IdentificationError: the log has another rate than the observer.
+    """
+    rate = detector.settings.rate_hz
+    if abs(recording.rate_hz - rate) > RATE_OFF * rate:
+        raise IdentificationError(
+            f"expected a log at {rate:g} Hz, for which the observer was made, got "
+            f"{recording.rate_hz:g} Hz; give logs of one rate"
+        )
+    t, q = recording.t, recording.q
+    dq, tau = recording.required("dq"), recording.required("tau")
+    r = external_torque(lib, detector.model, detector.settings, t, q, dq, tau)
+    band, extra = state_terms(lib, detector.model, detector.settings, detector.root, t, q, dq, tau)
+    return Signals(t, r, band, np.sqrt(detector.noise.sigma**2 + band**2), extra)
+
+
 def observe(lib: Library, detector: Detector, recording: Recording) -> Observation:
     """External torque and contacts of a log.
 
@@ -168,89 +206,26 @@ def observe(lib: Library, detector: Detector, recording: Recording) -> Observati
     Returns:
         r, σ, thresholds and contacts.
     """
-    t, q = recording.t, recording.q
-    dq, tau = recording.required("dq"), recording.required("tau")
-    r = external_torque(lib, detector.model, detector.settings, t, q, dq, tau)
-    band, extra = _state_terms(lib, detector, t, q, dq, tau)
-    sigma = np.sqrt(detector.noise.sigma**2 + band**2)
-    threshold = detector.noise.thresholds(detector.levels, band) + extra
-    contacts = contacts_of(t, r, sigma, threshold, lib.joint_names, detector.within_s)
-    seconds = float(np.isfinite(r[:, 0]).sum() / detector.settings.rate_hz)
-    return Observation(t, r, sigma, threshold, contacts, seconds)
+    return observation_of(lib, detector, signals_of(lib, detector, recording))
 
 
-def _state_terms(
-    lib: Library, detector: Detector, t: Array, q: Array, dq: Array, tau: Array
-) -> tuple[Array, Array]:
-    """Band of the model, and dry friction with timing, at every sample, (N, n) each [N·m, N]."""
-    s = detector.settings
-    band, extra = np.zeros_like(q), np.zeros_like(q)
-    for part in segments(t):
-        if part.stop - part.start <= s.steps + 1:
-            continue
-        position, speed, torque = averaged(s, q[part], dq[part], tau[part])
-        if detector.root is not None:
-            band[part][s.steps :] = _band(lib, detector, detector.root, position, speed)
-        slow = near(t[part][s.steps :], detector.model.is_slow(speed), 0.0, REVERSAL_S)
-        extra[part][s.steps :] = slow * (2 * detector.model.dry_friction)
-        travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
-        extra[part][s.steps :] += detector.model.unknown_state(travel)
-        lag = max(s.steps, SLOPE_STEPS)
-        extra[part][s.steps + lag :] += np.abs(torque[lag:] - torque[:-lag]) / lag
-    return band, extra
-
-
-def _band(lib: Library, detector: Detector, root: Array, q: Array, dq: Array) -> Array:
-    """σ of the model's torque, ‖(dP/dt − S) L‖ by differences over 1/BAND_HZ, (N, n)."""
-    s = detector.settings
-    stride = max(round(s.rate_hz / BAND_HZ), 1)
-    index = np.arange(0, len(q), stride)
-    if len(index) < 2:
-        return np.zeros_like(q)
-    values = np.empty((len(index) - 1, q.shape[1]))
-    size = max(CHUNK // 8, 2)
-    for start in range(0, len(index) - 1, size - 1):
-        taken = index[start : start + size]
-        over_p, over_s = detector.model.rows(lib, q[taken], dq[taken])
-        change = np.diff(over_p, axis=0) * (s.rate_hz / stride)
-        rows = change - (over_s[1:] + over_s[:-1]) / 2
-        values[start : start + len(taken) - 1] = np.linalg.norm(rows @ root, axis=2)
-    held = np.minimum(np.arange(len(q)) // stride, len(values) - 1)
-    return np.asarray(values[held])
-
-
-@dataclass(frozen=True, slots=True)
-class FreeMotion:
-    """Verification of the stated rate on a log of free motion.
-
-    Attributes:
-        alarms: number of alarms in it.
-        expected: number that the stated rate gives for its duration.
-        probability: of so many alarms or more at the stated rate.
-    """
-
-    alarms: int
-    expected: float
-    probability: float
-
-
-def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:
-    """Number of alarms in a log of free motion, against the stated rate.
+def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observation:
+    """Contacts by the thresholds of a detector.
 
     Args:
         lib: library of the robot.
         detector: observer with thresholds.
-        recording: on the uniform grid of the detector's rate, without contacts.
+        seen: of this detector, or of one that differs in its levels alone.
 
     Returns:
-        The numbers, and how probable they are.
+        r, σ, thresholds and contacts.
     """
-    from scipy.special import pdtrc
-
-    seen = observe(lib, detector, recording)
-    expected = detector.rate.per_second * seen.seconds
-    alarms = len(seen.contacts)
-    return FreeMotion(alarms, expected, float(pdtrc(alarms - 1, expected)) if alarms else 1.0)
+    threshold = detector.noise.thresholds(detector.levels, seen.band) + seen.extra
+    contacts = contacts_of(
+        seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s
+    )
+    seconds = float(np.isfinite(seen.r[:, 0]).sum() / detector.settings.rate_hz)
+    return Observation(seen.t, seen.r, seen.sigma, threshold, contacts, seconds)
 
 
 def prepared_for(recording: Recording, model: MonitoredModel) -> Recording:

@@ -1,13 +1,14 @@
 """Observer on the virtual FR3: false alarms in free motion, and pushes that are found in time.
 
-The model is identified from `TRAINING` motions of 10 s with the default friction model. Every log
-is another motion, drawn within the limits, with its own noise. Detectors are chosen once, on the
-first log. Finished logs are lines of a file, so that a run that was interrupted continues.
+The model is identified from `TRAINING` motions of 10 s with the default friction model, and
+thresholds are fitted to `CALIBRATION` further ones. Every log is another motion, drawn within the
+limits, with its own noise. Finished logs are lines of a file, so that a run that was interrupted
+continues.
 """
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,22 +21,32 @@ from bench.monitoring import FILTERED, saved_of, stated
 from runtime import Recording, choose_default_friction, identify
 from runtime.excitation import Trajectory
 from runtime.library import Library
+from runtime.monitoring.calibration import calibrated, tails_of
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
-from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
+from runtime.monitoring.observation import (
+    Detector,
+    detector_for,
+    observation_of,
+    observe,
+    prepared_for,
+    signals_of,
+)
 
 Array = NDArray[np.float64]
 
 TRAINING, FIRST_SEED = 6, 100_000
 """Number of training motions, and the seed of the first one that is drawn."""
+CALIBRATION, CALIBRATION_SEED = 180, 200_000
+"""The same of motions without contacts to which thresholds are fitted: half an hour."""
 PUSH = (3.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0)
 """Size of the pushes, N·m."""
 WITHIN_S, PERIOD_S, LENGTH_S = 0.02, 0.5, 0.25
 """Time within which a push has to be found, time between two pushes, and their length, s."""
 USED = 0.95
 """Share of the limits of speed and acceleration that a drawn motion may use."""
-STATED = (10.0, 100.0, 1000.0)
-"""Stated rates of false alarms, 1/h; pushes are counted at `AT`."""
+STATED = (1.0, 10.0, 100.0)
+"""Stated rates of false alarms, 1/h; pushes are counted at `AT`, one of them."""
 AT = 1.0
 
 
@@ -109,15 +120,23 @@ def _watched(
     def free(k: int) -> Recording:
         return prepared_for(record(lib, drawn_motion(lib, designs, k), seed=k + 1).recording, model)
 
-    first = free(0)
-    detectors = {
-        rate: detector_for(lib, model, first, held_out, stated(rate), WITHIN_S, root)
-        for rate in (*STATED, AT)
-    }
+    first = free(CALIBRATION_SEED)
+    plain = [
+        detector_for(lib, model, first, held_out, stated(rate), WITHIN_S, root) for rate in STATED
+    ]
+    # One observer for all rates: a rate changes the levels alone.
+    one = plain[STATED.index(AT)]
+    tails = tails_of(
+        (signals_of(lib, one, free(CALIBRATION_SEED + k)) for k in range(CALIBRATION)),
+        one.settings.rate_hz,
+    )
+    detectors = [calibrated(replace(one, rate=each.rate), tails) for each in plain]
     for k in wanted:
         data = free(k)
-        seen = [observe(lib, detectors[rate], data) for rate in STATED]
-        hits = pushed(lib, detectors[AT], data, k) if k < pushed_logs else []
+        signals = signals_of(lib, one, data)
+        seen = [observation_of(lib, each, signals) for each in detectors]
+        at = detectors[STATED.index(AT)]
+        hits = pushed(lib, at, data, k) if k < pushed_logs else []
         yield k, [seen[0].seconds, [len(each.contacts) for each in seen], hits]
 
 

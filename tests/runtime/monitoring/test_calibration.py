@@ -1,0 +1,89 @@
+"""Thresholds that are fitted to free motion."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from runtime.monitoring.calibration import PEAKS, Tail, peaks_of, tail_of
+from runtime.monitoring.contacts import contacts_of
+from runtime.monitoring.false_alarms import levels
+from tests.runtime.conftest import Command
+from tests.runtime.monitoring.conftest import Monitored
+
+RATE_HZ = 200.0
+
+
+def sequence(seed: int, correlation: float = 0.9, count: int = 120_000) -> np.ndarray:
+    """Gaussian sequence of variance 1."""
+    noise = np.random.default_rng(seed).standard_normal(count)
+    return lfilter([np.sqrt(1 - correlation**2)], [1, -correlation], noise)
+
+
+def test_peaks_are_contacts() -> None:
+    """Property: as many peaks above a level as contacts.
+
+    One in ten may differ: what falls below half of a peak need not fall below half of the level.
+    """
+    x = np.abs(sequence(0))
+    peaks, t = peaks_of(x, RATE_HZ), np.arange(len(x)) / RATE_HZ
+    assert (np.diff(peaks) <= 0).all()
+    assert len(peaks) == PEAKS + 1
+    for k in (10, 40, 90):
+        level = (peaks[k] + peaks[k + 1]) / 2
+        high = np.full((len(x), 1), level)
+        contacts = contacts_of(t, x[:, None], high, high, ["j"], 0.0)
+        assert abs(len(contacts) - k - 1) <= 0.1 * (k + 1)
+
+
+def test_a_gaussian_tail_gives_the_level_of_rice() -> None:
+    """Oracle: z of ten minutes' peaks against the crossings of a Gaussian sequence, mean of 12.
+
+    z² is extrapolated by ln(100/(T ν)) = 6.4 scales, whose relative error is 1/√100 and that of ξ
+    a third as large: z is known to 5 %, the mean of 12 to 1.5 %. Peaks closer than a pause count
+    once, the formula counts all: at most 1 % of z.
+    """
+    rate = 1.0 / 3600
+    tails = [tail_of(peaks_of(np.abs(sequence(k)), RATE_HZ), 600.0) for k in range(1, 13)]
+    seen = [tail.level(rate) for tail in tails]
+    (right,) = levels(rate, np.array([0.9]), RATE_HZ)
+    assert np.mean(seen) == pytest.approx(right, rel=0.04)
+    assert all(abs(tail.shape) < 0.3 for tail in tails)  # three standard deviations of ξ
+
+
+def test_bounded_residuals_need_no_gaussian_level() -> None:
+    """Property: friction of bounded size has a level near its bound, far below a Gaussian tail."""
+    rng = np.random.default_rng(0)
+    tail = tail_of(np.sqrt(rng.uniform(4.0, 9.0, 200)), 600.0)
+    gaussian = Tail(tail.peaks, 600.0, tail.scale, 0.0)
+    rate = 1e-3 / 3600
+    assert tail.shape < -0.1
+    assert 3.0 < tail.level(rate) < 3.6 < gaussian.level(rate)
+    assert tail.level(1.0) == tail.peaks[-1]  # more frequent than any peak that was fitted
+    assert (np.diff([tail.level(r) for r in (1e-6, 1e-4, 1e-2, 1.0)]) < 0).all()
+
+
+def test_observe_with_free_motion(
+    command: Command, monitored: Monitored, rest_file: Path, tmp_path: Path
+) -> None:
+    """Property: the log to which thresholds are fitted contains as many alarms as stated.
+
+    Its 8 s count three times, for 31 peaks are the least: of 14 expected alarms each is seen in all
+    three, so that the Poisson error of a third of a log remains, 3.7, here three times.
+    """
+    words = ["observe", rest_file, "--model", monitored.folder, "--out", "seen", "--json"]
+    words += ["--false-alarms", "100 per minute", "--calibrate", rest_file]
+    ran = command(*words)
+    assert ran.code == 2
+    assert "calibrate with a longer log" in ran.err
+    assert not (tmp_path / "seen").exists()
+    ran = command(*words, *(2 * ["--calibrate", rest_file]))
+    assert ran.code == 0, ran.err
+    facts = json.loads(ran.out)
+    expected = facts["false_alarms"]["expected_in_log"]
+    assert abs(facts["alarms"] - expected) < 3 * np.sqrt(expected)
+    fit = facts["calibration"]
+    assert fit["seconds"] == pytest.approx(3 * facts["seconds"])
+    assert min(fit["peaks"]) >= 30

@@ -1,62 +1,28 @@
 """A library with coupled joints, springs and torque curves: sizes, maps, logs, friction, fit."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 import runtime
 from runtime.errors import IdentificationError, RuntimeFault, SimulationError
 from runtime.excitation import Trajectory
-from runtime.library import Library, load
-from runtime.outputs.model_files.engines.answer import Unreadable
-from runtime.outputs.model_files.formats.mjcf import MJCF
-from runtime.outputs.model_files.formats.sdf import SDF
-from runtime.outputs.model_files.formats.urdf import URDF
-from runtime.outputs.model_files.model import make_model
+from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import Coupling, spread, torque
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, closed_loop, ideal, record, settings_of
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest, request_from_folder
-from symgen.chain import ChainOptions
+from symgen.build.request import request_from_folder
 from symgen.chain.mechanism import mechanism_from_table
-from tests.robots import DATA, ONE_LEVEL
+from tests.runtime.library.conftest import WRIST
 from tests.virtual_settings import frictionless
 
-MECHANISM = {
-    "coupling": [
-        {"joint": "left_roll", "of": {"trunk_turn": 0.5, "left_lift": -1.25}, "offset": 0.2},
-        {"joint": "right_lift", "of": {"left_roll": 2.0}, "offset": -0.1},
-    ],
-    "spring": [
-        {"name": "back", "joint": "left_lift", "rest": 0.3},
-        {"name": "held", "joint": "left_roll", "stiffness": 2.0},
-        {
-            "name": "strut",
-            "parent": "floor",
-            "parent_xyz": [0.5, 0.0, 0.8],
-            "child": "left_arm",
-            "child_xyz": [0.2, 0.0, 0.05],
-            "rest": 0.1,
-        },
-    ],
-    "known_torque": [
-        {"joint": "trunk_turn", "polynomial": [0.5, -1.0, 0.25]},
-        {"joint": "right_lift", "x": [-1.0, 0.0, 2.0], "torque": [1.0, 0.0, 3.0]},
-    ],
-}
 A, B = np.array([[1, 0], [0, 1], [0.5, -1.25], [1, -2.5]]), np.array([0, 0, 0.2, 0.3])
 
 
 @pytest.fixture(scope="module")
-def lib(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Library]:
-    options = ChainOptions(mechanism=mechanism_from_table(MECHANISM, "M"))
-    request = BuildRequest("wrist", (DATA / "tree.urdf").read_text(), options)
-    folder = build(request, tmp_path_factory.mktemp("coupled"), levels=ONE_LEVEL).folder
-    return load(folder)
+def lib(wrist: Library) -> Library:
+    return wrist
 
 
 def motion(count: int = 400, seed: int = 0) -> tuple[np.ndarray, ...]:
@@ -89,7 +55,7 @@ def test_names_and_sizes(lib: Library) -> None:
 def test_the_folder_regenerates_itself(lib: Library) -> None:
     """Property: the manifest holds the mechanism, from which the same request follows."""
     again = request_from_folder(lib.folder)
-    assert again.options.mechanism == mechanism_from_table(MECHANISM, "M")
+    assert again.options.mechanism == mechanism_from_table(WRIST, "M")
 
 
 def test_kernels_agree(lib: Library) -> None:
@@ -244,23 +210,6 @@ def test_the_certified_method_works_on_links(lib: Library) -> None:
     assert result.pi.shape == (40,)
     assert (lib.relative_eigenvalues(result.pi) > 0).all()
     assert np.abs(result.predict(q, dq, ddq) - clean).max() < 0.05  # σ of the noise
-
-
-def test_export_writes_couplings_and_refuses_formats_without(lib: Library) -> None:
-    """Oracle: torques of the exported tree by Pinocchio and MuJoCo, projected; MuJoCo's equalities,
-    of a joint with two masters and of one that follows it. SDF is refused by name.
-    """
-    model = make_model(lib, lib.pi0)
-    assert "verified" in URDF.check(model, URDF.write(model))
-    text = MJCF.write(model)
-    assert "verified" in MJCF.check(model, text)
-    assert "<fixed" in text
-    wrong = text.replace('joint="left_lift" coef="1.25"', 'joint="left_lift" coef="1.5"')
-    assert wrong != text
-    with pytest.raises(Unreadable, match="its equalities leave other motions"):
-        MJCF.check(model, wrong)
-    with pytest.raises(RuntimeFault, match=r"sdf files .* export urdf or mjcf"):
-        SDF.write(model)
 
 
 def test_an_unknown_spring_is_named(lib: Library) -> None:

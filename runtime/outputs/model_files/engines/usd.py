@@ -52,6 +52,43 @@ class ReloadedStage:
             error = max(error, float(np.abs(second[:3, 0] - axis).max()))
         return error
 
+    def loop_error(self, name: str, frames: tuple[Array, Array]) -> float:
+        """Largest difference of the two frames of a loop joint.
+
+        Args:
+            name: of the loop.
+            frames: expected T (4, 4) in the frames of both links.
+
+        Returns:
+            Difference [m, 1]; infinite where the joint is missing or part of the articulation.
+        """
+        prim = self.joints.get(name)
+        if prim is None or not prim.GetAttribute("physics:excludeFromArticulation").Get():
+            return np.inf
+        return max(float(np.abs(_frame(prim, k) - frames[k]).max()) for k in (0, 1))
+
+    def follows(self, name: str, master: str, factor: float, offset: float) -> bool:
+        """Whether a joint follows another, x = f x_m + o, in single precision.
+
+        Args:
+            name: of the joint.
+            master: joint that it follows.
+            factor: f.
+            offset: o [rad, m].
+
+        Returns:
+            False where one of them differs.
+        """
+        prim, key = self.joints[name], "physxMimicJoint:rotX"
+        gearing = prim.GetAttribute(f"{key}:gearing").Get()
+        shift = prim.GetAttribute(f"{key}:offset").Get()
+        (target,) = prim.GetRelationship(f"{key}:referenceJoint").GetTargets() or (None,)
+        if prim.GetTypeName() == "PhysicsRevoluteJoint":
+            shift = shift / _PER_DEGREE
+        error = max(abs(gearing + factor), abs(shift + offset))
+        limit = SINGLE * max(1.0, abs(factor), abs(offset))
+        return bool(target == self.joints[master].GetPath() and error <= limit)
+
     def holds(self, name: str, quantity: str, value: float) -> bool:
         """Whether a joint has a value for MuJoCo in double and for PhysX in single precision.
 

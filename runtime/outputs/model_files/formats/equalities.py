@@ -12,6 +12,7 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library.manifest import FrameFacts, Manifest
 from runtime.outputs.model_files.bodies import digits, quaternion, row
+from runtime.outputs.model_files.couplings import couplings
 from runtime.outputs.model_files.model import IdentifiedModel
 
 LEVER = 0.1
@@ -67,28 +68,19 @@ def add_equalities(model: IdentifiedModel, root: Element) -> None:
 
 def _couplings(manifest: Manifest, root: Element, equality: Element) -> None:
     """Equalities of the joints that follow others."""
-    coupling = manifest.coupling
-    if coupling is None:
-        return
-    names = [joint.name for joint in manifest.joints]
     tendons = Element("tendon")
-    for joint, factors, offset in zip(
-        manifest.all_joints, coupling.matrix, coupling.offset, strict=True
-    ):
-        if joint.name in names:
-            continue
-        masters = {name: f for name, f in zip(names, factors, strict=True) if f != 0}
+    for name, (masters, offset) in couplings(manifest).items():
         if len(masters) == 1:
             ((master, factor),) = masters.items()
             polynomial = f"{digits(offset)} {digits(factor)} 0 0 0"
-            terms = {"joint1": joint.name, "joint2": master, "polycoef": polynomial}
+            terms = {"joint1": name, "joint2": master, "polycoef": polynomial}
             SubElement(equality, "joint", terms)
             continue
-        tendon = SubElement(tendons, "fixed", {"name": joint.name})
-        SubElement(tendon, "joint", {"joint": joint.name, "coef": "1"})
+        tendon = SubElement(tendons, "fixed", {"name": name})
+        SubElement(tendon, "joint", {"joint": name, "coef": "1"})
         for master, factor in masters.items():
             SubElement(tendon, "joint", {"joint": master, "coef": digits(-factor)})
-        terms = {"tendon1": joint.name, "polycoef": f"{digits(offset)} 0 0 0 0"}
+        terms = {"tendon1": name, "polycoef": f"{digits(offset)} 0 0 0 0"}
         SubElement(equality, "tendon", terms)
     if len(tendons):
         root.append(tendons)

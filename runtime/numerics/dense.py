@@ -96,6 +96,48 @@ def pivoted_qr(matrix: Array) -> tuple[Array, Array, Array]:
     return q, np.triu(packed), order - 1
 
 
+def triangle_of_joints(rows: Array) -> Array:
+    """Triangle R with RᵀR = Σ_j X_jᵀ X_j, joint by joint: each uses a part of the columns only.
+
+    Args:
+        rows: X, (N, n, p).
+
+    Returns:
+        (p, p); rows of zeros where there are fewer equations than columns.
+    """
+    _, n, p = rows.shape
+    parts = [np.zeros((p, p))]
+    for j in range(n):
+        block = rows[:, j]
+        used = block.any(axis=0)
+        factor = np.linalg.qr(block[:, used], mode="r")
+        parts.append(np.zeros((len(factor), p)))
+        parts[-1][:, used] = factor
+    return np.asarray(np.linalg.qr(np.vstack(parts[::-1]), mode="r"))
+
+
+def basis_of_joints(rows: Array, root: Array) -> Array:
+    """Q with the sums of squares of X M over the columns, joint by joint, and with fewer columns.
+
+        Q_j Q_jᵀ = X_j M Mᵀ X_jᵀ,   Q_j = X_ju L,   L Lᵀ = M_u M_uᵀ
+
+    with the columns u that the joint uses.
+
+    Args:
+        rows: X, (N, n, p).
+        root: M, (p, r).
+
+    Returns:
+        (N, n, k), k the largest number of columns that a joint uses, at most r.
+    """
+    used = rows.any(axis=0)
+    factors = [np.linalg.qr(root[each].T, mode="r").T for each in used]
+    basis = np.zeros((*rows.shape[:2], max(each.shape[1] for each in factors)))
+    for j, factor in enumerate(factors):
+        basis[:, j, : factor.shape[1]] = rows[:, j][:, used[j]] @ factor
+    return basis
+
+
 def null_space(matrix: Array) -> Array:
     """Orthonormal basis of the vectors z with A z = 0.
 

@@ -23,6 +23,7 @@ from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.numerics.cosines import cosines, is_fast_length
+from runtime.numerics.dense import basis_of_joints
 
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
@@ -79,15 +80,16 @@ def coloured_noise_of(
     # Directions of the base parameters: columns of Y_b without their part along F.
     directions = space.T @ _apart(unit, statistics.n_base) if only_base else None
 
-    def basis_and_rest(samples: Samples) -> tuple[Array, Array]:
+    def basis_and_rest(samples: Samples) -> tuple[Array, Array, Array | None]:
         rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
         rows *= scale[:, None]
-        return rows @ root, rows @ x - samples.tau * scale
+        some = None if directions is None else basis_of_joints(rows, root @ directions)
+        return basis_of_joints(rows, root), rows @ x - samples.tau * scale, some
 
     pieces = (
         basis_and_rest(part.rows(rows)) for part in parts for rows in _pieces(len(part), len(parts))
     )
-    sums = [_spectral_sums(*piece, directions) for piece in pieces]
+    sums = [_spectral_sums(*piece) for piece in pieces]
     equations = statistics.n_samples * len(weights)
     return _noise_from_sums(sums, statistics.rest, root.shape[1], equations)
 
@@ -114,23 +116,26 @@ def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
     return coloured_noise_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))], 1)
 
 
-def coloured_noise_of_basis(stretches: Iterable[tuple[Array, Array]], parts: int) -> ColouredNoise:
+def coloured_noise_of_basis(
+    stretches: Iterable[tuple[Array, Array]], parts: int, unknowns: int | None = None
+) -> ColouredNoise:
     """Noise of a linear fit from an orthonormal basis of its columns.
 
     Args:
         stretches: basis (N, n, p) and residual (N, n), a stretch of samples at a time.
         parts: number of stretches.
+        unknowns: number of the columns, where the basis is that of `basis_of_joints`.
 
     Returns:
         Density and variance in units of the noise that the rows are divided by.
     """
-    sums, power, equations, unknowns = [], 0.0, 0, 0
+    sums, power, equations, width = [], 0.0, 0, 0
     for q, rest in stretches:
         sums += [_spectral_sums(q[rows], rest[rows]) for rows in _pieces(len(q), parts)]
         power += float(np.sum(rest**2))
         equations += rest.size
-        unknowns = q.shape[2]
-    return _noise_from_sums(sums, power, unknowns, equations)
+        width = q.shape[2]
+    return _noise_from_sums(sums, power, width if unknowns is None else unknowns, equations)
 
 
 def _noise_from_sums(
@@ -146,20 +151,22 @@ def _noise_from_sums(
     return ColouredNoise(density, (power + unknowns * density) / equations)
 
 
-def _spectral_sums(
-    q: Array, rest: Array, directions: Array | None = None
-) -> tuple[float, float, float]:
+def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> tuple[float, float, float]:
     """Σ g r̂², Σ g (1 − h) and Σ g of one piece, q (N, n, p) and rest (N, n).
 
-    g is h of the basis q D, D the directions (p, m) of some unknowns; h itself without them.
+    g is h of the basis of some unknowns alone, (N, n, m); h itself without them.
     """
-    waves = cosines(q)
-    h = g = np.einsum("ijk,ijk->ij", waves, waves)
-    if directions is not None:
-        some = waves @ directions
-        g = np.einsum("ijk,ijk->ij", some, some)
+    h = g = _taken_up(q)
+    if some is not None:
+        g = _taken_up(some)
     power = cosines(rest) ** 2
     return float(np.sum(g * power)), float(np.sum(g * (1 - h))), float(np.sum(g))
+
+
+def _taken_up(q: Array) -> Array:
+    """Σ_k q̂_k², the share of every frequency and joint, (N, n)."""
+    waves = cosines(q)
+    return np.asarray(np.einsum("ijk,ijk->ij", waves, waves))
 
 
 def _apart(unit: Array, count: int) -> Array:

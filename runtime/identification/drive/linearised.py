@@ -23,7 +23,7 @@ from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
-from runtime.numerics.dense import block_diag
+from runtime.numerics.dense import basis_of_joints, block_diag, triangle_of_joints
 from runtime.recording.preprocessing.segments import segments
 
 ROUGH_ROWS = 600
@@ -154,10 +154,8 @@ def linearised(
     rows = np.concatenate([rows, further[taken]], axis=2)
     rest = rest[taken]
     # One orthogonal factorisation gives the information and the basis for the noise.
-    flat = rows.reshape(-1, rows.shape[2])
-    lengths = np.linalg.norm(flat, axis=0)
-    triangle = np.linalg.qr(flat / np.where(lengths > 0, lengths, 1.0), mode="r") * lengths
-    slope = flat.T @ rest.ravel()
+    triangle = triangle_of_joints(rows)
+    slope = rows.reshape(-1, rows.shape[2]).T @ rest.ravel()
     noise = np.sqrt(max(_density(rows, triangle, slope, rest), np.finfo(float).tiny))
     # Rows that are left out between others lower S as much as N; stretches lower N alone.
     share = len(samples) / len(part)
@@ -215,9 +213,9 @@ def _density(rows: Array, triangle: Array, slope: Array, rest: Array) -> float:
     _, sizes, turn = np.linalg.svd(triangle / lengths)
     present = sizes > _RANK * float(sizes.max(initial=1e-300))
     root = turn[present].T / sizes[present] / lengths[:, None]
-    basis = rows @ root
-    left = rest - basis @ (root.T @ slope)
-    return coloured_noise_of_basis([(basis, left)], 1).density
+    left = rest - rows @ (root @ (root.T @ slope))
+    basis = basis_of_joints(rows, root)
+    return coloured_noise_of_basis([(basis, left)], 1, root.shape[1]).density
 
 
 def _taken(count: int, rough: bool) -> NDArray[np.int64]:

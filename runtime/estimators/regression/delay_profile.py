@@ -15,6 +15,7 @@ import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.library import Array
+from runtime.numerics.dense import triangle_of_joints
 
 CHI_SQUARE_95 = 3.841458820694124
 """95 % quantile of χ² with one degree of freedom."""
@@ -78,18 +79,18 @@ def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) 
     """
     count, n, p = rows.shape
     shifted = [torque(float(delay)) for delay in delays]
-    flat = rows.reshape(count * n, p)
-    lengths = np.linalg.norm(flat, axis=0)
-    flat = flat / np.where(lengths > 0, lengths, 1.0)
+    lengths = np.linalg.norm(rows, axis=(0, 1))
+    unit = rows / np.where(lengths > 0, lengths, 1.0)
     start = shifted[int(np.argmin(np.abs(delays)))]
     scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
     rests = shifted
     best = 0
     for _ in range(PASSES):
         # Weighted orthonormal basis of the columns: one product per delay.
-        weighted = flat * np.tile(scale, count)[:, None]
-        left, sigma, _ = np.linalg.svd(weighted, full_matrices=False)
-        left = left[:, sigma > 1e-9 * max(float(sigma.max(initial=0.0)), 1e-300)]
+        weighted = unit * scale[:, None]
+        _, sigma, turn = np.linalg.svd(triangle_of_joints(weighted))
+        present = sigma > 1e-9 * max(float(sigma.max(initial=0.0)), 1e-300)
+        left = weighted.reshape(count * n, p) @ (turn[present].T / sigma[present])
         rests = []
         for tau in shifted:
             target = (tau * scale).ravel()

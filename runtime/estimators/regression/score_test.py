@@ -15,6 +15,7 @@ import numpy as np
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.numerics.dense import triangle_of_joints
 from runtime.numerics.quantiles import chi2_quantile
 
 SIGNIFICANCE = 1e-4
@@ -83,8 +84,8 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     s = samples.rows(slice(None, None, step))
     scale = np.sqrt(weights)
     rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
-    flat, target = rows.reshape(-1, rows.shape[2]), (s.tau * scale).ravel()
-    basis = orthonormal(flat)
+    target = (s.tau * scale).ravel()
+    basis = _orthonormal_of_joints(rows)
     predicted = basis @ (basis.T @ target)
     rest = target - predicted
     if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
@@ -136,6 +137,15 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
         return None
     quantile = chi2_quantile(directions.shape[1], SIGNIFICANCE)
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
+
+
+def _orthonormal_of_joints(rows: Array) -> Array:
+    """Orthonormal basis of the columns of rows (N, n, k), (N n, at most k)."""
+    lengths = np.linalg.norm(rows, axis=(0, 1))
+    scaled = rows / np.where(lengths > 0, lengths, 1.0)
+    _, sizes, right = np.linalg.svd(triangle_of_joints(scaled))
+    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)
+    return np.asarray(scaled.reshape(-1, len(lengths)) @ (right[present].T / sizes[present]))
 
 
 def orthonormal(columns: Array, lengths: Array | None = None) -> Array:

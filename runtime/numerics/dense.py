@@ -130,8 +130,8 @@ def basis_of_joints(rows: Array, root: Array) -> Array:
     Returns:
         (N, n, k), k the largest number of columns that a joint uses, at most r.
     """
-    used = rows.any(axis=0)
-    factors = [np.linalg.qr(root[each].T, mode="r").T for each in used]
+    used = np.any(rows, axis=0)
+    factors = [np.asarray(np.linalg.qr(root[each].T, mode="r")).T for each in used]
     basis = np.zeros((*rows.shape[:2], max(each.shape[1] for each in factors)))
     for j, factor in enumerate(factors):
         basis[:, j, : factor.shape[1]] = rows[:, j][:, used[j]] @ factor

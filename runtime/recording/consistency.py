@@ -11,6 +11,8 @@ from runtime.errors import RecordingError
 from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
+ROWS = 4096
+"""Rows whose steps are computed together."""
 STILL = 1e-12
 """Largest ∫dq dt that counts as rest [rad, m]."""
 USUAL_STEP = 0.5
@@ -60,9 +62,12 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     A step counts as a jump only if it is one turn to within what the joint moves in a step, at a
     joint whose steps are usually small; other steps, those to corrupt rows too, are kept.
     """
-    steps = np.diff(q, axis=0)
-    if not steps.size or np.abs(steps).max() < np.pi:
+    # Some rows at a time, so that the steps of a long log stay in the cache.
+    pieces = (q[first : first + ROWS + 1] for first in range(0, len(q) - 1, ROWS))
+    largest = [np.abs(np.diff(piece, axis=0)).max() for piece in pieces]
+    if not largest or np.max(largest) < np.pi:
         return q, np.zeros(q.shape[1], dtype=np.int64)
+    steps = np.diff(q, axis=0)
     turns = np.round(steps / (2.0 * np.pi))
     sizes = np.abs(steps)
     usual = TIMES_USUAL * np.quantile(sizes, 0.99, axis=0)

@@ -5,6 +5,7 @@ apply, so that it has the sign of the inverse dynamics. `reader` makes recording
 files; `preprocessing` prepares them.
 """
 
+import copy
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -74,6 +75,10 @@ class Recording(Framed):
     gains: CurrentGains | None = None
 
     def __post_init__(self) -> None:
+        self._check_signals()
+        self._check_time()
+
+    def _check_signals(self) -> None:
         def put(key: str, value: Any) -> None:
             object.__setattr__(self, key, value)
 
@@ -121,7 +126,6 @@ class Recording(Framed):
                 f"expected {self.n_joints} joint names, got {len(self.joint_names)}; "
                 "name every joint or none"
             )
-        self._check_time()
 
     def _check_time(self) -> None:
         steps = np.diff(self.t)
@@ -133,8 +137,7 @@ class Recording(Framed):
                 f"{self.t[i + 1]:.9g} s at row {i + 1} (and at {backward.size - 1} more); "
                 "sort the log or cut it into runs"
             )
-        far = float(np.abs(self.t[[0, -1]]).max())
-        near = float(steps.min(initial=np.inf))
+        far, near = float(np.abs(self.t[[0, -1]]).max()), float(steps.min(initial=np.inf))
         if not (near >= SHORTEST_STEP and far <= LATEST):
             raise RecordingError(
                 f"expected time in s, up to {LATEST:g} s in steps from {SHORTEST_STEP:g} s, got "
@@ -205,8 +208,14 @@ class Recording(Framed):
         return dict(zip(titles, values.T, strict=True))
 
     def replace(self, **changes: Any) -> Self:
-        """The same recording with some fields exchanged."""
-        return dataclasses.replace(self, **changes)
+        """The same recording with some fields exchanged; a clock that stays was checked."""
+        if "t" in changes:
+            return dataclasses.replace(self, **changes)
+        changed = copy.copy(self)
+        for key, value in changes.items():
+            object.__setattr__(changed, key, value)
+        changed._check_signals()
+        return changed
 
     def required(self, key: str) -> FloatArray:
         """A signal that must be present.

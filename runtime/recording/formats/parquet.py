@@ -4,8 +4,7 @@ By the convention of CSV the columns are t, q1 … qn, …; by that of NPZ they 
 cell of q is a list of n numbers. Nothing but numbers is decoded.
 """
 
-from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,9 @@ FloatArray = NDArray[np.float64]
 BATCH = 65536
 MOST_CELLS = 5_000_000
 """Largest number of cells of a table whose rows are held as Python objects."""
-BUFFER = 2**20
+CHUNK = 4096
+"""Rows of which all columns are copied together."""
+BUFFER = 2**16
 """Size in which a column is read [bytes]; without it pyarrow holds whole row groups."""
 
 
@@ -69,13 +70,44 @@ class ParquetLog:
         Raises:
             RecordingError: no such column, no numbers, or a damaged page.
         """
-        parts = [batch.numbers(columns) for batch in self.batches(columns)]
-        if sum(map(len, parts)) != self.rows or len({part.shape[1] for part in parts}) != 1:
-            raise RecordingError(
-                f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
-                "hold others; export the log again"
-            )
-        return LogTable(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
+        values = self.joined([batch.blocks(columns) for batch in self.batches(columns)])
+        if len(values) != self.rows:
+            raise self._other_rows()
+        return LogTable(values, np.arange(self.rows, dtype=np.int64))
+
+    def joined(self, parts: list[list[FloatArray]]) -> FloatArray:
+        """Columns side by side and batches below each other.
+
+        Every number is copied once, some rows of all columns after another, so that what is
+        written stays in the cache.
+
+        Args:
+            parts: for every batch its blocks (N, m), column by column.
+
+        Returns:
+            (Σ N, Σ m).
+
+        Raises:
+            RecordingError: a column of lists has another width in another batch.
+        """
+        widths = [block.shape[1] for block in parts[0]]
+        values, at = np.empty((sum(len(blocks[0]) for blocks in parts), sum(widths))), 0
+        for blocks in parts:
+            if [block.shape[1] for block in blocks] != widths:
+                raise self._other_rows()
+            for first in range(0, len(blocks[0]), CHUNK):
+                last, column = min(first + CHUNK, len(blocks[0])), 0
+                for block, width in zip(blocks, widths, strict=True):
+                    values[at + first : at + last, column : column + width] = block[first:last]
+                    column += width
+            at += len(blocks[0])
+        return values
+
+    def _other_rows(self) -> RecordingError:
+        return RecordingError(
+            f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
+            "hold others; export the log again"
+        )
 
     def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
         """Yield batches of rows, beginning with the first row of a row group.
@@ -132,14 +164,29 @@ class Batch:
     cells: Any
     name: str
 
-    def numbers(self, columns: tuple[str, ...]) -> FloatArray:
-        """Columns side by side, (N, m); null is NaN.
+    def __len__(self) -> int:
+        return int(self.cells.num_rows)
+
+    def rows(self, start: int, stop: int) -> "Batch":
+        """Rows start … stop, which are not copied.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            A part of the batch.
+        """
+        return Batch(self.cells.slice(start, stop - start), self.name)
+
+    def blocks(self, columns: tuple[str, ...]) -> list[FloatArray]:
+        """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN.
 
         Raises:
             RecordingError: lists of several lengths, or a damaged page.
         """
         with _sentences(self.name):
-            return np.hstack([self._block(column) for column in columns])
+            return [self._block(column) for column in columns]
 
     def _block(self, column: str) -> FloatArray:
         types = imported("pyarrow.types", "Parquet")
@@ -154,53 +201,6 @@ class Batch:
                 "length, but are not; write one number per joint and instant"
             )
         return flat.reshape(count, width)
-
-
-class ParquetRows:
-    """Columns of a Parquet file; reading forwards costs one pass, going back begins anew."""
-
-    def __init__(self, log: ParquetLog, kinds: Mapping[str, tuple[str, ...]]) -> None:
-        self._log, self._kinds = log, dict(kinds)
-        self._columns = tuple(column for columns in self._kinds.values() for column in columns)
-        self.count = log.rows
-        self._held: deque[dict[str, FloatArray]] = deque()
-        self._first = self._next = 0
-        self._batches = log.batches(self._columns, 0)
-
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m).
-        """
-        group = self._log.group_start(start)
-        if start < self._first or group > self._next:
-            self._held.clear()
-            self._first = self._next = group
-            self._batches = self._log.batches(self._columns, group)
-        self._forget(start)
-        while self._next < stop:
-            batch = next(self._batches, None)
-            if batch is None:
-                raise RecordingError(f"{self._log.name} holds fewer rows than it states")
-            self._held.append({kind: batch.numbers(c) for kind, c in self._kinds.items()})
-            self._next += len(next(iter(self._held[-1].values())))
-            self._forget(start)
-        whole = {kind: np.concatenate([part[kind] for part in self._held]) for kind in self._kinds}
-        at = start - self._first
-        return {kind: values[at : at + stop - start] for kind, values in whole.items()}
-
-    def _forget(self, start: int) -> None:
-        while self._held:
-            length = len(next(iter(self._held[0].values())))
-            if self._first + length > start:
-                return
-            self._held.popleft()
-            self._first += length
 
 
 def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:

@@ -8,10 +8,10 @@ from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
 from runtime.recording.formats.parquet import (
     ParquetLog,
-    ParquetRows,
     parquet_columns,
     write_parquet,
 )
+from runtime.recording.formats.parquet_rows import ParquetRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import KINDS, UNITS, columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time

@@ -138,3 +138,20 @@ def test_consistency_warns_of_other_factors_and_ignores_noise():
     assert "more than four turns" in far.history[0]
     slow = check_consistency(Recording(t=1e3 * t, q=q))
     assert "check the unit of time" in slow.history[0]
+
+
+def test_a_clock_is_checked_once(monkeypatch):
+    """Property: fields beside t change without another look at the clock, shapes are checked."""
+    checks = []
+    checked = Recording._check_time
+    monkeypatch.setattr(Recording, "_check_time", lambda self: checks.append(checked(self)))
+    one = Recording(t=np.arange(5.0), q=np.zeros((5, 2)), name="x")
+    two = one.replace(dq=np.ones((5, 2))).noted("Noted.")
+    assert len(checks) == 1
+    assert (two.name, two.history, two.dq.flags.writeable) == ("x", ("Noted.",), False)
+    assert one.dq is None
+    with pytest.raises(RecordingError, match="expected tau of the shape"):
+        two.replace(tau=np.ones((4, 2)))
+    with pytest.raises(RecordingError, match="expected time that increases"):
+        two.replace(t=np.zeros(5))
+    assert len(checks) == 1

@@ -14,7 +14,6 @@ from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
 from runtime.recording import Friction, Preparation, open_streamed
 from runtime.recording.formats import parquet
-from runtime.recording.formats.parquet import Batch
 from tests.runtime.motions import moving
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
@@ -33,13 +32,14 @@ def test_row_groups_are_decoded_once(lib, tmp_path, monkeypatch):
     monkeypatch.setattr(blocks, "BLOCK", 1024)
     monkeypatch.setattr(parquet, "BATCH", 1024)
     monkeypatch.setattr(passes, "WINDOWS", 5)
-    decoded, numbers = [], Batch.numbers
+    decoded, batches = [], parquet.ParquetLog.batches
 
-    def counted(batch, columns):
-        decoded.append(len(batch.cells) * len(columns))
-        return numbers(batch, columns)
+    def counted(log, columns, first_row=0):
+        for batch in batches(log, columns, first_row):
+            decoded.append(len(batch) * len(columns))
+            yield batch
 
-    monkeypatch.setattr(Batch, "numbers", counted)
+    monkeypatch.setattr(parquet.ParquetLog, "batches", counted)
     log = open_streamed(tmp_path / "x.parquet")
     decoded.clear()
     identify_streamed(log, lib, preparation=PREPARATION, friction_columns=Friction())

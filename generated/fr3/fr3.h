@@ -22,179 +22,179 @@ const char *fr3_model_hash(void);
 /* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
 const char *fr3_level(void);
 
-/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations, at most 9216 bytes of stack.
+/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations, at most 12264 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
 void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double beta[43], double tau[7]);
 
-/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 713 operations, at most 13680 bytes of stack.
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 713 operations, at most 16744 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
 void fr3_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7]);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1437 operations, at most 14272 bytes of stack.
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1437 operations, at most 17392 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
 
-/* Y with tau = Y pi, Eq. 3.1. 1538 operations, at most 20352 bytes of stack.
+/* Y with tau = Y pi, Eq. 3.1. 1538 operations, at most 29272 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y 7 x 70 [d tau / d pi] */
 void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], double Y[490]);
 
-/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 7673 operations, at most 29256 bytes of stack.
+/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 7673 operations, at most 38176 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 7 x 70 [d tau / d lam] */
 void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
 
-/* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations, at most 16400 bytes of stack.
+/* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations, at most 23144 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y_b 7 x 43 [d tau / d beta] */
 void fr3_base_regressor(const double q[7], const double dq[7], const double ddq[7], double Y_b[301]);
 
-/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations, at most 24664 bytes of stack.
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations, at most 34464 bytes of stack.
  * q [rad], dq [rad/s] -> P_b 7 x 43 [d p / d beta], R_b 7 x 43 [d r / d beta] */
 void fr3_momentum_regressor(const double q[7], const double dq[7], double P_b[301], double R_b[301]);
 
-/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 249 operations, at most 6456 bytes of stack.
+/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 249 operations, at most 8016 bytes of stack.
  * q [rad], dq [rad/s] -> E_b [d (T + U) / d beta] */
 void fr3_energy_regressor(const double q[7], const double dq[7], double E_b[43]);
 
-/* beta = K pi, Eq. 3.11. 115 operations, at most 5376 bytes of stack.
+/* beta = K pi, Eq. 3.11. 115 operations, at most 6056 bytes of stack.
  * pi [SI] -> beta [SI] */
 void fr3_base_parameters(const double pi[70], double beta[43]);
 
-/* K' slope, the adjoint of beta = K pi. 63 operations, at most 5176 bytes of stack.
+/* K' slope, the adjoint of beta = K pi. 63 operations, at most 5856 bytes of stack.
  * slope [d cost / d beta] -> gradient [d cost / d pi] */
 void fr3_base_adjoint(const double slope[43], double gradient[70]);
 
-/* M(q), Eq. 2.34. 536 operations, at most 8800 bytes of stack.
+/* M(q), Eq. 2.34. 536 operations, at most 12224 bytes of stack.
  * q [rad], pi [SI] -> M 7 x 7 [d tau / d ddq] */
 void fr3_mass_matrix(const double q[7], const double pi[70], double M[49]);
 
-/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 689 operations, at most 17784 bytes of stack.
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 689 operations, at most 20864 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> h [N*m] */
 void fr3_bias_forces(const double q[7], const double dq[7], const double pi[70], double h[7]);
 
-/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 1367 operations, at most 15136 bytes of stack.
+/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 1367 operations, at most 21944 bytes of stack.
  * q [rad], dq [rad/s], tau [N*m], pi [SI], rotor [kg*m^2] -> ddq [rad/s^2] */
 void fr3_forward_dynamics(const double q[7], const double dq[7], const double tau[7], const double pi[70], const double rotor[7], double ddq[7]);
 
-/* pose of the tip in the base frame, Eq. 2.15. 141 operations, at most 5368 bytes of stack.
+/* pose of the tip in the base frame, Eq. 2.15. 141 operations, at most 6296 bytes of stack.
  * q [rad] -> H 4 x 4 [1, m] */
 void fr3_end_effector(const double q[7], double H[16]);
 
-/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations, at most 6216 bytes of stack.
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations, at most 7840 bytes of stack.
  * q [rad] -> H 28 x 4 [1, m] */
 void fr3_link_poses(const double q[7], double H[112]);
 
-/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations, at most 12384 bytes of stack.
+/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations, at most 17392 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], tau [N*m], weight [1], beta [SI] -> loss [1], gradient [d loss / d beta], residual [N*m] */
 void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double beta[43], double loss[1], double gradient[43], double residual[7]);
 
-/* Eqs. 4.25-4.31. 108 operations, at most 5056 bytes of stack.
+/* Eqs. 4.25-4.31. 108 operations, at most 5808 bytes of stack.
  * lam [lambda] -> pi [SI] */
 void fr3_pi_from_lam(const double lam[10], double pi[10]);
 
-/* pi and d pi / d lam of one link. 551 operations, at most 9408 bytes of stack.
+/* pi and d pi / d lam of one link. 551 operations, at most 13024 bytes of stack.
  * lam [lambda] -> pi [SI], jacobian 10 x 10 [d pi / d lam] */
 void fr3_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 
-/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 5184 bytes of stack.
+/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 6032 bytes of stack.
  * lam [lambda] -> pi [SI], frame [m, R by columns, B, C] */
 void fr3_pi_frame(const double lam[10], double pi[10], double frame[12]);
 
-/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 5576 bytes of stack.
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 6136 bytes of stack.
  * lam [lambda], frame [m, R by columns, B, C], slope [d cost / d pi] -> gradient [d cost / d lam] */
 void fr3_pi_adjoint(const double lam[10], const double frame[12], const double slope[10], double gradient[10]);
 
-/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 5784 bytes of stack.
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 7064 bytes of stack.
  * theta [log-Cholesky] -> pi [SI], jacobian 10 x 10 [d pi / d theta] */
 void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
 
-/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 9496 bytes of stack.
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 12872 bytes of stack.
  * pi [SI] -> pivot [SI], log_det [1], traces [1/SI], curvature 10 x 10 [1/SI^2] */
 void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
 
-/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4656 bytes of stack.
+/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4952 bytes of stack.
  * pi [SI] -> theta [log-Cholesky] */
 void fr3_cholesky_from_pi(const double pi[10], double theta[10]);
 
-/* Eqs. 4.18-4.23. 1491 operations, at most 16120 bytes of stack.
+/* Eqs. 4.18-4.23. 1491 operations, at most 27464 bytes of stack.
  * pi [SI] -> lam [lambda] */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 
-/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 15368 bytes of stack.
+/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 25872 bytes of stack.
  * pi [SI], floor [1] -> realisable [SI] */
 void fr3_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
 
-/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 5288 bytes of stack.
+/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 6368 bytes of stack.
  * lam [lambda] -> M 6 x 6 [SI] */
 void fr3_inertia_matrix(const double lam[10], double M[36]);
 
-/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4312 bytes of stack.
+/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4480 bytes of stack.
  * pi [SI] -> P 4 x 4 [SI] */
 void fr3_pseudo_inertia(const double pi[10], double P[16]);
 
-/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4592 bytes of stack.
+/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4888 bytes of stack.
  * m [1], t [s], t_f [s] -> phi [1, 1/s, 1/s^2, 1/s^3] */
 void fr3_harmonic_basis(const double m[1], const double t[1], const double t_f[1], double phi[4]);
 
-/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4520 bytes of stack.
+/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4760 bytes of stack.
  * t [s], t_f [s] -> S [1, 1/s, 1/s^2, 1/s^3] */
 void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 
-/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations, at most 29768 bytes of stack.
+/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations, at most 40848 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], seed 7 x 43 [d cost / d Y_b] -> gradient 3 x 7 [d cost / d (q, dq, ddq)] */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 
-/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5174 operations, at most 46784 bytes of stack.
+/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5174 operations, at most 67976 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m], dtau_dq 7 x 7 [d tau / d q], dtau_dv 7 x 7 [d tau / d dq], dtau_da 7 x 7 [d tau / d ddq] */
 void fr3_torque_derivatives(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7], double dtau_dq[49], double dtau_dv[49], double dtau_da[49]);
 
-/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1588 operations, at most 16904 bytes of stack.
+/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1588 operations, at most 23888 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI] -> tau_rate [(N*m)/s] */
 void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7]);
 
-/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4305 operations, at most 38816 bytes of stack.
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4305 operations, at most 54976 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI], seed [d cost / d tau_rate] -> gradient 4 x 7 [d cost / d (q, dq, ddq, dddq)] */
 void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], const double seed[7], double gradient[28]);
 
-/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3109 operations, at most 29208 bytes of stack.
+/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3109 operations, at most 40440 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], ddddq [rad/s^4], pi [SI] -> tau [N*m], dtau [(N*m)/s], ddtau [(N*m)/s^2] */
 void fr3_torque_course(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double ddddq[7], const double pi[70], double tau[7], double dtau[7], double ddtau[7]);
 
-/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations, at most 8504 bytes of stack.
+/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations, at most 10392 bytes of stack.
  * q [rad], dq [rad/s] -> p [m], v [m/s], dp_dq 3 x 7 [d p / d q], dv_dq 3 x 7 [d v / d q] */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21]);
 
-/* distance of the capsules of each pair, negative where they overlap. 1795 operations, at most 19248 bytes of stack.
+/* distance of the capsules of each pair, negative where they overlap. 1795 operations, at most 27632 bytes of stack.
  * q [rad] -> distance [m], jacobian 12 x 7 [d distance / d q] */
 void fr3_clearance(const double q[7], double distance[12], double jacobian[84]);
 
-/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 707 operations, at most 10232 bytes of stack.
+/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 707 operations, at most 13800 bytes of stack.
  * q [rad], plane [1, m] -> distance [m], jacobian 7 x 7 [d distance / d q] */
 void fr3_plane_clearance(const double q[7], const double plane[4], double distance[7], double jacobian[49]);
 
-/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 1077 operations, at most 12960 bytes of stack.
+/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 1077 operations, at most 16928 bytes of stack.
  * q_sup 6 x 7 [(rad, rad/s, ...)], pi [SI] -> tau_sup 4 x 7 [(N*m, /s, /s^2, /s^3)] */
 void fr3_torque_bounds(const double q_sup[42], const double pi[70], double tau_sup[28]);
 
-/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 154 operations, at most 5376 bytes of stack.
+/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 154 operations, at most 5888 bytes of stack.
  * q_sup 4 x 7 [(rad, rad/s, ...)] -> p_sup [(m, m/s, m/s^2, m/s^3)] */
 void fr3_tip_bounds(const double q_sup[28], double p_sup[4]);
 
-/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 22 operations, at most 4744 bytes of stack.
+/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 22 operations, at most 5256 bytes of stack.
  * q_sup 2 x 7 [(rad, rad/s, ...)] -> origin 7 x 7 [m/s], turn [rad/s] */
 void fr3_speed_bounds(const double q_sup[14], double origin[49], double turn[7]);
 
-/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 2702 operations, at most 26136 bytes of stack.
+/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 2702 operations, at most 38176 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> C 7 x 7 [d (C dq) / d dq / 2] */
 void fr3_coriolis_matrix(const double q[7], const double dq[7], const double pi[70], double C[49]);
 
-/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 2793 operations, at most 30400 bytes of stack.
+/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 2793 operations, at most 43640 bytes of stack.
  * q [rad], dq [rad/s], dq_r [rad/s], ddq_r [rad/s^2] -> Y 7 x 70 [d tau / d pi] */
 void fr3_slotine_li_regressor(const double q[7], const double dq[7], const double dq_r[7], const double ddq_r[7], double Y[490]);
 
-/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 300 operations, at most 9200 bytes of stack.
+/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 300 operations, at most 13440 bytes of stack.
  * q [rad] -> J 48 x 7 [m, 1] */
 void fr3_frame_jacobians(const double q[7], double J[336]);
 
-/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 415 operations, at most 7824 bytes of stack.
+/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 415 operations, at most 10056 bytes of stack.
  * pi [SI] -> S 7 x 7 [d ddq / d tau] */
 void fr3_mobility_bound(const double pi[70], double S[49]);
 

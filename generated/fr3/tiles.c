@@ -2,7 +2,9 @@
  * _sines computes what may be stored, _tile does one tile, _tiles many of them in place,
  * _batch takes samples as they come: sample after sample, each input with its step in doubles from
  * one to the next, 0 keeping it for all; outputs marked "summed" are added up in order: a tile adds
- * its lanes to what is there. */
+ * its lanes to what is there.
+ * With -DBY_SAMPLE a tile calls the functions of one sample, of kernels.c, lane by lane: for a level
+ * beside a better one, which compiles in a tenth of the time so. */
 #include "tiles.h"
 
 #include "sines.h"
@@ -10,6 +12,23 @@
 #define VS VECTORS /* vectors per row */
 #define ROWS (W == 8 ? 2 : 1) /* of a product with one block: as many as registers hold */
 #define BLOCK 4 /* tiles whose sines are computed together, so that none waits for them */
+#ifdef BY_SAMPLE
+/* One lane of a tile as the numbers of one sample. */
+static void take(double *one, const double *lane, int size)
+{
+    for (int k = 0; k < size; ++k) {
+        one[k] = lane[k * LANES];
+    }
+}
+
+/* The numbers of one sample into a lane; only rows that are not zero by structure are written. */
+static void put(double *lane, const double *one, const int *rows, int count)
+{
+    for (int k = 0; k < count; ++k) {
+        lane[rows[k] * LANES] = one[rows[k]];
+    }
+}
+#endif
 
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 622 operations per sample. */
 void OWN(base_inverse_dynamics_sines)(long tiles, const double *q, double *sc)
@@ -18,6 +37,7 @@ void OWN(base_inverse_dynamics_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void base_inverse_dynamics_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict beta, const double *restrict u, vu *restrict tau)
 {
@@ -640,14 +660,32 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     const vd t670 = t2 - t669;
     tau[0 * VS] = t670;
 }
+#endif
 
 void OWN(base_inverse_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *beta, const double *u, double *tau)
 {
+#ifdef BY_SAMPLE
+    static const int tau_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double tau_one[7];
+        fr3_base_inverse_dynamics(q_one, dq_one, ddq_one, beta, tau_one);
+        put(tau + lane, tau_one, tau_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         base_inverse_dynamics_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), beta, u, (vu *)(tau + lane));
     }
+#endif
 }
 
 void OWN(base_inverse_dynamics_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *beta, long beta_step, double *tau);
@@ -708,20 +746,39 @@ void OWN(inverse_dynamics_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void inverse_dynamics_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict pi, const double *restrict u, vu *restrict tau)
 {
     (void)pi;
     base_inverse_dynamics_lanes(sc, q, dq, ddq, u, u + 43, tau);
 }
+#endif
 
 void OWN(inverse_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau)
 {
+#ifdef BY_SAMPLE
+    static const int tau_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double tau_one[7];
+        fr3_inverse_dynamics(q_one, dq_one, ddq_one, pi, tau_one);
+        put(tau + lane, tau_one, tau_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         inverse_dynamics_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), pi, u, (vu *)(tau + lane));
     }
+#endif
 }
 
 void OWN(inverse_dynamics_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau);
@@ -782,20 +839,39 @@ void OWN(torque_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void torque_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict lam, const double *restrict u, vu *restrict tau)
 {
     (void)lam;
     base_inverse_dynamics_lanes(sc, q, dq, ddq, u, u + 43, tau);
 }
+#endif
 
 void OWN(torque_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *tau)
 {
+#ifdef BY_SAMPLE
+    static const int tau_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double tau_one[7];
+        fr3_torque(q_one, dq_one, ddq_one, lam, tau_one);
+        put(tau + lane, tau_one, tau_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         torque_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(tau + lane));
     }
+#endif
 }
 
 void OWN(torque_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *tau);
@@ -856,6 +932,7 @@ void OWN(regressor_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void regressor_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y)
 {
@@ -2642,14 +2719,31 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     Y[488 * VS] = t2055;
     Y[489 * VS] = t699;
 }
+#endif
 
 void OWN(regressor_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, double *Y)
 {
+#ifdef BY_SAMPLE
+    static const int Y_rows[] = {6, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 81, 82, 84, 85, 86, 87, 88, 89, 90, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119, 120, 121, 122, 123, 124, 125, 126, 127, 128, 129, 130, 131, 132, 133, 134, 135, 136, 137, 138, 139, 161, 162, 164, 165, 166, 167, 168, 169, 170, 171, 172, 173, 174, 175, 176, 177, 178, 179, 180, 181, 182, 183, 184, 185, 186, 187, 188, 189, 190, 191, 192, 193, 194, 195, 196, 197, 198, 199, 200, 201, 202, 203, 204, 205, 206, 207, 208, 209, 241, 242, 244, 245, 246, 247, 248, 249, 250, 251, 252, 253, 254, 255, 256, 257, 258, 259, 260, 261, 262, 263, 264, 265, 266, 267, 268, 269, 270, 271, 272, 273, 274, 275, 276, 277, 278, 279, 321, 322, 324, 325, 326, 327, 328, 329, 331, 332, 333, 334, 335, 336, 337, 338, 339, 340, 341, 342, 343, 344, 345, 346, 347, 348, 349, 401, 402, 404, 405, 406, 407, 408, 409, 410, 411, 412, 413, 414, 415, 416, 417, 418, 419, 481, 482, 484, 485, 486, 487, 488, 489};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double Y_one[490];
+        fr3_regressor(q_one, dq_one, ddq_one, Y_one);
+        put(Y + lane, Y_one, Y_rows, 255);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         regressor_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y + lane));
     }
+#endif
 }
 
 void OWN(regressor_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y);
@@ -2705,6 +2799,7 @@ void OWN(torque_jacobian_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 /* Rows of Y of one link times its block, of which only these entries are not zero. */
 INLINE void torque_jacobian_rows(const vd *Y, vu *jacobian, const double *block, const int *at, const int rows)
 {
@@ -2988,14 +3083,32 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
         }
     }
 }
+#endif
 
 void OWN(torque_jacobian_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *jacobian)
 {
+#ifdef BY_SAMPLE
+    static const int jacobian_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 80, 81, 82, 83, 84, 85, 86, 87, 88, 89, 90, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119, 120, 121, 122, 123, 124, 125, 126, 127, 128, 129, 130, 131, 132, 133, 134, 135, 136, 137, 138, 139, 160, 161, 162, 163, 164, 165, 166, 167, 168, 169, 170, 171, 172, 173, 174, 175, 176, 177, 178, 179, 180, 181, 182, 183, 184, 185, 186, 187, 188, 189, 190, 191, 192, 193, 194, 195, 196, 197, 198, 199, 200, 201, 202, 203, 204, 205, 206, 207, 208, 209, 240, 241, 242, 243, 244, 245, 246, 247, 248, 249, 250, 251, 252, 253, 254, 255, 256, 257, 258, 259, 260, 261, 262, 263, 264, 265, 266, 267, 268, 269, 270, 271, 272, 273, 274, 275, 276, 277, 278, 279, 320, 321, 322, 323, 324, 325, 326, 327, 328, 329, 330, 331, 332, 333, 334, 335, 336, 337, 338, 339, 340, 341, 342, 343, 344, 345, 346, 347, 348, 349, 400, 401, 402, 403, 404, 405, 406, 407, 408, 409, 410, 411, 412, 413, 414, 415, 416, 417, 418, 419, 480, 481, 482, 483, 484, 485, 486, 487, 488, 489};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double jacobian_one[490];
+        fr3_torque_jacobian(q_one, dq_one, ddq_one, lam, jacobian_one);
+        put(jacobian + lane, jacobian_one, jacobian_rows, 280);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         torque_jacobian_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(jacobian + lane));
     }
+#endif
 }
 
 void OWN(torque_jacobian_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *jacobian);
@@ -3056,6 +3169,7 @@ void OWN(base_regressor_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void base_regressor_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y_b)
 {
@@ -4470,14 +4584,31 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     Y_b[299 * VS] = t1561;
     Y_b[300 * VS] = t626;
 }
+#endif
 
 void OWN(base_regressor_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, double *Y_b)
 {
+#ifdef BY_SAMPLE
+    static const int Y_b_rows[] = {0, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 70, 71, 72, 73, 74, 75, 76, 77, 78, 79, 80, 81, 82, 83, 84, 85, 94, 95, 96, 97, 98, 99, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119, 120, 121, 122, 123, 124, 125, 126, 127, 128, 144, 145, 146, 147, 148, 149, 150, 151, 152, 153, 154, 155, 156, 157, 158, 159, 160, 161, 162, 163, 164, 165, 166, 167, 168, 169, 170, 171, 194, 195, 196, 197, 198, 199, 200, 201, 202, 203, 204, 205, 206, 207, 208, 209, 210, 211, 212, 213, 214, 244, 245, 246, 247, 248, 249, 250, 251, 252, 253, 254, 255, 256, 257, 294, 295, 296, 297, 298, 299, 300};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double Y_b_one[301];
+        fr3_base_regressor(q_one, dq_one, ddq_one, Y_b_one);
+        put(Y_b + lane, Y_b_one, Y_b_rows, 188);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         base_regressor_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y_b + lane));
     }
+#endif
 }
 
 void OWN(base_regressor_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y_b);
@@ -4533,6 +4664,7 @@ void OWN(momentum_regressor_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void momentum_regressor_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, vu *restrict P_b, vu *restrict R_b)
 {
@@ -6800,14 +6932,32 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, vu *restrict 
     const vd t2588 = -t2587;
     R_b[300 * VS] = t2588;
 }
+#endif
 
 void OWN(momentum_regressor_tile)(
 const double *sc,const double *q, const double *dq, double *P_b, double *R_b)
 {
+#ifdef BY_SAMPLE
+    static const int P_b_rows[] = {0, 3, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 47, 49, 50, 51, 52, 53, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 70, 71, 72, 73, 74, 75, 76, 77, 78, 79, 80, 81, 82, 83, 84, 85, 94, 95, 97, 99, 100, 101, 102, 103, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119, 120, 121, 122, 123, 124, 125, 126, 127, 128, 144, 145, 147, 149, 150, 151, 152, 153, 155, 156, 157, 158, 159, 160, 161, 162, 163, 164, 165, 166, 167, 168, 169, 170, 171, 194, 195, 197, 199, 200, 201, 202, 203, 205, 206, 207, 208, 209, 210, 211, 212, 213, 214, 244, 245, 247, 249, 250, 251, 252, 253, 255, 256, 257, 294, 295, 297, 299, 300};
+    static const int R_b_rows[] = {44, 45, 46, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 70, 71, 72, 73, 74, 75, 76, 77, 78, 79, 80, 81, 82, 83, 84, 85, 94, 95, 96, 98, 99, 100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119, 120, 121, 122, 123, 124, 125, 126, 127, 128, 144, 145, 146, 148, 149, 150, 151, 152, 153, 154, 155, 156, 157, 158, 159, 160, 161, 162, 163, 164, 165, 166, 167, 168, 169, 170, 171, 194, 195, 196, 198, 199, 200, 201, 202, 203, 204, 205, 206, 207, 208, 209, 210, 211, 212, 213, 214, 244, 245, 246, 248, 249, 250, 251, 252, 253, 254, 255, 256, 257, 294, 295, 296, 298, 299, 300};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double P_b_one[301];
+        double R_b_one[301];
+        fr3_momentum_regressor(q_one, dq_one, P_b_one, R_b_one);
+        put(P_b + lane, P_b_one, P_b_rows, 168);
+        put(R_b + lane, R_b_one, R_b_rows, 141);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         momentum_regressor_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (vu *)(P_b + lane), (vu *)(R_b + lane));
     }
+#endif
 }
 
 void OWN(momentum_regressor_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, double *P_b, double *R_b);
@@ -6863,6 +7013,7 @@ void OWN(base_parameters_sines)(long tiles, const double *pi, double *sc)
     sines(sc, pi, turns, 0, 70, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void base_parameters_lanes(
 const vu *restrict sc,const vu *restrict pi, vu *restrict beta)
 {
@@ -7026,14 +7177,27 @@ const vu *restrict sc,const vu *restrict pi, vu *restrict beta)
     beta[41 * VS] = pi[68 * VS];
     beta[42 * VS] = pi[69 * VS];
 }
+#endif
 
 void OWN(base_parameters_tile)(
 const double *sc,const double *pi, double *beta)
 {
+#ifdef BY_SAMPLE
+    static const int beta_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double pi_one[70];
+        take(pi_one, pi + lane, 70);
+        double beta_one[43];
+        fr3_base_parameters(pi_one, beta_one);
+        put(beta + lane, beta_one, beta_rows, 43);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         base_parameters_lanes(
 (const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(beta + lane));
     }
+#endif
 }
 
 void OWN(base_parameters_batch)(long n, const double *pi, long pi_step, double *beta);
@@ -7085,6 +7249,7 @@ void OWN(base_adjoint_sines)(long tiles, const double *slope, double *sc)
     sines(sc, slope, turns, 0, 43, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void base_adjoint_lanes(
 const vu *restrict sc,const vu *restrict slope, vu *restrict gradient)
 {
@@ -7212,14 +7377,27 @@ const vu *restrict sc,const vu *restrict slope, vu *restrict gradient)
     gradient[60 * VS] = t172;
     gradient[69 * VS] = slope[42 * VS];
 }
+#endif
 
 void OWN(base_adjoint_tile)(
 const double *sc,const double *slope, double *gradient)
 {
+#ifdef BY_SAMPLE
+    static const int gradient_rows[] = {6, 11, 12, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double slope_one[43];
+        take(slope_one, slope + lane, 43);
+        double gradient_one[70];
+        fr3_base_adjoint(slope_one, gradient_one);
+        put(gradient + lane, gradient_one, gradient_rows, 59);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         base_adjoint_lanes(
 (const vu *)(sc + lane),(const vu *)(slope + lane), (vu *)(gradient + lane));
     }
+#endif
 }
 
 void OWN(base_adjoint_batch)(long n, const double *slope, long slope_step, double *gradient);
@@ -7271,6 +7449,7 @@ void OWN(mass_matrix_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void mass_matrix_lanes(
 const vu *restrict sc,const vu *restrict q, const double *restrict pi, const double *restrict u, vu *restrict M)
 {
@@ -7766,14 +7945,28 @@ const vu *restrict sc,const vu *restrict q, const double *restrict pi, const dou
     M[42 * VS] = t578;
     M[43 * VS] = t625;
 }
+#endif
 
 void OWN(mass_matrix_tile)(
 const double *sc,const double *q, const double *pi, const double *u, double *M)
 {
+#ifdef BY_SAMPLE
+    static const int M_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double M_one[49];
+        fr3_mass_matrix(q_one, pi, M_one);
+        put(M + lane, M_one, M_rows, 49);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         mass_matrix_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), pi, u, (vu *)(M + lane));
     }
+#endif
 }
 
 void OWN(mass_matrix_batch)(long n, const double *q, long q_step, const double *pi, long pi_step, double *M);
@@ -7830,20 +8023,37 @@ void OWN(bias_forces_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void bias_forces_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const double *restrict pi, const double *restrict u, vu *restrict h)
 {
     static const double ddq[7 * LANES] = {0};
     inverse_dynamics_lanes(sc, q, dq, (const vu *)ddq, pi, u, h);
 }
+#endif
 
 void OWN(bias_forces_tile)(
 const double *sc,const double *q, const double *dq, const double *pi, const double *u, double *h)
 {
+#ifdef BY_SAMPLE
+    static const int h_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double h_one[7];
+        fr3_bias_forces(q_one, dq_one, pi, h_one);
+        put(h + lane, h_one, h_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         bias_forces_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), pi, u, (vu *)(h + lane));
     }
+#endif
 }
 
 void OWN(bias_forces_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *h);
@@ -7902,6 +8112,7 @@ void OWN(forward_dynamics_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void forward_dynamics_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict tau, const double *restrict pi, const double *restrict rotor, const double *restrict u, vu *restrict ddq)
 {
@@ -9184,14 +9395,32 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     const vd t1467 = t981 - t1466;
     ddq[0 * VS] = t1467;
 }
+#endif
 
 void OWN(forward_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, const double *u, double *ddq)
 {
+#ifdef BY_SAMPLE
+    static const int ddq_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double tau_one[7];
+        take(tau_one, tau + lane, 7);
+        double ddq_one[7];
+        fr3_forward_dynamics(q_one, dq_one, tau_one, pi, rotor, ddq_one);
+        put(ddq + lane, ddq_one, ddq_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         forward_dynamics_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(tau + lane), pi, rotor, u, (vu *)(ddq + lane));
     }
+#endif
 }
 
 void OWN(forward_dynamics_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq);
@@ -9253,6 +9482,7 @@ void OWN(end_effector_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 7, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void end_effector_lanes(
 const vu *restrict sc,const vu *restrict q, vu *restrict H)
 {
@@ -9398,14 +9628,27 @@ const vu *restrict sc,const vu *restrict q, vu *restrict H)
     H[11 * VS] = t165;
     H[15 * VS] = vd_all(1.0);
 }
+#endif
 
 void OWN(end_effector_tile)(
 const double *sc,const double *q, double *H)
 {
+#ifdef BY_SAMPLE
+    static const int H_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 15};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double H_one[16];
+        fr3_end_effector(q_one, H_one);
+        put(H + lane, H_one, H_rows, 13);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         end_effector_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (vu *)(H + lane));
     }
+#endif
 }
 
 void OWN(end_effector_batch)(long n, const double *q, long q_step, double *H);
@@ -9457,6 +9700,7 @@ void OWN(loss_gradient_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void loss_gradient_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict tau, const double *restrict weight, const double *restrict beta, const double *restrict u, vu *restrict loss, vu *restrict gradient, vu *restrict residual)
 {
@@ -10471,14 +10715,42 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     gradient[39 * VS] += t1084;
     gradient[41 * VS] += t1096;
 }
+#endif
 
 void OWN(loss_gradient_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *tau, const double *weight, const double *beta, const double *u, double *loss, double *gradient, double *residual)
 {
+#ifdef BY_SAMPLE
+    static const int residual_rows[] = {0, 1, 2, 3, 4, 5, 6};
+    (void)sc;
+    (void)u;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double tau_one[7];
+        take(tau_one, tau + lane, 7);
+        double loss_one[1];
+        double gradient_one[43];
+        double residual_one[7];
+        fr3_loss_gradient(q_one, dq_one, ddq_one, tau_one, weight, beta, loss_one, gradient_one, residual_one);
+        for (int k = 0; k < 1; ++k) {
+            loss[k * LANES + lane] += loss_one[k];
+        }
+        for (int k = 0; k < 43; ++k) {
+            gradient[k * LANES + lane] += gradient_one[k];
+        }
+        put(residual + lane, residual_one, residual_rows, 7);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         loss_gradient_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(tau + lane), weight, beta, u, (vu *)(loss + lane), (vu *)(gradient + lane), (vu *)(residual + lane));
     }
+#endif
 }
 
 void OWN(loss_gradient_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *beta, long beta_step, double *loss, double *gradient, double *residual);
@@ -10539,6 +10811,7 @@ void OWN(pi_from_lam_sines)(long tiles, const double *lam, double *sc)
     sines(sc, lam, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void pi_from_lam_lanes(
 const vu *restrict sc,const vu *restrict lam, vu *restrict pi)
 {
@@ -10662,14 +10935,27 @@ const vu *restrict sc,const vu *restrict lam, vu *restrict pi)
     pi[8 * VS] = t120;
     pi[9 * VS] = t129;
 }
+#endif
 
 void OWN(pi_from_lam_tile)(
 const double *sc,const double *lam, double *pi)
 {
+#ifdef BY_SAMPLE
+    static const int pi_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double lam_one[10];
+        take(lam_one, lam + lane, 10);
+        double pi_one[10];
+        fr3_pi_from_lam(lam_one, pi_one);
+        put(pi + lane, pi_one, pi_rows, 10);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_from_lam_lanes(
 (const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane));
     }
+#endif
 }
 
 void OWN(pi_from_lam_batch)(long n, const double *lam, long lam_step, double *pi);
@@ -10721,6 +11007,7 @@ void OWN(pi_jacobian_sines)(long tiles, const double *lam, double *sc)
     sines(sc, lam, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void pi_jacobian_lanes(
 const vu *restrict sc,const vu *restrict lam, vu *restrict pi, vu *restrict jacobian)
 {
@@ -11348,14 +11635,30 @@ const vu *restrict sc,const vu *restrict lam, vu *restrict pi, vu *restrict jaco
     jacobian[98 * VS] = t670;
     jacobian[99 * VS] = t674;
 }
+#endif
 
 void OWN(pi_jacobian_tile)(
 const double *sc,const double *lam, double *pi, double *jacobian)
 {
+#ifdef BY_SAMPLE
+    static const int pi_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    static const int jacobian_rows[] = {0, 10, 11, 20, 22, 30, 33, 40, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 64, 65, 66, 67, 68, 69, 70, 71, 72, 74, 75, 76, 77, 78, 79, 80, 81, 83, 84, 85, 86, 87, 88, 89, 90, 92, 93, 94, 95, 96, 97, 98, 99};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double lam_one[10];
+        take(lam_one, lam + lane, 10);
+        double pi_one[10];
+        double jacobian_one[100];
+        fr3_pi_jacobian(lam_one, pi_one, jacobian_one);
+        put(pi + lane, pi_one, pi_rows, 10);
+        put(jacobian + lane, jacobian_one, jacobian_rows, 61);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_jacobian_lanes(
 (const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
     }
+#endif
 }
 
 void OWN(pi_jacobian_batch)(long n, const double *lam, long lam_step, double *pi, double *jacobian);
@@ -11409,6 +11712,7 @@ void OWN(pi_frame_sines)(long tiles, const double *lam, double *sc)
     sines(sc, lam, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void pi_frame_lanes(
 const vu *restrict sc,const vu *restrict lam, vu *restrict pi, vu *restrict frame)
 {
@@ -11547,14 +11851,30 @@ const vu *restrict sc,const vu *restrict lam, vu *restrict pi, vu *restrict fram
     frame[9 * VS] = t96;
     frame[11 * VS] = t144;
 }
+#endif
 
 void OWN(pi_frame_tile)(
 const double *sc,const double *lam, double *pi, double *frame)
 {
+#ifdef BY_SAMPLE
+    static const int pi_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    static const int frame_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double lam_one[10];
+        take(lam_one, lam + lane, 10);
+        double pi_one[10];
+        double frame_one[12];
+        fr3_pi_frame(lam_one, pi_one, frame_one);
+        put(pi + lane, pi_one, pi_rows, 10);
+        put(frame + lane, frame_one, frame_rows, 12);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_frame_lanes(
 (const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(frame + lane));
     }
+#endif
 }
 
 void OWN(pi_frame_batch)(long n, const double *lam, long lam_step, double *pi, double *frame);
@@ -11608,6 +11928,7 @@ void OWN(pi_adjoint_sines)(long tiles, const double *lam, double *sc)
     sines(sc, lam, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void pi_adjoint_lanes(
 const vu *restrict sc,const vu *restrict lam, const vu *restrict frame, const vu *restrict slope, vu *restrict gradient)
 {
@@ -11794,14 +12115,31 @@ const vu *restrict sc,const vu *restrict lam, const vu *restrict frame, const vu
     gradient[8 * VS] = t207;
     gradient[9 * VS] = t211;
 }
+#endif
 
 void OWN(pi_adjoint_tile)(
 const double *sc,const double *lam, const double *frame, const double *slope, double *gradient)
 {
+#ifdef BY_SAMPLE
+    static const int gradient_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double lam_one[10];
+        take(lam_one, lam + lane, 10);
+        double frame_one[12];
+        take(frame_one, frame + lane, 12);
+        double slope_one[10];
+        take(slope_one, slope + lane, 10);
+        double gradient_one[10];
+        fr3_pi_adjoint(lam_one, frame_one, slope_one, gradient_one);
+        put(gradient + lane, gradient_one, gradient_rows, 10);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_adjoint_lanes(
 (const vu *)(sc + lane),(const vu *)(lam + lane), (const vu *)(frame + lane), (const vu *)(slope + lane), (vu *)(gradient + lane));
     }
+#endif
 }
 
 void OWN(pi_adjoint_batch)(long n, const double *lam, long lam_step, const double *frame, long frame_step, const double *slope, long slope_step, double *gradient);
@@ -11857,6 +12195,7 @@ void OWN(cholesky_jacobian_sines)(long tiles, const double *theta, double *sc)
     sines(sc, theta, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void cholesky_jacobian_lanes(
 const vu *restrict sc,const vu *restrict theta, vu *restrict pi, vu *restrict jacobian)
 {
@@ -12015,14 +12354,30 @@ const vu *restrict sc,const vu *restrict theta, vu *restrict pi, vu *restrict ja
     jacobian[98 * VS] = t201;
     jacobian[99 * VS] = t183;
 }
+#endif
 
 void OWN(cholesky_jacobian_tile)(
 const double *sc,const double *theta, double *pi, double *jacobian)
 {
+#ifdef BY_SAMPLE
+    static const int pi_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    static const int jacobian_rows[] = {0, 10, 17, 20, 28, 30, 39, 40, 42, 43, 45, 48, 49, 50, 51, 53, 54, 56, 57, 59, 60, 61, 62, 64, 65, 66, 67, 68, 70, 72, 74, 75, 76, 77, 78, 80, 83, 86, 87, 89, 90, 93, 95, 98, 99};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double theta_one[10];
+        take(theta_one, theta + lane, 10);
+        double pi_one[10];
+        double jacobian_one[100];
+        fr3_cholesky_jacobian(theta_one, pi_one, jacobian_one);
+        put(pi + lane, pi_one, pi_rows, 10);
+        put(jacobian + lane, jacobian_one, jacobian_rows, 45);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         cholesky_jacobian_lanes(
 (const vu *)(sc + lane),(const vu *)(theta + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
     }
+#endif
 }
 
 void OWN(cholesky_jacobian_batch)(long n, const double *theta, long theta_step, double *pi, double *jacobian);
@@ -12076,6 +12431,7 @@ void OWN(barrier_sines)(long tiles, const double *pi, double *sc)
     sines(sc, pi, turns, 0, 10, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void barrier_lanes(
 const vu *restrict sc,const vu *restrict pi, vu *restrict pivot, vu *restrict log_det, vu *restrict traces, vu *restrict curvature)
 {
@@ -12755,14 +13111,36 @@ const vu *restrict sc,const vu *restrict pi, vu *restrict pivot, vu *restrict lo
     curvature[94 * VS] = t500;
     curvature[95 * VS] = t564;
 }
+#endif
 
 void OWN(barrier_tile)(
 const double *sc,const double *pi, double *pivot, double *log_det, double *traces, double *curvature)
 {
+#ifdef BY_SAMPLE
+    static const int pivot_rows[] = {0};
+    static const int log_det_rows[] = {0};
+    static const int traces_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    static const int curvature_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67, 68, 69, 70, 71, 72, 73, 74, 75, 76, 77, 78, 79, 80, 81, 82, 83, 84, 85, 86, 87, 88, 89, 90, 91, 92, 93, 94, 95, 96, 97, 98, 99};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double pi_one[10];
+        take(pi_one, pi + lane, 10);
+        double pivot_one[1];
+        double log_det_one[1];
+        double traces_one[10];
+        double curvature_one[100];
+        fr3_barrier(pi_one, pivot_one, log_det_one, traces_one, curvature_one);
+        put(pivot + lane, pivot_one, pivot_rows, 1);
+        put(log_det + lane, log_det_one, log_det_rows, 1);
+        put(traces + lane, traces_one, traces_rows, 10);
+        put(curvature + lane, curvature_one, curvature_rows, 100);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         barrier_lanes(
 (const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(pivot + lane), (vu *)(log_det + lane), (vu *)(traces + lane), (vu *)(curvature + lane));
     }
+#endif
 }
 
 void OWN(barrier_batch)(long n, const double *pi, long pi_step, double *pivot, double *log_det, double *traces, double *curvature);
@@ -12820,6 +13198,7 @@ void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void regressor_adjoint_lanes(
 const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict seed, vu *restrict gradient)
 {
@@ -16016,14 +16395,33 @@ const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *res
     gradient[19 * VS] = t1379;
     gradient[20 * VS] = t1269;
 }
+#endif
 
 void OWN(regressor_adjoint_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *seed, double *gradient)
 {
+#ifdef BY_SAMPLE
+    static const int gradient_rows[] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double dq_one[7];
+        take(dq_one, dq + lane, 7);
+        double ddq_one[7];
+        take(ddq_one, ddq + lane, 7);
+        double seed_one[301];
+        take(seed_one, seed + lane, 301);
+        double gradient_one[21];
+        fr3_regressor_adjoint(q_one, dq_one, ddq_one, seed_one, gradient_one);
+        put(gradient + lane, gradient_one, gradient_rows, 20);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         regressor_adjoint_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(seed + lane), (vu *)(gradient + lane));
     }
+#endif
 }
 
 void OWN(regressor_adjoint_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *seed, long seed_step, double *gradient);
@@ -16081,6 +16479,7 @@ void OWN(clearance_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 7, 7, tiles);
 }
 
+#ifndef BY_SAMPLE
 static inline void clearance_lanes(
 const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict jacobian)
 {
@@ -17956,14 +18355,30 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t1981 = t1975 + t1980;
     jacobian[83 * VS] = t1981;
 }
+#endif
 
 void OWN(clearance_tile)(
 const double *sc,const double *q, double *distance, double *jacobian)
 {
+#ifdef BY_SAMPLE
+    static const int distance_rows[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    static const int jacobian_rows[] = {0, 1, 2, 3, 7, 8, 9, 10, 11, 15, 16, 17, 18, 23, 24, 25, 31, 32, 35, 36, 37, 38, 39, 40, 43, 44, 45, 46, 47, 51, 52, 53, 54, 56, 57, 58, 59, 60, 61, 62, 64, 65, 66, 67, 68, 69, 72, 73, 74, 75, 76, 82, 83};
+    (void)sc;
+    for (int lane = 0; lane < LANES; ++lane) {
+        double q_one[7];
+        take(q_one, q + lane, 7);
+        double distance_one[12];
+        double jacobian_one[84];
+        fr3_clearance(q_one, distance_one, jacobian_one);
+        put(distance + lane, distance_one, distance_rows, 12);
+        put(jacobian + lane, jacobian_one, jacobian_rows, 53);
+    }
+#else
     for (int lane = 0; lane < LANES; lane += W) {
         clearance_lanes(
 (const vu *)(sc + lane),(const vu *)(q + lane), (vu *)(distance + lane), (vu *)(jacobian + lane));
     }
+#endif
 }
 
 void OWN(clearance_batch)(long n, const double *q, long q_step, double *distance, double *jacobian);

@@ -22,179 +22,179 @@ const char *ur5e_model_hash(void);
 /* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
 const char *ur5e_level(void);
 
-/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 524 operations, at most 8376 bytes of stack.
+/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 524 operations, at most 11024 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
 void ur5e_base_inverse_dynamics(const double q[6], const double dq[6], const double ddq[6], const double beta[36], double tau[6]);
 
-/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 602 operations, at most 12784 bytes of stack.
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 602 operations, at most 15448 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
 void ur5e_inverse_dynamics(const double q[6], const double dq[6], const double ddq[6], const double pi[60], double tau[6]);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1214 operations, at most 13296 bytes of stack.
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1214 operations, at most 16016 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void ur5e_torque(const double q[6], const double dq[6], const double ddq[6], const double lam[60], double tau[6]);
 
-/* Y with tau = Y pi, Eq. 3.1. 833 operations, at most 13672 bytes of stack.
+/* Y with tau = Y pi, Eq. 3.1. 833 operations, at most 20224 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y 6 x 60 [d tau / d pi] */
 void ur5e_regressor(const double q[6], const double dq[6], const double ddq[6], double Y[360]);
 
-/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 5113 operations, at most 21536 bytes of stack.
+/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 5113 operations, at most 28088 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 6 x 60 [d tau / d lam] */
 void ur5e_torque_jacobian(const double q[6], const double dq[6], const double ddq[6], const double lam[60], double jacobian[360]);
 
-/* Y_b with tau = Y_b beta, Eq. 3.11. 656 operations, at most 11104 bytes of stack.
+/* Y_b with tau = Y_b beta, Eq. 3.11. 656 operations, at most 16192 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y_b 6 x 36 [d tau / d beta] */
 void ur5e_base_regressor(const double q[6], const double dq[6], const double ddq[6], double Y_b[216]);
 
-/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1160 operations, at most 16864 bytes of stack.
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1160 operations, at most 23944 bytes of stack.
  * q [rad], dq [rad/s] -> P_b 6 x 36 [d p / d beta], R_b 6 x 36 [d r / d beta] */
 void ur5e_momentum_regressor(const double q[6], const double dq[6], double P_b[216], double R_b[216]);
 
-/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 208 operations, at most 6072 bytes of stack.
+/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 208 operations, at most 7376 bytes of stack.
  * q [rad], dq [rad/s] -> E_b [d (T + U) / d beta] */
 void ur5e_energy_regressor(const double q[6], const double dq[6], double E_b[36]);
 
-/* beta = K pi, Eq. 3.11. 104 operations, at most 5232 bytes of stack.
+/* beta = K pi, Eq. 3.11. 104 operations, at most 5888 bytes of stack.
  * pi [SI] -> beta [SI] */
 void ur5e_base_parameters(const double pi[60], double beta[36]);
 
-/* K' slope, the adjoint of beta = K pi. 53 operations, at most 5016 bytes of stack.
+/* K' slope, the adjoint of beta = K pi. 53 operations, at most 5664 bytes of stack.
  * slope [d cost / d beta] -> gradient [d cost / d pi] */
 void ur5e_base_adjoint(const double slope[36], double gradient[60]);
 
-/* M(q), Eq. 2.34. 419 operations, at most 7760 bytes of stack.
+/* M(q), Eq. 2.34. 419 operations, at most 10504 bytes of stack.
  * q [rad], pi [SI] -> M 6 x 6 [d tau / d ddq] */
 void ur5e_mass_matrix(const double q[6], const double pi[60], double M[36]);
 
-/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 571 operations, at most 16888 bytes of stack.
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 571 operations, at most 19568 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> h [N*m] */
 void ur5e_bias_forces(const double q[6], const double dq[6], const double pi[60], double h[6]);
 
-/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 1067 operations, at most 12728 bytes of stack.
+/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 1067 operations, at most 18232 bytes of stack.
  * q [rad], dq [rad/s], tau [N*m], pi [SI], rotor [kg*m^2] -> ddq [rad/s^2] */
 void ur5e_forward_dynamics(const double q[6], const double dq[6], const double tau[6], const double pi[60], const double rotor[6], double ddq[6]);
 
-/* pose of the tip in the base frame, Eq. 2.15. 115 operations, at most 5160 bytes of stack.
+/* pose of the tip in the base frame, Eq. 2.15. 115 operations, at most 5920 bytes of stack.
  * q [rad] -> H 4 x 4 [1, m] */
 void ur5e_end_effector(const double q[6], double H[16]);
 
-/* poses of the links in the base frame, one below the other, Eq. 2.15. 123 operations, at most 5864 bytes of stack.
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 123 operations, at most 7336 bytes of stack.
  * q [rad] -> H 24 x 4 [1, m] */
 void ur5e_link_poses(const double q[6], double H[96]);
 
-/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 812 operations, at most 11008 bytes of stack.
+/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 812 operations, at most 15320 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], tau [N*m], weight [1], beta [SI] -> loss [1], gradient [d loss / d beta], residual [N*m] */
 void ur5e_loss_gradient(const double q[6], const double dq[6], const double ddq[6], const double tau[6], const double weight[6], const double beta[36], double loss[1], double gradient[36], double residual[6]);
 
-/* Eqs. 4.25-4.31. 108 operations, at most 5056 bytes of stack.
+/* Eqs. 4.25-4.31. 108 operations, at most 5808 bytes of stack.
  * lam [lambda] -> pi [SI] */
 void ur5e_pi_from_lam(const double lam[10], double pi[10]);
 
-/* pi and d pi / d lam of one link. 551 operations, at most 9408 bytes of stack.
+/* pi and d pi / d lam of one link. 551 operations, at most 13024 bytes of stack.
  * lam [lambda] -> pi [SI], jacobian 10 x 10 [d pi / d lam] */
 void ur5e_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 
-/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 5184 bytes of stack.
+/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 6032 bytes of stack.
  * lam [lambda] -> pi [SI], frame [m, R by columns, B, C] */
 void ur5e_pi_frame(const double lam[10], double pi[10], double frame[12]);
 
-/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 5576 bytes of stack.
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 6136 bytes of stack.
  * lam [lambda], frame [m, R by columns, B, C], slope [d cost / d pi] -> gradient [d cost / d lam] */
 void ur5e_pi_adjoint(const double lam[10], const double frame[12], const double slope[10], double gradient[10]);
 
-/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 5784 bytes of stack.
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 7064 bytes of stack.
  * theta [log-Cholesky] -> pi [SI], jacobian 10 x 10 [d pi / d theta] */
 void ur5e_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
 
-/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 9496 bytes of stack.
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 12872 bytes of stack.
  * pi [SI] -> pivot [SI], log_det [1], traces [1/SI], curvature 10 x 10 [1/SI^2] */
 void ur5e_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
 
-/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4656 bytes of stack.
+/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4952 bytes of stack.
  * pi [SI] -> theta [log-Cholesky] */
 void ur5e_cholesky_from_pi(const double pi[10], double theta[10]);
 
-/* Eqs. 4.18-4.23. 1491 operations, at most 16120 bytes of stack.
+/* Eqs. 4.18-4.23. 1491 operations, at most 27464 bytes of stack.
  * pi [SI] -> lam [lambda] */
 void ur5e_lam_from_pi(const double pi[10], double lam[10]);
 
-/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 15368 bytes of stack.
+/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 25872 bytes of stack.
  * pi [SI], floor [1] -> realisable [SI] */
 void ur5e_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
 
-/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 5288 bytes of stack.
+/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 6368 bytes of stack.
  * lam [lambda] -> M 6 x 6 [SI] */
 void ur5e_inertia_matrix(const double lam[10], double M[36]);
 
-/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4312 bytes of stack.
+/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4480 bytes of stack.
  * pi [SI] -> P 4 x 4 [SI] */
 void ur5e_pseudo_inertia(const double pi[10], double P[16]);
 
-/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4592 bytes of stack.
+/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4888 bytes of stack.
  * m [1], t [s], t_f [s] -> phi [1, 1/s, 1/s^2, 1/s^3] */
 void ur5e_harmonic_basis(const double m[1], const double t[1], const double t_f[1], double phi[4]);
 
-/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4520 bytes of stack.
+/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4760 bytes of stack.
  * t [s], t_f [s] -> S [1, 1/s, 1/s^2, 1/s^3] */
 void ur5e_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 
-/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 1988 operations, at most 20184 bytes of stack.
+/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 1988 operations, at most 27680 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], seed 6 x 36 [d cost / d Y_b] -> gradient 3 x 6 [d cost / d (q, dq, ddq)] */
 void ur5e_regressor_adjoint(const double q[6], const double dq[6], const double ddq[6], const double seed[216], double gradient[18]);
 
-/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 3278 operations, at most 31296 bytes of stack.
+/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 3278 operations, at most 45952 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m], dtau_dq 6 x 6 [d tau / d q], dtau_dv 6 x 6 [d tau / d dq], dtau_da 6 x 6 [d tau / d ddq] */
 void ur5e_torque_derivatives(const double q[6], const double dq[6], const double ddq[6], const double pi[60], double tau[6], double dtau_dq[36], double dtau_dv[36], double dtau_da[36]);
 
-/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1280 operations, at most 14432 bytes of stack.
+/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1280 operations, at most 20264 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI] -> tau_rate [(N*m)/s] */
 void ur5e_torque_rate(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double pi[60], double tau_rate[6]);
 
-/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 3429 operations, at most 31776 bytes of stack.
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 3429 operations, at most 44864 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI], seed [d cost / d tau_rate] -> gradient 4 x 6 [d cost / d (q, dq, ddq, dddq)] */
 void ur5e_torque_rate_adjoint(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double pi[60], const double seed[6], double gradient[24]);
 
-/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 2556 operations, at most 24760 bytes of stack.
+/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 2556 operations, at most 34384 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], ddddq [rad/s^4], pi [SI] -> tau [N*m], dtau [(N*m)/s], ddtau [(N*m)/s^2] */
 void ur5e_torque_course(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double ddddq[6], const double pi[60], double tau[6], double dtau[6], double ddtau[6]);
 
-/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 355 operations, at most 7320 bytes of stack.
+/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 355 operations, at most 8784 bytes of stack.
  * q [rad], dq [rad/s] -> p [m], v [m/s], dp_dq 3 x 6 [d p / d q], dv_dq 3 x 6 [d v / d q] */
 void ur5e_tip_motion(const double q[6], const double dq[6], double p[3], double v[3], double dp_dq[18], double dv_dq[18]);
 
-/* distance of the capsules of each pair, negative where they overlap. 1562 operations, at most 17400 bytes of stack.
+/* distance of the capsules of each pair, negative where they overlap. 1562 operations, at most 25008 bytes of stack.
  * q [rad] -> distance [m], jacobian 14 x 6 [d distance / d q] */
 void ur5e_clearance(const double q[6], double distance[14], double jacobian[84]);
 
-/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 527 operations, at most 8680 bytes of stack.
+/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 527 operations, at most 11784 bytes of stack.
  * q [rad], plane [1, m] -> distance [m], jacobian 6 x 6 [d distance / d q] */
 void ur5e_plane_clearance(const double q[6], const double plane[4], double distance[6], double jacobian[36]);
 
-/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 915 operations, at most 11632 bytes of stack.
+/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 915 operations, at most 15040 bytes of stack.
  * q_sup 6 x 6 [(rad, rad/s, ...)], pi [SI] -> tau_sup 4 x 6 [(N*m, /s, /s^2, /s^3)] */
 void ur5e_torque_bounds(const double q_sup[36], const double pi[60], double tau_sup[24]);
 
-/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 110 operations, at most 5024 bytes of stack.
+/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 110 operations, at most 5392 bytes of stack.
  * q_sup 4 x 6 [(rad, rad/s, ...)] -> p_sup [(m, m/s, m/s^2, m/s^3)] */
 void ur5e_tip_bounds(const double q_sup[24], double p_sup[4]);
 
-/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 20 operations, at most 4616 bytes of stack.
+/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 20 operations, at most 4952 bytes of stack.
  * q_sup 2 x 6 [(rad, rad/s, ...)] -> origin 6 x 6 [m/s], turn [rad/s] */
 void ur5e_speed_bounds(const double q_sup[12], double origin[36], double turn[6]);
 
-/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 1565 operations, at most 16936 bytes of stack.
+/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 1565 operations, at most 25096 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> C 6 x 6 [d (C dq) / d dq / 2] */
 void ur5e_coriolis_matrix(const double q[6], const double dq[6], const double pi[60], double C[36]);
 
-/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 1508 operations, at most 19080 bytes of stack.
+/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 1508 operations, at most 28448 bytes of stack.
  * q [rad], dq [rad/s], dq_r [rad/s], ddq_r [rad/s^2] -> Y 6 x 60 [d tau / d pi] */
 void ur5e_slotine_li_regressor(const double q[6], const double dq[6], const double dq_r[6], const double ddq_r[6], double Y[360]);
 
-/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 180 operations, at most 7568 bytes of stack.
+/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 180 operations, at most 10544 bytes of stack.
  * q [rad] -> J 42 x 6 [m, 1] */
 void ur5e_frame_jacobians(const double q[6], double J[252]);
 
-/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 339 operations, at most 7112 bytes of stack.
+/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 339 operations, at most 8968 bytes of stack.
  * pi [SI] -> S 6 x 6 [d ddq / d tau] */
 void ur5e_mobility_bound(const double pi[60], double S[36]);
 

@@ -20,9 +20,10 @@ REFERENCE = "casadi"
 _FLAG = re.compile(
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
     r"|-ffp-contract=fast|-fno-tree-(slp-)?vectorize"
-    r"|-fno-(tree-dse|tree-vrp|ipa-(icf|modref|sra)|dse|cprop-registers|rerun-cse-after-loop|ree)"
-    r"|--param=lra-max-considered-reload-pseudos=20"
-    r"|-DQUICK|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
+    r"|-fno-(tree-(dse|vrp|pre|pta|fre|ccp|copy-prop|dominator-opts)|ipa-(icf|modref|sra)|dse|ree)"
+    r"|-fno-(cprop-registers|rerun-cse-after-loop|code-hoisting|forward-propagate)"
+    r"|-fno-ira-share-spill-slots|-fira-region=one|--param=lra-max-considered-reload-pseudos=20"
+    r"|-DQUICK|-DBY_SAMPLE|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
 )
 _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
 _WORD = re.compile(r"[a-z0-9_]{0,16}")

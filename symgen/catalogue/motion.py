@@ -158,6 +158,7 @@ def motion_kernels(
                 Argument("residual", (n,), effort): residual,
             },
             "sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32",
+            unhurried=True,  # loops call its tiles
         ),
     )
 
@@ -180,6 +181,7 @@ def _without_accelerations(
                 ),
             },
             "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
+            unhurried=True,  # loops call its tiles
         ),
         make_kernel(
             "energy_regressor",

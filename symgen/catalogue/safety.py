@@ -141,6 +141,7 @@ def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
                     Argument("jacobian", (count, n), "d distance / d q"): jacobian,
                 },
                 "distance of the capsules of each pair, negative where they overlap",
+                unhurried=True,  # loops call its tiles
             )
         )
     if moving(chain, collision):

@@ -2,7 +2,8 @@
 
 from symgen.emit.files import Early, EmittedRobot, emit, ignored
 from symgen.emit.forms import Forms, forms_of
-from symgen.emit.ssa import TileProgram, c_body, c_constant, tile_program
+from symgen.emit.sample import c_body
+from symgen.emit.ssa import TileProgram, c_constant, tile_program
 
 __all__ = [
     "Early",

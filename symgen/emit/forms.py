@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from symgen.emit.composition import composed_body, composed_program, compositions
 from symgen.emit.product import Product, product, product_program
-from symgen.emit.ssa import TileProgram, c_body, tile_program
+from symgen.emit.sample import c_body
+from symgen.emit.ssa import TileProgram, tile_program
 from symgen.kernel import Kernel
 
 

@@ -8,9 +8,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-LONG = 6000
+LONG = 2400
 """Statements above which a body is split; arms of seven joints stay whole."""
-PART = 1500
+PART = 600
 """Statements of a part: compilers take about as long per statement as in short functions."""
 
 

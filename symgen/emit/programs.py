@@ -6,7 +6,8 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 from symgen.emit.elimination import eliminate, fill_in
-from symgen.emit.ssa import TileProgram, c_body
+from symgen.emit.sample import c_body
+from symgen.emit.ssa import TileProgram
 from symgen.kernel import Argument, Kernel
 
 LANES = 8

@@ -1,8 +1,7 @@
-"""CasADi's instruction list → static single assignment C, for one sample or for W samples.
+"""CasADi's instruction list → static single assignment C for W samples.
 
-The scalar form (`c_body`) has one `const double` per instruction. The tile form (`tile_program`)
-works on W samples at a time with GCC's vector types: instructions that depend on shared inputs
-only, such as λ → π, run once per batch on scalars (`prepare`), the others once per tile.
+GCC's vector types hold W samples. Instructions that depend on shared inputs only, such as λ → π,
+run once per batch on scalars (`prepare`), the others once per tile.
 """
 
 import re
@@ -107,33 +106,6 @@ class TileProgram:
     body: list[str]
     operations: int
     filled: dict[str, list[int]]
-
-
-def c_body(kernel: Kernel) -> list[str]:
-    """C statements of one kernel: one constant per instruction, outputs by index.
-
-    Raises:
-        BuildError: an instruction has no C text.
-    """
-    names: dict[int, str] = {}
-    lines: list[str] = []
-    for k, (op, inputs, outputs, constant) in enumerate(kernel.instructions):
-        if op == ca.OP_INPUT:
-            names[outputs[0]] = f"{kernel.inputs[inputs[0]].name}[{inputs[1]}]"
-        elif op == ca.OP_CONST:
-            names[outputs[0]] = c_constant(constant)
-        elif op == ca.OP_OUTPUT:
-            lines.append(f"{kernel.outputs[outputs[0]].name}[{outputs[1]}] = {names[inputs[0]]};")
-        elif op in EXPRESSIONS:
-            text = EXPRESSIONS[op].format(*(names[i] for i in inputs))
-            names[outputs[0]] = f"t{k}"
-            lines.append(f"const double t{k} = {text};")
-        else:
-            raise BuildError(
-                f"kernel '{kernel.name}' uses the CasADi instruction {op}, for which the emitter "
-                "has no C text; add it to symgen.emit.ssa"
-            )
-    return lines
 
 
 def c_constant(value: float) -> str:

@@ -1,7 +1,7 @@
 """Upper bounds for the stack of the emitted functions, for any compiler.
 
-A straight-line function keeps at most each named value, argument and buffer on the stack once: a
-compiler may share places, but never needs more. Bounds are for the deepest chain of calls within a
+A straight-line function keeps at most each value, argument and buffer on the stack once: a compiler
+may share places, but never needs more. Bounds are for the deepest chain of calls within a
 file; functions of the C library come on top.
 """
 
@@ -59,7 +59,7 @@ def stack_bounds(
     """
     by_name = {k.name: k for k in kernels}
     composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
-    one = {k: FRAMES + NUMBER * len(lines) for k, lines in forms.bodies.items()}
+    one = {k: FRAMES + NUMBER * _values(lines) for k, lines in forms.bodies.items()}
     for name, images in composed.items():
         one[name] += images + max(one[called] for called in by_name[name].through)
     for name, p in forms.products.items():
@@ -86,6 +86,11 @@ def stack_bounds(
     )
 
 
+def _values(lines: list[str]) -> int:
+    """Named values, and one per operation or call within an expression."""
+    return sum(1 + len(_OPERATION.findall(line)) for line in lines)
+
+
 def _arguments(kernel: Kernel) -> int:
     return len(kernel.inputs) + len(kernel.outputs)
 
@@ -110,4 +115,5 @@ def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
 
 
 _DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
+_OPERATION = re.compile(r"(?<=[\w\])]) [-+*/<=!&|?]|\w\(|\(-")
 _CALL = re.compile(r"\bvd_(\w+)\(")

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from symgen.build.compiler import compile_library
 from symgen.emit import c_body, c_constant, emit
 from symgen.emit.reference import reference_code
+from symgen.emit.sample import SHORT
 from symgen.emit.ssa import EXPRESSIONS
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel
@@ -177,6 +178,20 @@ def test_declared_shape_is_checked() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(BuildError, match=r"kernel 'k': output 'out' is declared \(2, 1\)"):
         make_kernel("k", {x_: x}, {Argument("out", (2,), "1"): x}, "toy")
+
+
+def test_values_that_are_read_once_have_no_name() -> None:
+    """Property: a name for what is read twice, squared or long; the order of rounding is kept."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    assert c_body(toy("once", (x - y) * x - 1, x, y)) == ["out[0] = ((x[0] - y[0]) * x[0]) - 1.0;"]
+    squared = c_body(toy("squared", (x - y) ** 2, x, y))
+    assert [line.startswith("const double") for line in squared] == [True, False]
+    chain = x
+    for k in range(40):
+        chain = ca.sin(chain + k * y)
+    lines = c_body(toy("long", chain, x, y))
+    assert 1 < len(lines) < 40
+    assert max(map(len, lines)) < 2 * SHORT
 
 
 def test_unknown_operation_is_named() -> None:

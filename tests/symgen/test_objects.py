@@ -96,7 +96,8 @@ def test_fr3_is_clean_under_strict_warnings(fr3: Library, tool: str) -> None:
     """Oracle: both compilers, each file at each level; ISO C alone where no vectors are used."""
     for source in once(fr3):
         compiler_run([tool, *STRICT, "-pedantic", "-fsyntax-only", source], fr3.folder)
-    for source, extra in per_level(fr3).values():
+    beside = ("-DLEVEL=portable", "-DW=1", "-DBY_SAMPLE")
+    for source, extra in (*per_level(fr3).values(), ("tiles.c", beside)):
         compiler_run([tool, *STRICT, *extra, "-fsyntax-only", source], fr3.folder)
 
 

@@ -231,17 +231,18 @@ def test_a_wanted_level_that_the_compiler_does_not_support_is_named(
 
 
 def test_the_portable_level_beside_a_better_one_is_not_optimised(source: Path) -> None:
-    """Property: -O0 for the portable level where another level is compiled, -O1 where none is."""
+    """Property: -O0 and tiles by sample beside another level; -O1 and vector code where none is."""
     names = [name for name in level_names() if name != REFERENCE]
     if len(names) == 1:
         pytest.skip("this machine has the portable level only")
     source.write_text("typedef double number;\n")  # no name twice in the library
 
-    def last_option(wanted: tuple[str, ...]) -> str:
+    def last_option(wanted: tuple[str, ...]) -> tuple[str, bool]:
         done = compile_library([], source.with_name("lib.so"), [source], wanted=wanted)
         portable = next(c for c in done.commands if "-DLEVEL=portable" in c)
-        return [flag for flag in portable if flag.startswith("-O")][-1]
+        level = [flag for flag in portable if flag.startswith("-O")][-1]
+        return level, "-DBY_SAMPLE" in portable
 
-    assert last_option((names[-2], "portable")) == "-O0"
-    assert last_option(()) == "-O0"
-    assert last_option(("portable",)) == "-O1"
+    assert last_option((names[-2], "portable")) == ("-O0", True)
+    assert last_option(()) == ("-O0", True)
+    assert last_option(("portable",)) == ("-O1", False)

@@ -9,8 +9,8 @@ import pytest
 from symgen.build.facts import initial_parameters
 from symgen.chain import Chain, read_chain
 from symgen.mechanics import derivative_bounds, dynamics, kinematics
+from tests.coupled_chains import WRIST, coupled
 from tests.robots import DATA
-from tests.symgen.test_coupling import WRIST, coupled
 
 CHAINS: dict[str, Callable[[], Chain]] = {
     "tree": lambda: read_chain((DATA / "tree.urdf").read_text()),

@@ -19,6 +19,7 @@ from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet.friction import FleetFriction, fit_friction
 from runtime.monitoring.fleet.gather import gather, remove_parts, statistics_files
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
+from runtime.monitoring.fleet.noise import fit_noise
 from runtime.monitoring.fleet.prior_text import prior_text, write_prior
 from runtime.monitoring.fleet.unit import Unit
 from runtime.parallel import one_blas_thread
@@ -81,7 +82,7 @@ def fleet_command(
     fit = fit_fleet(lib, units)
     friction = fit_friction(lib, units, fit)
     names = [unit.name for unit in units]
-    write_prior(out, prior_text(lib, names, fit, friction), lib)
+    write_prior(out, prior_text(lib, names, fit, friction, fit_noise(units, fit)), lib)
     with replacing(beside) as file:
         np.savez(file, **_arrays(names, fit, friction))
     remove_parts(parts)

@@ -10,7 +10,8 @@
     com_hull = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
     symmetry = ["xz"]                 # planes of the link frame through its origin
 
-`[centre]` and `[friction]` of a type of robot, which `fleet` writes, are those of `type_prior`.
+`[centre]`, `[friction]` and `[noise]` of a type of robot, which `fleet` writes, are those of
+`type_prior`.
 Every entry is optional and every one is linear in π.
 """
 
@@ -25,7 +26,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.armature_prior import read_armature
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
-from runtime.estimators.type_prior import KnownFriction, read_centre, read_friction
+from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.type_prior import KnownFriction, read_centre, read_friction, read_noise
 from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
@@ -39,7 +41,17 @@ MIRRORED = {
 }
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
 _LARGEST = sys.float_info.max
-_KEYS = ("trust", "total_mass", "link", "armature", "armature_from", "centre", "friction", "fleet")
+_KEYS = (
+    "trust",
+    "total_mass",
+    "link",
+    "armature",
+    "armature_from",
+    "centre",
+    "friction",
+    "noise",
+    "fleet",
+)
 _LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
 
 
@@ -56,6 +68,7 @@ class PriorFile:
             where the file states none.
         friction: friction coefficients of the type; None where the file states none.
         units: number of units of the fleet that the prior was computed from; 0 for none.
+        noise: least noise of the torque of the type; None where the file states none.
     """
 
     kappa: float | None
@@ -64,6 +77,7 @@ class PriorFile:
     centre: Array | None = None
     friction: KnownFriction | None = None
     units: int = 0
+    noise: NoiseFloor | None = None
 
     @property
     def friction_model(self) -> Friction | None:
@@ -106,8 +120,8 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
     if unknown:
         raise IdentificationError(
             f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
-            f"armature, armature_from, centre, friction, and {', '.join(_LINK_KEYS)} of the links "
-            f"{', '.join(lib.link_names)}"
+            f"armature, armature_from, centre, friction, noise, and {', '.join(_LINK_KEYS)} of the "
+            f"links {', '.join(lib.link_names)}"
         )
     rows = _Rows(lib, path)
     if "total_mass" in facts:
@@ -130,6 +144,7 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
         read_centre(facts, path, lib),
         read_friction(facts, path, lib),
         _units(facts.get("fleet"), path),
+        read_noise(facts, path, lib),
     )
 
 

@@ -1,4 +1,4 @@
-"""Prior of a type of robot: `[centre]` and `[friction]` of a file of inertial priors.
+"""Prior of a type of robot: `[centre]`, `[friction]`, `[noise]` of a file of inertial priors.
 
     [centre]
     fr3_link1 = [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ]  # SI, about the link frame
@@ -9,7 +9,11 @@
     [friction.fr3_joint1]
     viscous = [0.51, 0.05]           # value and standard deviation
 
-`fleet` writes both. A link that is not listed keeps the inertia of the URDF.
+    [noise]
+    inflation = 14.0                 # N/N_eff
+    fr3_joint1 = 0.1                 # N·m, standard deviation of the torque's residual
+
+`fleet` writes them. A link that is not listed keeps the inertia of the URDF.
 """
 
 from collections.abc import Mapping
@@ -22,7 +26,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import Prior, bodies_of, prior_of
-from runtime.estimators.problem import FrictionPrior
+from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
@@ -31,6 +35,8 @@ from runtime.recording.settings import WIDTHS
 
 LARGEST = 1e9
 """Largest number of the tables [SI]."""
+INFLATION = "inflation"
+"""Key of N / N_eff in [noise]."""
 ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 
@@ -175,6 +181,36 @@ def read_friction(facts: Mapping[str, Any], path: Path, lib: Library) -> KnownFr
         mean[at], sigma[at] = pair
     exact = {key: float(width) for key, width in widths.items()}
     return KnownFriction(tuple(columns), exact, mean, sigma)
+
+
+def read_noise(facts: Mapping[str, Any], path: Path, lib: Library) -> NoiseFloor | None:
+    """Noise of a type.
+
+    Args:
+        facts: tables of the file.
+        path: of the file, for messages.
+        lib: library of the robot.
+
+    Returns:
+        Least noise of a unit, 0 for joints that are not listed; None where the file states none.
+
+    Raises:
+        IdentificationError: an entry does not fit the robot.
+    """
+    if "noise" not in facts:
+        return None
+    sigma, inflation = np.zeros(lib.n_joints), 1.0
+    for name, given in _table(facts["noise"], "noise", path).items():
+        if name != INFLATION and name not in lib.joint_names:
+            _refuse(path, f"{INFLATION} or joints ({', '.join(lib.joint_names)}) in [noise]", name)
+        least = 1.0 if name == INFLATION else 0.0
+        if not (_real(given) and given >= least):
+            _refuse(path, f"a number of at least {least:g} for noise.{name}", given)
+        if name == INFLATION:
+            inflation = float(given)
+        else:
+            sigma[lib.joint_names.index(name)] = given
+    return NoiseFloor(sigma, inflation)
 
 
 def _table(given: Any, name: str, path: Path) -> dict[str, Any]:

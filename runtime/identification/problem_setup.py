@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.mass_unit import mass_unit
-from runtime.estimators.problem import FrictionPrior, Origin, Problem
+from runtime.estimators.problem import Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains.scaling import in_torque
+from runtime.identification.known_priors import known_friction, known_noise
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -138,44 +138,13 @@ def assemble(
         column_names=parts[0].column_names,
         left_out=rounding.ravel(),
         friction_prior=known_friction(chosen, parts[0].column_names, terms),
+        noise_floor=known_noise(chosen, usual.regressor),
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
     if chosen.friction_columns is None and not terms.columns and np.any(train.dq):
         notes = (*notes, WITHOUT_FRICTION)
     one_run = chosen.test is None
     return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
-
-
-def known_friction(
-    settings: Settings, columns: tuple[str, ...], friction: Friction
-) -> FrictionPrior | None:
-    """Prior of the friction coefficients, of the settings or of a file of priors.
-
-    Args:
-        settings: of the identification.
-        columns: names of the friction columns.
-        friction: friction model, for its widths.
-
-    Returns:
-        The prior; None without one.
-
-    Raises:
-        IdentificationError: the file states armature, and no column is that of rotors, or its
-            friction belongs to another width.
-    """
-    prior = settings.prior
-    if settings.friction_prior is not None or prior is None:
-        return settings.friction_prior
-    known = None if prior.friction is None else prior.friction.of(friction, columns)
-    if prior.armature is None:
-        return known
-    rotors = friction_prior_of(prior.armature, columns)
-    if known is None:
-        return rotors
-    stated = np.isfinite(rotors.sigma)
-    return FrictionPrior(
-        np.where(stated, rotors.mean, known.mean), np.where(stated, rotors.sigma, known.sigma)
-    )
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:

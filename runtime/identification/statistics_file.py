@@ -46,6 +46,8 @@ class UnitStatistics:
         widths: widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad].
         statistics: R and r of all training samples, weighted.
         density: S, variance with which the noise enters the unknowns.
+        noise: standard deviation of the torque per joint that the samples are weighted by, (n,)
+            [N·m, N]; None of a regressor that is not that of the torque, and of older files.
     """
 
     unit: str
@@ -55,6 +57,7 @@ class UnitStatistics:
     widths: tuple[float, float, float]
     statistics: Statistics
     density: float
+    noise: Array | None = None
 
     @property
     def shared(self) -> tuple[str, ...]:
@@ -91,6 +94,7 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
         (slow, peak, stroke),
         information.statistics,
         information.density,
+        _noise(result),
     )
 
 
@@ -118,6 +122,7 @@ def write_statistics(known: UnitStatistics, path: Path) -> None:
         "rest": s.rest,
         "n_samples": s.n_samples,
         "density": known.density,
+        "noise": () if known.noise is None else known.noise,
         "model_hash": s.model_hash,
     }
     with replacing(path) as file:
@@ -146,6 +151,7 @@ def read_statistics(path: Path) -> UnitStatistics:
             )
         arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
         numbers = {key: float(file[key]) for key in _NUMBERS}
+        noise = np.array(file["noise"], dtype=float) if "noise" in file else np.empty(0)
         slow, peak, stroke = map(float, file["widths"])
         joints, columns = (tuple(map(str, file[key])) for key in ("joints", "columns"))
         columns = tuple(name for name in columns if name)
@@ -173,6 +179,8 @@ def read_statistics(path: Path) -> UnitStatistics:
         and numbers["rest"] >= 0
         and numbers["n_samples"] > 0
         and numbers["density"] > 0
+        and noise.shape in {(0,), (len(joints),)}
+        and ((noise > 0) & (noise < LARGEST)).all()
     )
     if not fits:
         raise IdentificationError(
@@ -183,7 +191,16 @@ def read_statistics(path: Path) -> UnitStatistics:
         **arrays, rest=numbers["rest"], n_samples=numbers["n_samples"], model_hash=model_hash
     )
     widths = (slow, peak, stroke)
-    return UnitStatistics(unit, robot, joints, columns, widths, statistics, numbers["density"])
+    return UnitStatistics(
+        unit,
+        robot,
+        joints,
+        columns,
+        widths,
+        statistics,
+        numbers["density"],
+        noise if noise.size else None,
+    )
 
 
 def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatistics:
@@ -209,6 +226,14 @@ def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatis
             "keep one folder per type of robot"
         )
     return known
+
+
+def _noise(result: Identification) -> Array | None:
+    """σ of the rows of every joint, where they are those of the torque."""
+    prepared = result.train.prepared
+    of_torque = prepared is None or prepared.regressor == "acceleration"
+    alike = result.weights.shape == (result.lib.n_joints,)
+    return 1 / np.sqrt(result.weights) if of_torque and alike else None
 
 
 def _columns(result: Identification) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from runtime.identification.statistics_file import statistics_of
 from runtime.library import Library
 from runtime.monitoring.fleet.friction import fit_friction
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
+from runtime.monitoring.fleet.noise import fit_noise
 from runtime.monitoring.fleet.prior_text import prior_text, write_prior
 from runtime.monitoring.fleet.unit import unit_of
 from runtime.recording import Friction, Preparation
@@ -94,7 +95,9 @@ def fleet_trials(
     fit = fit_fleet(lib, known)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "fleet.toml"
-        text = prior_text(lib, [u.name for u in known], fit, fit_friction(lib, known, fit))
+        text = prior_text(
+            lib, [u.name for u in known], fit, fit_friction(lib, known, fit), fit_noise(known, fit)
+        )
         write_prior(path, text, lib)
         prior = read_prior(path, lib)
     rms = np.zeros((len(WAYS), count, lib.n_joints))

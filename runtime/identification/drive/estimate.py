@@ -21,7 +21,8 @@ from runtime.identification.drive.feedback import FEEDBACK, feedback_torque
 from runtime.identification.drive.linearised import LinearisedDrive, linearised, torque_rate
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
-from runtime.identification.problem_setup import assemble, known_friction
+from runtime.identification.known_priors import known_friction
+from runtime.identification.problem_setup import assemble
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify, identify_assembled
 from runtime.library import Array, Library

@@ -32,13 +32,13 @@ from runtime.estimators.regression.samples import (
     thesis_weights,
 )
 from runtime.identification.identified import Identification, WholeLog
+from runtime.identification.known_priors import known_friction, known_noise
 from runtime.identification.long_logs.blocks import head_of
 from runtime.identification.long_logs.parts import StreamedPart, parts_of_log
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import (
     PARTS,
     Assembly,
-    known_friction,
     require_enough,
     rounding_of,
 )
@@ -201,6 +201,7 @@ def assemble_streamed(
         column_names=train_names,
         left_out=rounding.ravel(),
         friction_prior=known_friction(chosen, train_names, terms),
+        noise_floor=known_noise(chosen, preparation.regressor),
     )
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])

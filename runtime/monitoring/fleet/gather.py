@@ -30,7 +30,7 @@ PART = 32
 """Files of one part: some tenths of a second of work."""
 MOST = 100_000
 """Largest number of units."""
-VERSION = 1
+VERSION = 2
 """Version of the parts."""
 
 _here = threading.local()
@@ -220,6 +220,8 @@ def _write(place: Path, units: list[Unit]) -> None:
         "factor": [unit.factor for unit in units],
         "target": [unit.target for unit in units],
         "friction": np.concatenate([unit.friction for unit in units], axis=1),
+        "noise": [unit.noise for unit in units],
+        "density": [unit.density for unit in units],
     }
     with replacing(place) as file:
         np.savez(file, **{key: np.asarray(value) for key, value in values.items()})  # type: ignore[arg-type]
@@ -233,7 +235,9 @@ def _read(place: Path) -> list[Unit] | None:
         columns = [tuple(text.split(",")) if text else () for text in listed]
         ends = np.cumsum([len(each) for each in columns])[:-1]
         friction = np.split(file["friction"], ends, axis=1)
-        rows = (names, columns, file["widths"].tolist(), file["factor"], file["target"], friction)
-        return [Unit(n, c, tuple(w), A, b, f) for n, c, w, A, b, f in zip(*rows, strict=True)]
+        widths = [tuple(each) for each in file["widths"].tolist()]
+        noise, density = file["noise"], file["density"].tolist()
+        rows = (names, columns, widths, file["factor"], file["target"], friction, noise, density)
+        return [Unit(*row) for row in zip(*rows, strict=True)]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecordingError):
         return None

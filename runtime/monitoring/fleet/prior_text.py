@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
+from runtime.estimators.problem import NoiseFloor
 from runtime.files import replacing
 from runtime.library import Library
 from runtime.library.parameters import PI_NAMES, links
@@ -17,7 +18,13 @@ from runtime.recording.friction_column import widths_of
 from runtime.recording.settings import WIDTHS
 
 
-def prior_text(lib: Library, names: Sequence[str], fit: FleetFit, friction: FleetFriction) -> str:
+def prior_text(
+    lib: Library,
+    names: Sequence[str],
+    fit: FleetFit,
+    friction: FleetFriction,
+    noise: NoiseFloor | None = None,
+) -> str:
     """TOML text of a fleet's prior.
 
     Args:
@@ -25,6 +32,7 @@ def prior_text(lib: Library, names: Sequence[str], fit: FleetFit, friction: Flee
         names: of the units.
         fit: inertias of the type.
         friction: of the type.
+        noise: of the units; None where it is not known.
 
     Returns:
         Text, numbers with all digits.
@@ -61,6 +69,15 @@ def prior_text(lib: Library, names: Sequence[str], fit: FleetFit, friction: Flee
         for k in np.flatnonzero(known[j]):
             pair = f"[{float(friction.mean[j, k])!r}, {float(friction.sigma[j, k])!r}]"
             lines.append(f"{_text(friction.columns[k])} = {pair}")
+    if noise is not None:
+        lines += [
+            "",
+            "[noise]",
+            "# inflation N/N_eff; per joint the standard deviation of the torque",
+        ]
+        lines.append(f"inflation = {noise.inflation!r}")
+        pairs_of_noise = zip(lib.joint_names, noise.sigma.tolist(), strict=True)
+        lines += [f"{_text(joint)} = {sigma!r}" for joint, sigma in pairs_of_noise]
     return "\n".join(lines) + "\n"
 
 

@@ -32,6 +32,8 @@ class Unit:
         target: b, (n_b,).
         friction: f, G and v per joint and column, (n, k, n_b + 2); v is infinite where the log
             does not determine the coefficient.
+        noise: standard deviation of the torque per joint, (n,) [N·m, N]; NaN where not known.
+        density: S, variance with which noise over its standard deviation enters the unknowns.
     """
 
     name: str
@@ -40,6 +42,8 @@ class Unit:
     factor: Array
     target: Array
     friction: Array
+    noise: Array
+    density: float
 
 
 def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
@@ -73,6 +77,8 @@ def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
         np.ascontiguousarray(triangle[:, :count]),
         triangle[:, count].copy(),
         np.ascontiguousarray(every[:, places]),
+        np.full(n, np.nan) if known.noise is None else known.noise,
+        known.density,
     )
 
 

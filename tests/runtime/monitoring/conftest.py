@@ -1,15 +1,21 @@
-"""Ground of the monitoring tests: an identified real arm, and its log from 60 % on."""
+"""Ground of the monitoring tests: an identified real arm, its log from 60 % on, a virtual fleet."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from runtime import Identification, Recording, identify, write_recording
+from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
+from runtime.monitoring.fleet.unit import unit_of
+from runtime.simulation import Plant, ideal
+from runtime.simulation.virtual_robot import perturbed
+from tests.runtime.monitoring.virtual_units import SPREAD, UNITS, Fleet, statistics_about
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,3 +53,21 @@ def rest_file(rest_of_log: Recording, tmp_path_factory: pytest.TempPathFactory) 
     path = tmp_path_factory.mktemp("rest") / "rest.npz"
     write_recording(rest_of_log, path)
     return path
+
+
+@pytest.fixture(scope="session")
+def fleet_motion(lib: Library, trajectories: tuple[Trajectory, ...]) -> Recording:
+    """The training motion at 25 Hz."""
+    return ideal(lib, trajectories[0], Plant(lib.pi0), rate_hz=25.0)
+
+
+@pytest.fixture(scope="session")
+def fleet(lib: Library, fleet_motion: Recording) -> Fleet:
+    """20 units that differ by 5 % about a type that is 20 % off the URDF."""
+    rng = np.random.default_rng(2)
+    centre = perturbed(lib, lib.pi0, 0.2, rng)
+    pi = tuple(perturbed(lib, centre, SPREAD, rng) for _ in range(UNITS))
+    known = tuple(
+        statistics_about(lib, fleet_motion, each, f"u{k:02d}", rng) for k, each in enumerate(pi)
+    )
+    return Fleet(centre, pi, known, tuple(unit_of(each, lib, each.unit) for each in known))

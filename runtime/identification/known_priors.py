@@ -1,0 +1,54 @@
+"""What the settings and a file of priors know of friction and noise of a log."""
+
+import numpy as np
+
+from runtime.estimators.armature_prior import friction_prior_of
+from runtime.estimators.problem import FrictionPrior, NoiseFloor
+from runtime.identification.settings import Settings
+from runtime.recording import Friction
+
+
+def known_friction(
+    settings: Settings, columns: tuple[str, ...], friction: Friction
+) -> FrictionPrior | None:
+    """Prior of the friction coefficients, of the settings or of a file of priors.
+
+    Args:
+        settings: of the identification.
+        columns: names of the friction columns.
+        friction: friction model, for its widths.
+
+    Returns:
+        The prior; None without one.
+
+    Raises:
+        IdentificationError: the file states armature, and no column is that of rotors, or its
+            friction belongs to another width.
+    """
+    prior = settings.prior
+    if settings.friction_prior is not None or prior is None:
+        return settings.friction_prior
+    known = None if prior.friction is None else prior.friction.of(friction, columns)
+    if prior.armature is None:
+        return known
+    rotors = friction_prior_of(prior.armature, columns)
+    if known is None:
+        return rotors
+    stated = np.isfinite(rotors.sigma)
+    return FrictionPrior(
+        np.where(stated, rotors.mean, known.mean), np.where(stated, rotors.sigma, known.sigma)
+    )
+
+
+def known_noise(settings: Settings, regressor: str) -> NoiseFloor | None:
+    """Least noise of the torque, of a file of priors.
+
+    Args:
+        settings: of the identification.
+        regressor: of the preparation; rows of others than the torque have another noise.
+
+    Returns:
+        The noise; None where it is not known.
+    """
+    prior = settings.prior
+    return prior.noise if prior is not None and regressor == "acceleration" else None

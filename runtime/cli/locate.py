@@ -26,7 +26,7 @@ def locate_command(
 
     \b
     symgen locate panda_gaz
-    cc -O1 -I"$(symgen locate fr3)" main.c "$(symgen locate fr3)/kernels.c" -lm
+    cc -O1 -DQUICK -I"$(symgen locate fr3)" main.c "$(symgen locate fr3)/kernels.c" -lm
     """
     is_robot = NAME.fullmatch(name) and name not in known_names()
     try:

@@ -3,8 +3,9 @@
 import re
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +148,7 @@ def frames(report: Path) -> dict[str, int]:
     return frame_of
 
 
+@cache
 def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
     """The emitter's bounds for a robot of the tests."""
     request = CASES[name].request(name, None) if name in CASES else bundled_request(name)
@@ -185,24 +187,42 @@ def per_level_names() -> dict[str, tuple[str, str]]:
     }
 
 
+@pytest.fixture(scope="module")
+def compiled(robot, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str, str], Path]:
+    """Compile kernels.c and update.c of a robot once per compiler and optimisation.
+
+    The folder has all sources, both objects, and GCC's account of the frames.
+    """
+    folders: dict[tuple[str, str, str], Path] = {}
+
+    def get(tool: str, name: str, optimise: str) -> Path:
+        key = tool, name, optimise
+        if key not in folders:
+            folder = tmp_path_factory.mktemp(f"{name}{tool}{optimise}")
+            for file in robot(name).folder.glob("*.[ch]"):
+                shutil.copy(file, folder)
+            account = ["-fstack-usage"] if tool == "gcc" else []
+            for source in ("kernels.c", "update.c"):
+                compiler_run([tool, "-std=c99", optimise, *account, "-c", source], folder)
+            folders[key] = folder
+        return folders[key]
+
+    return get
+
+
 @pytest.mark.parametrize(
     ("name", "optimise"), [("fr3", "-O0"), *(("gantry", o) for o in ("-O0", "-O1", "-O2"))]
 )
 def test_single_evaluations_stay_below_the_printed_stack(
-    robot, tmp_path: Path, name: str, optimise: str
+    compiled: Callable[[str, str, str], Path], name: str, optimise: str
 ) -> None:
     """Oracle: GCC's frames; without optimisation every value has a place of its own."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not on the PATH")
-    lib = robot(name)
+    folder = compiled("gcc", name, optimise)
     bounds, catalogue = bounds_of(name)
-    for source in ("kernels.c", "reference.c"):
-        shutil.copy(lib.folder / source, tmp_path)
-    shutil.copy(lib.folder / f"{name}.h", tmp_path)
-    command = ["gcc", "-std=c99", optimise, "-fstack-usage", "-c"]
-    compiler_run([*command, "kernels.c"], tmp_path)
-    compiler_run([*command, "reference.c"], tmp_path)
-    one, plain = frames(tmp_path / "kernels.su"), frames(tmp_path / "reference.su")
+    compiler_run(["gcc", "-std=c99", optimise, "-fstack-usage", "-c", "reference.c"], folder)
+    one, plain = frames(folder / "kernels.su"), frames(folder / "reference.su")
     for index, kernel in enumerate(catalogue.kernels):
         below = max((one[f"{name}_{factor}"] for factor in kernel.factors), default=0)
         assert one[f"{name}_{kernel.name}"] + below <= bounds.one[kernel.name], kernel.name
@@ -223,32 +243,22 @@ def test_readme_prints_the_bounds(fr3: Library) -> None:
 # --- the example ----------------------------------------------------------------------------------
 
 
-def linked(
-    tool: str, flags: Sequence[str], main: str, sources: Sequence[str], folder: Path
-) -> None:
-    """Compile sources one by one, as ccache keeps objects, and link a program of them."""
-    for source in sources:
-        compiler_run([tool, *flags, "-c", source], folder)
-    objects = [f"{Path(source).stem}.o" for source in sources]
-    compiler_run([tool, main, *objects, "-lm", "-o", Path(main).stem], folder)
-
-
 @pytest.mark.parametrize("name", ["fr3", "tree", "gantry"])
-def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, name: str) -> None:
+def test_example_prints_what_pinocchio_says(
+    robot, compiled: Callable[[str, str, str], Path], tool: str, name: str
+) -> None:
     """Oracle: Pinocchio at the state that stands in the file, and with one kilogram more."""
     lib = robot(name)
-    for file in ("example.c", "kernels.c", "update.c", f"{name}.h"):
-        shutil.copy(lib.folder / file, tmp_path)
-    compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], tmp_path)
     # The FR3's kernels take 6 s at -O1, which the README's own line and the other robots cover.
-    flags = ["-O0" if name == "fr3" else "-O1"]
-    linked(tool, flags, "example.o", ["kernels.c", "update.c"], tmp_path)
-    text = (tmp_path / "example.c").read_text(encoding="utf-8")
+    folder = compiled(tool, name, "-O0" if name == "fr3" else "-O1")
+    compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], folder)
+    compiler_run([tool, "example.o", "kernels.o", "update.o", "-lm", "-o", "example"], folder)
+    text = (folder / "example.c").read_text(encoding="utf-8")
     state = [
         np.array(re.search(rf" {x}\[JOINTS\] = {{(.*)}};", text)[1].split(", "), dtype=float)
         for x in ("q", "dq", "ddq")
     ]
-    done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
+    done = subprocess.run([str(folder / "example")], capture_output=True, text=True, check=True)
     lines, _, learnt = done.stdout.partition("one sample explains ")
     printed = np.array(re.findall(r"[+-]\d[^\s,]*", lines), dtype=float).reshape(-1, 2)
     # Orthogonal transformations keep the length of the column of tau: rounding alone.
@@ -267,18 +277,21 @@ def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, na
         np.testing.assert_allclose(printed[:, column], wanted, rtol=0, atol=1e-11)
 
 
-def test_online_example_finds_the_heavier_robot(robot, tmp_path: Path, tool: str) -> None:
+def test_online_example_finds_the_heavier_robot(
+    compiled: Callable[[str, str, str], Path], tool: str
+) -> None:
     """Oracle: the truth that stands in the file, a tenth heavier."""
-    lib = robot("gantry")
-    for file in lib.folder.glob("*.[ch]"):
-        shutil.copy(file, tmp_path)
-    sources = ("online.c", "kernels.c", "update.c", "convex.c", "tiles.c")
+    folder = compiled(tool, "gantry", "-O1")
     strict = (*STRICT, "-pedantic", "-O1", "-c", "example_online.c", "-DLEVEL=portable")
-    compiler_run([tool, *strict], tmp_path)
+    compiler_run([tool, *strict], folder)
     level = ("-DLEVEL=portable", "-DW=1", "-O1", "-ffp-contract=fast")
-    linked(tool, level, "example_online.o", sources, tmp_path)
+    for source in ("online.c", "convex.c", "tiles.c"):  # one by one, as ccache keeps objects
+        compiler_run([tool, *level, "-c", source], folder)
+    names = ("example_online", "online", "kernels", "update", "convex", "tiles")
+    objects = [f"{name}.o" for name in names]
+    compiler_run([tool, *objects, "-lm", "-o", "example_online"], folder)
     done = subprocess.run(
-        [str(tmp_path / "example_online")], capture_output=True, text=True, check=True
+        [str(folder / "example_online")], capture_output=True, text=True, check=True
     )
     (line,) = done.stdout.splitlines()
     # A ripple of 0.02 N m that 2000 samples average; the guess errs by 4 N m.

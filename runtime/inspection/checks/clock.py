@@ -28,6 +28,8 @@ samples."""
 BETTER = 0.7
 """Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, below which the rebuilt
 clock is proposed."""
+COUNTABLE = 0.15
+"""Misfit of Δq = v Δt on the rebuilt clock, below which its ticks are certain enough to count."""
 BRIDGED_S = 0.06
 """Longest gap that is interpolated where rows are left out [s]: single rows, not bursts."""
 _GAP_STEPS = 10.0
@@ -92,7 +94,7 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
     )
     if not findings:
         preparation, findings = _lost(recording, preparation)
-    elif "skipped_ticks" in findings[0].evidence:
+    elif _is_countable(findings[0].evidence):
         evidence = findings[0].evidence
         findings += lost_beside_repeats(recording, evidence["count"], evidence["skipped_ticks"])
     constant = plan.time is None or plan.time.rate_hz is not None
@@ -155,6 +157,11 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
         rate = None if ticking else _nice_rate(1.0 / median)
         preparation = replace(preparation, max_gap_s=float(f"{gap:.3g}"), grid_hz=rate)
     return plan.replace(preparation=preparation), findings
+
+
+def _is_countable(evidence: dict) -> bool:
+    """Whether a rebuilt clock is proposed that fits well enough for its ticks to be counted."""
+    return "skipped_ticks" in evidence and evidence["misfit_rebuilt"] < COUNTABLE
 
 
 def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:

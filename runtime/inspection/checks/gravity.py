@@ -27,8 +27,8 @@ ALIKE = 1.3
 """Residual of another sign over the best one, below which the data do not decide."""
 FEW = 250
 """Rows of the consistent fits; more do not change the decision."""
-UNEXPLAINED = 0.1
-"""Residual over torque from which on another direction is considered."""
+UNEXPLAINED = 0.02
+"""Residual over torque from which on another direction is considered: a tilt of 2°."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 
 

@@ -20,9 +20,11 @@ from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, WARNING, Finding
 from runtime.library import Array, Library
 
-TILTED, UNEXPLAINED = 0.6, 0.1
-"""Residual with fitted gravity over that with the model's direction, and residual over torque, from
-which on another direction is reported."""
+TILTED, SLIGHTLY = 0.6, 0.4
+"""Residual with fitted gravity over that with the model's direction, below which another direction
+is reported: where much of the torque is unexplained, and where little is."""
+UNEXPLAINED, LITTLE = 0.1, 0.02
+"""Residual over torque of the two cases. A tilt by the angle a leaves about a / 2."""
 FEW = 250
 """Rows of the fits; more do not change the direction."""
 AXIS = np.cos(np.radians(12.0))
@@ -61,11 +63,11 @@ def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
     size = float(np.linalg.norm(lib.gravity)) or G
     present = lib.gravity / size if lib.gravity.any() else np.array([0.0, 0.0, -1.0])
     along = fit.residual(present)
-    if along < UNEXPLAINED:
+    if along < LITTLE:
         return []
     best = fit.minimum()
     left = fit.residual(best)
-    if left > TILTED * along:
+    if left > (SLIGHTLY if along < UNEXPLAINED else TILTED) * along:
         return []
     falls = lib.inverse_dynamics(few.q, still, still, lib.pi0).ravel()
     vector = size * best * fit.sign(best, present, falls)
@@ -98,9 +100,10 @@ def _finding(
     """The finding of a fitted gravity vector."""
     along, left = residuals
     k = int(np.argmax(np.abs(vector)))
-    exact = abs(vector[k]) > AXIS * size
-    name = f"{'-' if vector[k] < 0 else ''}{'xyz'[k]}"
     axis = size * np.sign(vector[k]) * np.eye(3)[k]
+    # Near the model's own axis it is a tilt of some degrees, not another mount.
+    exact = abs(vector[k]) > AXIS * size and bool(axis @ lib.gravity < AXIS * size**2)
+    name = f"{'-' if vector[k] < 0 else ''}{'xyz'[k]}"
     fitted = np.round(vector, 2)
     cause = (
         f"the arm is mounted on a wall or turned; build it so: {build_command(lib, 'wall', axis)}, "

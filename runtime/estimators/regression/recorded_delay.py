@@ -17,6 +17,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.interpolation import interpolate
 
 ROWS = 900
 """Number of rows of the profile: some hundred of them are independent."""
@@ -104,8 +105,7 @@ def recorded_delay(
     tau = whole.required("tau")
 
     def torque(delay: float) -> Array:
-        moved = [np.interp(t[rows] + delay, t, row) for row in tau.T]
-        return np.stack(moved, axis=1) - model
+        return interpolate(t[rows] + delay, t, tau) - model
 
     return RecordedDelay(delay_profile(columns, torque, delays), sign_of_delay(recording))
 

@@ -15,6 +15,7 @@ from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Recipe
+from runtime.recording.preprocessing.interpolation import interpolate
 
 LONGEST, SHARE = 1.0, 0.1
 """Largest delay that is searched [s], and its largest share of the duration."""
@@ -136,8 +137,7 @@ class _Search:
         self._weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
 
     def _rest(self, shift: float) -> Array:
-        at = self._t + shift
-        moved = np.stack([np.interp(at, self._whole.t, row) for row in self._tau.T], axis=1)
+        moved = interpolate(self._t + shift, self._whole.t, self._tau)
         rest = moved * self._keep
         for block, basis in self._bases:
             target = rest[:, block].ravel()

@@ -4,7 +4,7 @@ The check of the package xacro reads the names of the outermost code only, and $
 built-in function; both let a robot file run programs. Here an attribute is read by `attribute`, at
 run time: an entry of a name space or of a YAML table, or a method of a number, text, list or table.
 No name begins with two underscores, `str.format` (it reads attributes) is left out, `type` answers
-for plain data, and `vars` is missing.
+for plain data, and `vars` is missing. A power of whole numbers is bounded (`power`).
 """
 
 import ast
@@ -17,7 +17,9 @@ _METHODS = {
     for kind in _PLAIN
 }
 _REFUSED = (ast.NamedExpr, ast.Await, ast.Yield, ast.YieldFrom)
-_ATTRIBUTE = "__attribute__"
+_ATTRIBUTE, _POWER = "__attribute__", "__power__"
+MOST_BITS = 4096
+"""Length of a power of whole numbers; a float ends at 2¹⁰²⁴."""
 
 
 def plain_type(value: Any) -> type:
@@ -69,8 +71,8 @@ def evaluate(
         for name in _names_of(node):
             if name.startswith("__"):
                 raise ValueError(f"'{name}': names with two underscores are not for expressions")
-    code = compile(ast.fix_missing_locations(_Attributes().visit(tree)), "<expression>", "eval")
-    names.update({"__builtins__": {_ATTRIBUTE: attribute}})
+    code = compile(ast.fix_missing_locations(_Guards().visit(tree)), "<expression>", "eval")
+    names.update({"__builtins__": {_ATTRIBUTE: attribute, _POWER: power}})
     return eval(code, names, local)  # type: ignore[arg-type]  # noqa: S307  checked above
 
 
@@ -84,13 +86,43 @@ def _names_of(node: ast.AST) -> tuple[str, ...]:
     return ()
 
 
-class _Attributes(ast.NodeTransformer):
-    """value.name → attribute(value, "name")."""
+class _Guards(ast.NodeTransformer):
+    """value.name → attribute(value, "name"), and a ** b → power(a, b)."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Pow):
+            return node
+        name = ast.Name(_POWER, ast.Load())
+        return ast.copy_location(ast.Call(name, [node.left, node.right], []), node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         value: ast.expr = self.visit(node.value)
         name = ast.Name(_ATTRIBUTE, ast.Load())
         return ast.copy_location(ast.Call(name, [value, ast.Constant(node.attr)], []), node)
+
+
+def power(base: Any, exponent: Any) -> Any:
+    """Return base ** exponent.
+
+    Args:
+        base: a number.
+        exponent: a number.
+
+    Returns:
+        The power.
+
+    Raises:
+        ValueError: both are whole numbers, and the power has more than `MOST_BITS` bits.
+    """
+    if isinstance(base, int) and isinstance(exponent, int):
+        bits = base.bit_length() * exponent
+        if bits > MOST_BITS and base not in {-1, 1}:
+            raise ValueError(
+                f"expected a power of at most {MOST_BITS} bits, got one of up to "
+                f"{float(min(bits, 10**300)):.3g}; write it as a float"
+            )
+    return base**exponent
 
 
 def attribute(value: Any, name: str) -> Any:

@@ -258,7 +258,7 @@ def _best_mass(vertical: VerticalForce) -> float:
 
 
 _RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "URDF %",
-             "median |Δβᵢ|/|βᵢ| %", "consistent %",
+             "single βᵢ, median %", "consistent %",
              "total mass in its 95 % interval, %", "torques within limits, %")  # fmt: skip
 _WALK = ("low-pass Hz", "URDF %", "identified %", "URDF of the best mass %", "best constant %",
          "mass kg", "95 % interval")  # fmt: skip

@@ -23,7 +23,11 @@ from runtime.recording.friction import default_terms
 
 
 def drive_request(
-    recording: Recording, delay: str | None, bias: bool | None, method: str
+    recording: Recording,
+    delay: str | None,
+    bias: bool | None,
+    method: str,
+    tied: tuple[str, ...] = (),
 ) -> DriveRequest | None:
     """What is estimated of the drives.
 
@@ -32,6 +36,7 @@ def drive_request(
         delay: value of --delay.
         bias: value of --encoder-bias.
         method: name of the estimator.
+        tied: values of --symmetric with --tie.
 
     Returns:
         The request; None where the torque is measured and nothing is estimated, or the estimator
@@ -42,7 +47,7 @@ def drive_request(
     wanted = bias if bias is not None else commanded and estimated
     if not (estimated or wanted or (commanded and method == "map")):
         return None
-    return DriveRequest(delay=estimated, per_joint=delay == PER_JOINT, bias=wanted)
+    return DriveRequest(estimated, delay == PER_JOINT, wanted, tied)
 
 
 def with_mirrored_links(

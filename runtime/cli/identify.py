@@ -197,11 +197,11 @@ def identify_command(
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
-    known = _prior(prior, lib)
-    if symmetric or tie:
+    known, sides = _prior(prior, lib), tuple(symmetric or ())
+    if sides or tie:
         from runtime.cli.drive import with_mirrored_links
 
-        known = with_mirrored_links(known, lib, tuple(symmetric or ()), tie)  # or refused here
+        known = with_mirrored_links(known, lib, sides, tie)  # or refused here
     settings = settings_for(
         lib,
         Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust, refit=refit),
@@ -245,12 +245,12 @@ def identify_command(
             friction_columns=terms_of(data, method, friction or coulomb_speed),
             controller=_controller(controller, lib),
         ),
-        drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
+        drive_request(data.recording, delay, encoder_bias, chosen, sides if tie else ()),
     )
-    if symmetric:
+    if sides:
         from runtime.identification.drive.symmetry import with_sides
 
-        result = with_sides(result, tuple(symmetric))
+        result = with_sides(result, sides)
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, outputs)
 
@@ -311,9 +311,9 @@ def _with_progress(
             progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
         if drives is not None:
-            from runtime.identification.drive.estimate import identify_drive
+            from runtime.identification.drive.tied_drives import identify_drives
 
-            return identify_drive(recording, lib, settings, drives, progress=report)
+            return identify_drives(recording, lib, settings, drives, progress=report)
         from runtime.identification.single_log import identify
 
         return identify(recording, lib, settings, progress=report)

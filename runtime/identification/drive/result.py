@@ -37,11 +37,13 @@ class DriveRequest:
         delay: whether a delay is estimated.
         per_joint: one delay per joint instead of one for the log.
         bias: whether the encoder biases are estimated.
+        tied: "left:right" parts of names of joints whose drives are tied, see `tied_drives`.
     """
 
     delay: bool = False
     per_joint: bool = False
     bias: bool = False
+    tied: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

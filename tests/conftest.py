@@ -96,6 +96,12 @@ def _zig_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _no_objects_of_other_builds() -> None:
+    """Builds of tests compile what they ask for; tests of the cache name a folder of their own."""
+    os.environ["SYMGEN_OBJECTS"] = "off"
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _no_wait_for_the_disk() -> Iterator[None]:
     """No test pulls the plug: the order of writing is tested, not the disk behind it."""
     with pytest.MonkeyPatch.context() as patch:

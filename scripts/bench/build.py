@@ -125,7 +125,11 @@ def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) ->
 def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
     path = os.pathsep.join((str(_ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
-    environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
+    environment = os.environ | {
+        "CC": shlex.join(compiler),
+        "PYTHONPATH": path,
+        "SYMGEN_OBJECTS": "off",
+    }
     command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
     command += [word for level in levels for word in ("--level", level)]
     start = time.perf_counter()

@@ -92,7 +92,8 @@ def _build(folder: Path) -> Row:
     text = (_ROOT / "symgen/robots/fr3.urdf").read_text(encoding="utf-8")
     (folder / "arm.urdf").write_text(text.replace('name="fr3"', 'name="arm"', 1), encoding="utf-8")
     words = ("build", "--urdf", "arm.urdf", "--name", "arm", "--snap", "1e-9")
-    place = {"CCACHE_DISABLE": "1", "SYMGEN_BUILDS": str(folder / "builds")}
+    builds = str(folder / "builds")
+    place = {"CCACHE_DISABLE": "1", "SYMGEN_BUILDS": builds, "SYMGEN_OBJECTS": "off"}
     (folder / "builds").mkdir(mode=0o700)
     seconds = _cpu(folder, ("-m", "symgen", *words, "--out", str(folder / "generated")), place)
     shutil.rmtree(folder / "generated")

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from symgen.build.compile_recipe import (
     FLAGS,
@@ -23,6 +23,9 @@ from symgen.build.compile_recipe import (
     how_to_compile,
 )
 from symgen.errors import CompilerError
+
+if TYPE_CHECKING:
+    from symgen.build.objects import Objects
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,13 +101,20 @@ class Compilation:
         folder: where the sources are or will be, and where objects are written.
         how: from `how_to_compile`.
         wanted: as in `compile_library`.
+        objects: what earlier builds have compiled; None compiles all.
 
     Raises:
         CompilerError: no compiler, or an unsupported level is requested.
     """
 
-    def __init__(self, folder: Path, how: dict[str, Any], wanted: Sequence[str] = ()) -> None:
-        self._folder, self._compiler = folder, find_compiler()
+    def __init__(
+        self,
+        folder: Path,
+        how: dict[str, Any],
+        wanted: Sequence[str] = (),
+        objects: "Objects | None" = None,
+    ) -> None:
+        self._folder, self._compiler, self._objects = folder, find_compiler(), objects
         _require_levels(wanted)
         self._units: dict[str, list[tuple[str, list[str]]]] = {}
         has_better = False  # levels are listed from the best on
@@ -142,7 +152,16 @@ class Compilation:
         for unit, flags in self._units.get(name, []):
             command = (*self._compiler, *FLAGS, *flags, "-c", name, "-o", unit)
             if command not in self._running:
-                self._running[command] = self._pool.submit(_run, command, self._folder)
+                self._running[command] = self._pool.submit(self._compile, command)
+
+    def _compile(self, command: tuple[str, ...]) -> None:
+        source, unit = (self._folder / command[at] for at in (-3, -1))
+        flags = command[len(self._compiler) : -4]
+        if self._objects is None:
+            _run(command, self._folder)
+        elif not self._objects.restore(source, flags, unit):
+            _run(command, self._folder)
+            self._objects.keep(source, flags, unit)
 
     def finish(self, names: Sequence[str], target: Path) -> Compiled:
         """Compile the remaining files, the longest first, and link them.

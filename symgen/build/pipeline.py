@@ -20,11 +20,12 @@ from typing import Any
 
 from symgen import __version__
 from symgen.build.compile_recipe import how_to_compile
-from symgen.build.compiler import Compilation, Compiled, sha256_of
+from symgen.build.compiler import Compilation, Compiled, find_compiler, sha256_of
 from symgen.build.exchange import replace_folder, require_no_foreign_file
 from symgen.build.expected_cost import ExpectedCost, expected_cost
 from symgen.build.facts import initial_parameters, model_facts
 from symgen.build.notes import notes_of
+from symgen.build.objects import Objects
 from symgen.build.request import BuildRequest
 from symgen.build.user_builds import is_recorded, record_build
 from symgen.catalogue import make_catalogue
@@ -186,7 +187,8 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
     Returns:
         SHA-256 of the library.
     """
-    with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
+    objects = Objects(request.name, find_compiler())
+    with Compilation(staging, how_to_compile(*_KINDS), levels, objects) as compilation:
         started = set[str]()  # not written again: the compiler may be reading them
 
         def early(name: str, text: str) -> None:
@@ -197,6 +199,7 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
         files = _emitted(request, draft, early).files
         _write_files(staging, {name: files[name] for name in files if name not in started})
         compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
+    objects.prune()
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),

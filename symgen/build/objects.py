@@ -1,10 +1,10 @@
 """Objects that the compiler made before, by content, for builds of this user.
 
 <folder>/<key>.o, key = SHA-256 of the compiler, the flags, and the text of a source and of its
-headers without comments, the prefix of the robot and the hash of its model. A build compiles only what
-no other one has. A robot whose limits or bodies have changed needs nothing; another robot needs
-all but the programs that know only sizes. In an object that another robot left, `objcopy` renames
-the symbols, and the hash of the model, 64 characters, is replaced.
+headers without comments, the prefix of the robot and the hash of its model. A build compiles only
+what no other one has. A robot whose limits or bodies have changed needs nothing; another robot
+needs all but the programs that know only sizes. In an object that another robot left, `objcopy`
+renames the symbols, and the hash of the model, 64 characters, is replaced.
 
 The folder is $SYMGEN_OBJECTS, else `objects` in $SYMGEN_CACHE or in the user's cache folder;
 SYMGEN_OBJECTS=off compiles all. An object whose digest differs, or that others can write, does not

@@ -162,7 +162,7 @@ def _with_headers(source: Path) -> str:
 
 def _rename(unit: Path, old: str, new: str) -> None:
     """Give all symbols of a robot in an object the prefix of another."""
-    nm, objcopy = _found("nm"), _found("objcopy")
+    nm, objcopy = _path_of("nm"), _path_of("objcopy")
     listed = subprocess.run([nm, str(unit)], capture_output=True, text=True, check=True).stdout
     names = sorted({line.split()[-1] for line in listed.splitlines()})
     renamed = {name: new + name.removeprefix(old) for name in names if name.startswith(f"{old}_")}
@@ -175,7 +175,7 @@ def _rename(unit: Path, old: str, new: str) -> None:
         table.unlink()
 
 
-def _found(tool: str) -> str:
+def _path_of(tool: str) -> str:
     path = shutil.which(tool)
     if path is None:
         raise FileNotFoundError(tool)

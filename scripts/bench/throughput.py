@@ -15,8 +15,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
+from bench import single
 from bench.batch import make_batch
 from bench.compiled import find
 from bench.markdown import markdown_table
@@ -103,9 +105,21 @@ def measure(lib: Library, seconds: float) -> list[Rate]:
         present = [one for one in each if one is not None]
         what = f"τ of {lib.name}, {lib.level}, {label}"
         rows.append(Rate(what, "double", _rate(present, seconds), f"{count} threads"))
+    rows.append(_single(lib, seconds, count))
     for precision in ("double", "single"):
         rows.append(_frax(precision, seconds))
     return [*rows, *(Rate(*facts) for facts in PUBLISHED)]
+
+
+def _single(lib: Library, seconds: float, count: int) -> Rate:
+    """Rate of the same kernel compiled with `float`; the remark states its rounding."""
+    batches = [make_batch(lib, SAMPLES, seed=k) for k in range(count)]
+    each = [single.contender(lib, find(("gcc", "cc")), batch) for batch in batches]
+    rate, first = _rate(each, seconds), batches[0]
+    tau = lib.base_inverse_dynamics(first.q, first.dq, first.ddq, first.beta)
+    error = float(np.abs(each[0].answer() - tau).max() / np.abs(tau).max())
+    remark = f"{count} threads; the generated C compiled with float, within {error:.0e} of double"
+    return Rate(f"τ of {lib.name}, {lib.level}, sines stored", "single", rate, remark)
 
 
 def _rate(contenders: list[Contender], seconds: float) -> float:

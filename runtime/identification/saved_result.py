@@ -15,9 +15,10 @@ from runtime.errors import RecordingError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS
+from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
 from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
+from runtime.recording.notebook import Framed, html_table
 
 LARGEST = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
@@ -46,7 +47,7 @@ class ModelOfResult:
 
 
 @dataclass(frozen=True, slots=True)
-class SavedResult:
+class SavedResult(Framed):
     """Parameters and friction of a result.json, with the preparation of its log.
 
     Attributes:
@@ -76,6 +77,55 @@ class SavedResult:
     preparation: Preparation
     model: ModelOfResult | None
     facts: dict[str, Any] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """Torque errors and bodies of the links, as tables for notebooks."""
+        percent, rms = self.facts.get("torque_error_percent"), self.facts.get("torque_rms")
+        torque = [
+            (name, _number(old, ".2f"), _number(new, ".2f"), f"{_number(size, '.4f')} {unit}")
+            for name, unit, old, new, size in (
+                zip(
+                    *(self.joints, self.units, percent["before"], percent["after"], rms["after"]),
+                    strict=True,
+                )
+                if percent and rms
+                else ()
+            )
+        ]
+        bodies = [
+            (name, f"{m:.4f}", ", ".join(f"{x:.4f}" for x in h / m) if m else "–")
+            for name, m, h in zip(
+                self._link_names(), mass(links(self.pi)), first_moment(links(self.pi)), strict=True
+            )
+        ]
+        title = f"{self.robot} by {self.method}: {self.facts.get('status', 'no result.json')}"
+        head = ("joint", "error of URDF [%]", "error [%]", "RMS error")
+        errors = html_table(title, torque, head)
+        return errors + html_table("links", bodies, ("link", "mass [kg]", "centre of mass [m]"))
+
+    def columns_of_frame(self) -> dict[str, list[Any]]:
+        """Link, parameter, value and σ [SI], one row per entry of π."""
+        rows = [(link, name) for link in self._link_names() for name in PI_NAMES]
+        columns: dict[str, list[Any]] = {
+            "link": [link for link, _ in rows],
+            "parameter": [name for _, name in rows],
+            "value": self.pi.tolist(),
+        }
+        sigma = (self.facts.get("uncertainty") or {}).get("pi_sigma")
+        if sigma is not None:
+            columns["sigma"] = list(sigma)
+        return columns
+
+    def _link_names(self) -> list[str]:
+        """Names of the bodies of π, by their number where the file has none."""
+        names = [str(each["name"]) for each in self.facts.get("links", ())]
+        count = len(self.pi) // N_PARAMETERS
+        return names if len(names) == count else [f"body {k + 1}" for k in range(count)]
+
+
+def _number(value: float | None, form: str) -> str:
+    """A number of the file; a dash where it has none."""
+    return "–" if value is None else format(value, form)
 
 
 def model_facts(lib: Library) -> dict[str, Any]:

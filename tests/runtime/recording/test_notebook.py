@@ -3,14 +3,18 @@
 import dataclasses
 import sys
 import types
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from runtime import Identification, Recording, identify_payload
+from runtime.campaign.guard_model import urdf_model
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison import compare
 from runtime.identification.problem_setup import assemble
+from runtime.identification.result_file import write_result
+from runtime.identification.saved_result import read_result
 from runtime.inspection import Finding, Inspection
 from runtime.library import Library
 from runtime.recording import Friction, Recipe
@@ -84,3 +88,22 @@ def test_results_convert_to_data_frames(package, noisy, panda_adam, monkeypatch)
     assert {len(values) for values in bodies.values()} == {70}
     assert bodies["value"] == panda_adam.pi.tolist()
     assert bodies["parameter"][:2] == ["m", "mX"]
+
+
+def test_a_result_that_is_read_again_shows_and_converts_itself(
+    panda_adam: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: result.json shows the errors and bodies of the result, and the same frame."""
+    write_result(panda_adam, tmp_path, "identify")
+    saved = read_result(tmp_path)
+    text, first = shown(saved).text, shown(panda_adam).text
+    assert f"fr3 by adam: {panda_adam.status}" in text
+    numbers = {f"{m:.4f}" for m in panda_adam.pi[::10]} | set(panda_adam.lib.link_names)
+    assert all(each in text and each in first for each in numbers)
+    monkeypatch.setitem(sys.modules, "polars", types.SimpleNamespace(DataFrame=dict))
+    table, whole = saved.to_polars(), panda_adam.to_polars()
+    assert table["value"] == whole["value"]
+    assert table["link"] == whole["link"]
+    assert ("sigma" in table) == ("sigma" in whole)
+    bare = shown(urdf_model(panda_adam.lib))
+    assert "body 7" in bare.text

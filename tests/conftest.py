@@ -5,9 +5,11 @@ repository. Tests that need it are skipped with a reason where it is absent.
 """
 
 import gc
+import importlib
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -56,6 +58,24 @@ FIRST = (
 """Files of a dozen seconds and more, roughly from the longest on."""
 
 
+def pytest_collection(session: pytest.Session) -> None:
+    """A worker imports its share of the test files first, and the others' as these compiled them.
+
+    Rewriting the assertions of all files takes 5 s of CPU, and all workers need the same ones.
+    """
+    gc.disable()  # modules and tests stay: passing over them again takes a fifth of the collection
+    worker = getattr(session.config, "workerinput", None)
+    if worker is None or session.config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    names = sorted(
+        ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
+        for path in Path(__file__).parent.rglob("test_*.py")
+    )
+    for name in names[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
+        with suppress(Exception, pytest.skip.Exception):  # pytest imports it again and reports it
+            importlib.import_module(name)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files first: of several workers none is left alone with one at the end."""
     place = {Path(__file__).parent / name: k for k, name in enumerate(FIRST)}
@@ -66,6 +86,7 @@ def pytest_collection_finish() -> None:
     """Modules and tests stay to the end: the collector of cycles need not pass over them again."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 # Derandomised: the same commit passes or fails the same way everywhere.

@@ -44,15 +44,17 @@ def identifiers(tree: ast.Module) -> Iterator[tuple[str, int]]:
             yield node.asname or node.name, node.lineno
 
 
+@cache
 def chosen_here(identifier: str) -> bool:
     """False for names that Python gives, such as FileNotFoundError."""
     return not hasattr(builtins, identifier)
 
 
-def words_of(identifier: str) -> set[str]:
+@cache
+def words_of(identifier: str) -> frozenset[str]:
     """Words of snake_case and of CamelCase, in lower case."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", identifier)
-    return {word.lower() for word in re.split(r"[_.]", parted) if word}
+    return frozenset(word.lower() for word in re.split(r"[_.]", parted) if word)
 
 
 def public_functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:

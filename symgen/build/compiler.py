@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -223,8 +224,19 @@ def _spelled(flag: str, compiler: tuple[str, ...]) -> str:
 
 def _accepts(compiler: tuple[str, ...], flags: Sequence[str]) -> bool:
     """True if the compiler supports all these flags."""
+    return not flags or _probed(compiler, tuple(flags), *_identity(compiler))
+
+
+def _identity(compiler: tuple[str, ...]) -> tuple[str, float]:
+    """The program behind a command and its date: a new one has its own answers."""
+    path = shutil.which(compiler[0]) or compiler[0]
+    return path, os.stat(path).st_mtime if os.path.exists(path) else 0.0
+
+
+@cache
+def _probed(compiler: tuple[str, ...], flags: tuple[str, ...], *_: object) -> bool:
     probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
-    return not flags or subprocess.run(probe, capture_output=True, check=False).returncode == 0
+    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
 
 
 def accepts_level(compiler: tuple[str, ...], level: str) -> bool:

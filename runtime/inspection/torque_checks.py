@@ -76,8 +76,11 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
         if not lib.placeholders:
-            checks.run(lambda r, p: drives.delay(r, lib, p))
-            checks.findings += drives.rotor(checks.recording, lib, checks.plan)
+            terms = drives.friction_of(checks.recording, lib, checks.plan)
+            checks.run(lambda r, p: drives.delay(r, lib, p, terms))
+            checks.findings += drives.rotor(checks.recording, lib, checks.plan, terms)
+            if checks.plan.friction is None:
+                checks.plan = checks.plan.replace(friction=terms)
         checks.findings += _placeholders(lib)
         usual = drives.filtered(checks.recording, checks.plan.preparation)
         if checks.plan.preparation.filter == "none":

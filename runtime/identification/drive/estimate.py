@@ -13,10 +13,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method
+from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.current_gains.scaling import with_current_gains
-from runtime.identification.drive.dry_friction_choice import with_dry_friction
 from runtime.identification.drive.feedback import FEEDBACK, feedback_torque
 from runtime.identification.drive.linearised import LinearisedDrive, linearised, torque_rate
 from runtime.identification.drive.result import DriveFit, DriveRequest

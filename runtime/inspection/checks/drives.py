@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import filtered, recorded_delay
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.inspection.checks.torque_rows import least_squares
@@ -55,7 +56,29 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
     ]
 
 
-def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
+    """Friction columns of the drives: those of the recipe with rotors, else as `identify` chooses.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot.
+        plan: recipe so far.
+
+    Returns:
+        The columns.
+
+    Raises:
+        RuntimeFault: the recording cannot be prepared.
+    """
+    written = plan.friction
+    if written is not None and ROTOR.name in written.columns:
+        return written
+    return with_dry_friction(recording, lib, plan.preparation, Friction(DRIVE), late=True)[0]
+
+
+def delay(
+    recording: Recording, lib: Library, plan: Recipe, terms: Friction
+) -> tuple[Recipe, list[Finding]]:
     """Delay of a commanded torque behind its stamp (trap 2).
 
     Measured: profile of the loss over the delay, with the links of the URDF and free drives.
@@ -64,6 +87,7 @@ def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, lis
         recording: in SI units and the order of the model.
         lib: library of the robot.
         plan: recipe so far.
+        terms: friction columns of the drives.
 
     Returns:
         The recipe with the delay, and "delay" with profile and interval; without a value where
@@ -72,7 +96,7 @@ def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, lis
     Raises:
         RuntimeFault: the recording cannot be prepared, or is too short.
     """
-    seen = recorded_delay(recording, lib, plan.preparation, Friction(DRIVE))
+    seen = recorded_delay(recording, lib, plan.preparation, terms)
     profile, value = seen.profile, seen.delay_s
     low, high = seen.interval_s
     evidence: dict[str, Any] = {
@@ -124,7 +148,7 @@ class _Shares:
     armature: Array
 
 
-def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
+def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> list[Finding]:
     """Rotors and friction that take most of the torque.
 
     Measured: share of the torque that the links of the URDF leave, alone, with friction and with
@@ -134,6 +158,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
         recording: in SI units and the order of the model.
         lib: library of the robot.
         plan: recipe, with the delay.
+        terms: friction columns that are proposed.
 
     Returns:
         "rotor" where the links leave more than `DOMINANT` and the drives explain `REMOVED` of it.
@@ -157,7 +182,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
     sentence += (
         "the recipe has the column rotor"
         if handled
-        else f"use the friction columns {', '.join(DRIVE)}"
+        else f"use the friction columns {', '.join(terms.columns)}"
     )
     if strong:
         sentence += f"; first rotor inertias {proposals} kg·m²"

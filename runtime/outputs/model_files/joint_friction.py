@@ -12,6 +12,7 @@ from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.recording.friction import COLUMNS
+from runtime.recording.friction.columns import DAHL
 
 Values = tuple[float | None, ...]
 """One per joint; None where it is unknown, or negative and would drive the joint."""
@@ -93,10 +94,10 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
     if others:
         notes.append(f"friction columns without a counterpart here, omitted: {', '.join(others)}")
     if values["friction"] != unknown:
-        notes.append(
-            "dry friction was identified as a smooth function of the velocity "
-            f"(tanh(dq / {terms.coulomb_speed:.3g})); simulators use it for stiction as well"
-        )
+        kind = f"as a smooth function of the velocity (tanh(dq / {terms.coulomb_speed:.3g}))"
+        if DAHL.name in terms.columns:
+            kind = f"with a memory of {terms.dahl_stroke:.3g} rad or m of travel"
+        notes.append(f"dry friction was identified {kind}; simulators use it for stiction as well")
     return JointFriction(
         **values,
         notes=tuple(notes),

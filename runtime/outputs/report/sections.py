@@ -16,6 +16,7 @@ from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.sides import sides_section
 from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
+from runtime.recording.friction.columns import DAHL
 
 NOTHING = "–"
 
@@ -211,12 +212,14 @@ def _friction(result: Result) -> Section | None:
         for joint, values in zip(result.joints, friction.values, strict=True)
     )
     coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
+    sign = f" The smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
+    if DAHL.name in friction.columns:
+        sign = " After a reversal dahl goes from −1 to 1 within a short travel."
     motors = " Columns motor_… belong to motors; a motor acts on all joints that it drives."
     return Section(
         "Friction",
-        "Coefficients in the unit of the joint torque, viscous coefficients per rad/s (m/s). The "
-        f"smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
-        f"{motors if coupled else ''}",
+        "Coefficients in the unit of the joint torque, viscous coefficients per rad/s (m/s)."
+        f"{sign}{motors if coupled else ''}",
         ReportTable(("joint", *map(_unit, friction.columns)), rows),
     )
 

@@ -10,9 +10,11 @@ from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.settings import Settings
 from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
-from runtime.library import Library
-from runtime.recording import Preparation, Recording, load_recipe, read_recording
-from tests.runtime.servo_logs import random_servo, servo_arrays
+from runtime.inspection.checks.drives import friction_of
+from runtime.library import Library, load
+from runtime.recording import Friction, Preparation, Recording, load_recipe, read_recording
+from runtime.recording.friction import DRIVE, JointMotion, columns
+from tests.runtime.servo_logs import KP, random_servo, servo_arrays
 
 
 def written(arrays: dict[str, np.ndarray], folder: Path) -> Path:
@@ -111,3 +113,27 @@ def test_a_measured_torque_has_a_delay_as_information(
     low, high = delay.evidence["interval_s"]
     assert low < high
     assert "measured torque" in delay.sentence
+
+
+def test_the_recipe_has_the_friction_that_identify_chooses(
+    tiny_built: Path, tmp_path: Path
+) -> None:
+    """Property: a memory of the friction is proposed with its stroke, within a step of those tried;
+    columns of a given recipe stay.
+    """
+    lib, stroke = load(tiny_built), 2e-3
+    rng = np.random.default_rng(0)
+    servo = replace(random_servo(lib, rng), delay=np.zeros(1), bias=np.zeros(1), pi=lib.pi0)
+    arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
+    motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
+    kept = columns(motion, Friction(("dahl",), dahl_stroke=stroke))
+    kept -= columns(motion, Friction(("coulomb",)))
+    arrays["q_des"] = arrays["q_des"] + servo.phi[:, 1] * kept[..., 0] / KP
+    inspection = inspect_log(written(arrays, tmp_path), lib)
+    chosen = inspection.plan.friction
+    assert chosen is not None
+    assert chosen.columns == ("viscous", "dahl", "offset", "rotor")
+    assert np.sqrt(0.5) < chosen.dahl_stroke / stroke < np.sqrt(2.0)
+    log = read_recording(tmp_path / "servo.npz")
+    plan = inspection.plan.replace(friction=Friction(DRIVE))
+    assert friction_of(log, lib, plan) == Friction(DRIVE)

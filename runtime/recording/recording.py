@@ -73,6 +73,7 @@ class Recording(Framed):
     torque_source: str = "measured"
     law: ControlLaw | None = None
     gains: CurrentGains | None = None
+    _rate: list[float] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._check_signals()
@@ -190,7 +191,9 @@ class Recording(Framed):
         """Inverse of the median time step [Hz]."""
         if len(self) < 2:
             raise RecordingError("expected two samples or more, got one; a rate needs a step")
-        return float(1.0 / np.median(np.diff(self.t)))
+        if not self._rate:  # kept, also by copies with the same clock
+            self._rate.append(float(1.0 / np.median(np.diff(self.t))))
+        return self._rate[0]
 
     def titled(self) -> tuple[list[str], FloatArray]:
         """Titles t, q1 … qn, … of all signals that are present, and their columns (N, m)."""

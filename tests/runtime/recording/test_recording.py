@@ -155,3 +155,12 @@ def test_a_clock_is_checked_once(monkeypatch):
     with pytest.raises(RecordingError, match="expected time that increases"):
         two.replace(t=np.zeros(5))
     assert len(checks) == 1
+
+
+def test_the_rate_is_that_of_the_present_clock():
+    """Property: copies share the rate of their clock, and a new clock has its own."""
+    one = Recording(t=np.arange(5.0) / 100.0, q=np.zeros((5, 2)))
+    assert one.rate_hz == pytest.approx(100.0, rel=1e-12)
+    assert one.noted("Noted.").rate_hz == one.rate_hz
+    assert one.take(slice(0, 5, 2), "Thinned.").rate_hz == pytest.approx(50.0, rel=1e-12)
+    assert one.replace(t=np.arange(5.0)).rate_hz == 1.0

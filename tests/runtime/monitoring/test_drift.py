@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -79,21 +80,31 @@ CASES = {
 """Group → place, size that is injected, and four standard deviations of its estimate."""
 
 
-@pytest.mark.parametrize("group", CASES)
-def test_a_change_is_named(
-    group: str,
+@pytest.fixture
+def changed(
     command: Command,
     arm: Path,
     lib: Library,
     trajectories: tuple[Trajectory, ...],
     pi_true: np.ndarray,
     tmp_path: Path,
-) -> None:
+) -> Callable[[str], dict]:
+    """What `watch` states of a later log with a change; its exit code is that of a change."""
+
+    def watched(change: str) -> dict:
+        log = later_log(lib, trajectories[1], pi_true, change)
+        write_recording(log, tmp_path / "later.csv")
+        ran = command("watch", arm, "later.csv", "--json")
+        assert ran.code == 1, ran.err
+        return json.loads(ran.out)
+
+    return watched
+
+
+@pytest.mark.parametrize("group", CASES)
+def test_a_change_is_named(group: str, changed: Callable[[str], dict]) -> None:
     """Oracle: group, place and size of a change that we make; exit code 1."""
-    write_recording(later_log(lib, trajectories[1], pi_true, group), tmp_path / "later.csv")
-    ran = command("watch", arm, "later.csv", "--json")
-    assert ran.code == 1, ran.err
-    facts = json.loads(ran.out)
+    facts = changed(group)
     where, size, tolerance = CASES[group]
     assert (facts["changed"], facts["group"], facts["where"]) == (True, group, where)
     assert facts["p_value"] < 0.01
@@ -102,20 +113,10 @@ def test_a_change_is_named(
         assert facts["interval"][0] < facts["size"] < facts["interval"][1]
 
 
-def test_a_link_that_leaves_another_change_is_not_all(
-    command: Command,
-    arm: Path,
-    lib: Library,
-    trajectories: tuple[Trajectory, ...],
-    pi_true: np.ndarray,
-    tmp_path: Path,
-) -> None:
+def test_a_link_that_leaves_another_change_is_not_all(changed: Callable[[str], dict]) -> None:
     """Oracle: a body on a link together with another sensor is a wrong model, not that link."""
-    log = later_log(lib, trajectories[1], pi_true, "link and sensor")
-    write_recording(log, tmp_path / "later.csv")
-    ran = command("watch", arm, "later.csv", "--json")
-    facts = json.loads(ran.out)
-    assert (ran.code, facts["group"], facts["where"]) == (1, "model", "")
+    facts = changed("link and sensor")
+    assert (facts["group"], facts["where"]) == ("model", "")
 
 
 @pytest.mark.parametrize(("lead", "named"), [(11.0, "model"), (26.0, "model"), (71.0, "links")])

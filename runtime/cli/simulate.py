@@ -32,6 +32,7 @@ from runtime.simulation import (
     settings_of,
 )
 from runtime.simulation.controller_file import ClosedLoop, write_controller
+from runtime.simulation.mechanism import require_no_springs
 
 
 class Engine(StrEnum):
@@ -150,6 +151,8 @@ def simulate_command(
     """
     virtual = _is_virtual(context, engine)
     lib = open_robot(robot, yes)
+    if not (virtual or exact):
+        require_no_springs(lib)
     path = out or Path("results") / f"{lib.name}-simulated.csv"
     require_unused([path, *map(path.with_suffix, BESIDE)], overwrite)
     with Progress(console=console, transient=True) as progress:

@@ -18,6 +18,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
+from runtime.simulation.mechanism import require_no_springs
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,14 +216,9 @@ def follow(
         States and torques per period.
 
     Raises:
-        SimulationError: M + J is not positive definite, the motion diverged, or springs or torque
-            curves act on the robot.
+        SimulationError: M + J is not positive definite, the motion diverged, or springs act.
     """
-    if "known_torque" in lib.manifest.kernels:
-        raise SimulationError(
-            f"springs or torque curves act on '{lib.name}', which the compiled simulation "
-            "does not contain; use --engine mujoco (record), or --ideal (ideal)"
-        )
+    require_no_springs(lib)
     period = 1.0 / rate_hz
     loop = lib.closed_loop(
         _body(lib, plant),

@@ -3,16 +3,9 @@
 from numpy.typing import ArrayLike
 
 from runtime.library import Array, Library
+from runtime.simulation.mechanism import has_mechanism
 from runtime.simulation.mujoco_engine import Engine, engine
 from runtime.simulation.reduced_engine import ReducedEngine
-
-
-def has_mechanism(lib: Library) -> bool:
-    """Whether joints follow others, or springs and curves of known stiffness act on them."""
-    manifest = lib.manifest
-    return (
-        manifest.coupling is not None or bool(manifest.loops) or "known_torque" in manifest.kernels
-    )
 
 
 def plant_engine(

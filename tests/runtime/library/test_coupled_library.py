@@ -1,5 +1,7 @@
 """A library with coupled joints, springs and torque curves: sizes, maps, logs, friction, fit."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, closed_loop, ideal, record, settings_of
 from symgen.build.request import request_from_folder
 from symgen.chain.mechanism import mechanism_from_table
+from tests.runtime.conftest import Command
 from tests.runtime.library.conftest import WRIST
 from tests.virtual_settings import frictionless
 
@@ -236,3 +239,11 @@ def test_simulated_logs_contain_springs_and_curves(lib: Library) -> None:
     rigid = lib.inverse_dynamics(log.motion.q, log.motion.dq, log.motion.ddq, log.truth.pi)
     np.testing.assert_allclose(log.motion.link, rigid + known, atol=1e-9 * np.abs(rigid).max())
     assert np.abs(known).max() > 0.1
+
+
+def test_simulate_refuses_springs_before_it_designs(lib: Library, command: Command) -> None:
+    """Property: one sentence, exit code 2, no file; no design of a motion before it."""
+    ran = command("simulate", "--robot", lib.folder, "--out", "sim.csv")
+    assert ran.code == 2
+    assert "springs or torque curves act on 'wrist'" in ran.err.replace("\n", " ")
+    assert not Path("sim.csv").exists()

@@ -134,8 +134,12 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
 
 
+UNCHECKED = ("--unchecked", "self-collision")
+"""The arm of two joints, on which a motion is cheap, has no collision proxies."""
+
+
 def test_excite_exports_nothing_that_breaks_a_limit(
-    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, double: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
     from runtime.cli import until
@@ -151,7 +155,8 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     # The slow stage would hold, the fast one does not: neither is written.
     stages = ("--speed", "10", "--speed", "100")
     ran = command(
-        "excite", "--robot", lib.folder, *words, *stages, "--table", "none", "--export", "ros"
+        *("excite", "--robot", double.folder, *words, *stages, "--table", "none"),
+        *("--export", "ros", *UNCHECKED),
     )
     assert ran.code == 2
     assert "does NOT hold" in ran.out
@@ -159,14 +164,16 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     assert re.search(r"add --speed \d\d, at which they are kept$", ran.err.strip())
     assert len(ran.err.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["m.json"]
-    ran = command("excite", "--robot", lib.folder, "--speed", "150", "--out", "n.json")
+    ran = command("excite", "--robot", double.folder, "--speed", "150", "--out", "n.json")
     assert (ran.code, (tmp_path / "n.json").exists()) == (2, False)
     assert "up to 100 %, got 150 %" in ran.err
 
 
-def test_excite_leaves_a_measured_log_alone(command: Command, lib: Library, tmp_path: Path) -> None:
+def test_excite_leaves_a_measured_log_alone(
+    command: Command, double: Library, tmp_path: Path
+) -> None:
     """Property: refused before the search; replaced with --overwrite."""
-    words = ("excite", "--robot", lib.folder, "--duration", "4", "--harmonics", "2")
+    words = ("excite", "--robot", double.folder, "--duration", "4", "--harmonics", "2")
     words = (*words, "--starts", "1", "--document", "--out", "m.json")
     log = tmp_path / "m.csv"
     log.write_text("t,q1,tau1\n0,0,0\n", encoding="utf-8")
@@ -181,7 +188,7 @@ def test_excite_leaves_a_measured_log_alone(command: Command, lib: Library, tmp_
 
 
 def test_excite_certifies_a_motion_once(
-    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, double: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: table, pictures and exports share one certificate; other speeds have theirs."""
     from runtime.excitation.proof import certified_motion
@@ -194,33 +201,12 @@ def test_excite_certifies_a_motion_once(
 
     monkeypatch.setattr(certified_motion, "certificate_of", counted)
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--pictures")
-    exports = (
-        "--table",
-        "none",
-        "--export",
-        "ros",
-        "--export",
-        "libfranka",
-        "--export-rate",
-        "100",
-    )
-    ran = command("excite", "--out", "m.json", "--robot", lib.folder, *words, *exports)
+    exports = ("--table", "none", "--export", "ros", "--export", "csv", "--export-rate", "100")
+    words = ("excite", "--out", "m.json", "--robot", double.folder, *words, *exports, *UNCHECKED)
+    ran = command(*words)
     assert ran.code == 0, ran.err
     assert durations == [4.0]
     durations.clear()
-    ran = command(
-        "excite",
-        "--out",
-        "m.json",
-        "--robot",
-        lib.folder,
-        *words,
-        *exports,
-        "--speed",
-        "50",
-        "--speed",
-        "100",
-        "--overwrite",
-    )
+    ran = command(*words, "--speed", "50", "--speed", "100", "--overwrite")
     assert ran.code == 0, ran.err
     assert durations == [4.0, 8.0]

@@ -117,15 +117,13 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
     stages = (*stages, "--table", "none")
-    ran = command("excite", "--robot", lib.folder, *words, *stages, "--pictures", "--out", "m.json")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--out", "m.json")
     assert ran.code == 0, ran.err
     assert "certificate at 10 % speed: holds at every instant" in ran.out
     assert "certificate at 100 % speed: holds at every instant" in ran.out
     kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
     expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
-    pictures = ("m.png", "m-speed.png", "m-space.png")
-    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *pictures, *expected}
-    assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
+    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *expected}
     uses = json.loads((tmp_path / "m.certificate.json").read_text())["uses"]
     shares = [use["bound"] for use in uses if use["limit"] not in DISTANCES]
     # An exported motion leaves 5 % of every limit; 1e-8 is rounding.
@@ -193,7 +191,7 @@ def test_excite_certifies_a_motion_once(
     """Property: table, pictures and exports share one certificate; other speeds have theirs."""
     from runtime.excitation.proof import certified_motion
 
-    durations = []
+    durations, pictures = [], ("m.png", "m-speed.png", "m-space.png")
 
     def counted(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> Certificate:
         durations.append(trajectory.duration)
@@ -206,6 +204,8 @@ def test_excite_certifies_a_motion_once(
     ran = command(*words)
     assert ran.code == 0, ran.err
     assert durations == [4.0]
+    assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
+    assert {path.name for path in tmp_path.glob("*.png")} == set(pictures)
     durations.clear()
     ran = command(*words, "--speed", "50", "--speed", "100", "--overwrite")
     assert ran.code == 0, ran.err

@@ -77,6 +77,7 @@ def identify_several(
     Raises:
         RuntimeFault: a log cannot be read, or an option does not apply to several logs.
     """
+    from runtime.cli.several_drives import with_drives
     from runtime.identification.several_logs import NamedLog, identify_logs
 
     if len(runs) < 2:
@@ -114,6 +115,7 @@ def identify_several(
             "the gains of motor currents are estimated from one log, but several are given; run "
             "identify or gains on one of them, and write its gains into the recipe"
         )
+    data = with_drives(data, lib, options, delay)
     names = _names(runs)
     delays: list[dict[str, Any]] = []
     if delay is not None:

@@ -7,15 +7,18 @@ The desired positions are chosen such that the law commands the torque of the mo
 so that the log is exact for every motion, without a simulation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.recording import Friction
+from runtime.recording import Friction, Recording, read_recording
 from runtime.recording.friction import DRIVE, JointMotion, columns, torque
 
 KP, KD, RATE = 80.0, 2.5, 200.0
+STROKE = 2e-3
+"""Travel [rad] within which the friction of `dry_servo_log` turns round."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,3 +112,31 @@ def servo_arrays(
         **{"t": t, "q": q - servo.bias, "dq": dq, "q_des": q_des, "dq_des": np.zeros_like(q)},
         **{"kp": np.full(n, KP), "kd": np.full(n, KD), "tau_true": required(t)},
     }
+
+
+def dry_servo_log(
+    lib: Library, folder: Path, memory: bool, slope: float
+) -> tuple[Recording, Servo]:
+    """Log of drives without delay whose dry friction has a memory, or changes with the position.
+
+    Args:
+        lib: library of the robot.
+        folder: where log.npz is written.
+        memory: whether the friction is that of the column dahl instead of coulomb.
+        slope: coefficient of the column position [N·m].
+
+    Returns:
+        The log as read, and its truth.
+    """
+    rng = np.random.default_rng(0)
+    usual = random_servo(lib, rng)
+    servo = replace(usual, delay=np.zeros(1), bias=np.zeros(lib.n_joints), pi=lib.pi0)
+    arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
+    motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
+    plain = columns(motion, Friction(("coulomb", "position")))
+    kept = columns(motion, Friction(("dahl", "position"), dahl_stroke=STROKE)) if memory else plain
+    change = servo.phi[:, 1] * (kept - plain)[..., 0] + slope * kept[..., 1]
+    arrays["q_des"] = arrays["q_des"] + change / KP
+    logged = {key: values for key, values in arrays.items() if key != "tau_true"}
+    np.savez(folder / "log.npz", **logged)  # type: ignore[arg-type]
+    return read_recording(folder / "log.npz"), servo

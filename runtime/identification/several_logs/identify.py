@@ -137,9 +137,9 @@ def _names(logs: Sequence[NamedLog], settings: Settings) -> list[str]:
 
 
 def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, ...]:
-    """Sentence on logs that are prepared in another way than the first, if there are such."""
-    first = prepared[0].prepared
-    others = [name for log, name in zip(prepared, names, strict=True) if log.prepared != first]
+    """Sentence on logs that are prepared in another way than the first; each has its delay."""
+    steps = [replace(log.prepared or Preparation(), torque_delay_s=None) for log in prepared]
+    others = [name for each, name in zip(steps, names, strict=True) if each != steps[0]]
     if not others:
         return ()
     return (

@@ -13,8 +13,8 @@ from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
 from runtime.inspection.checks.drives import friction_of
 from runtime.library import Library, load
 from runtime.recording import Friction, Preparation, Recording, load_recipe, read_recording
-from runtime.recording.friction import DRIVE, JointMotion, columns
-from tests.runtime.servo_logs import KP, random_servo, servo_arrays
+from runtime.recording.friction import DRIVE
+from tests.runtime.servo_logs import STROKE, dry_servo_log, random_servo, servo_arrays
 
 
 def written(arrays: dict[str, np.ndarray], folder: Path) -> Path:
@@ -121,19 +121,12 @@ def test_the_recipe_has_the_friction_that_identify_chooses(
     """Property: a memory of the friction is proposed with its stroke, within a step of those tried;
     columns of a given recipe stay.
     """
-    lib, stroke = load(tiny_built), 2e-3
-    rng = np.random.default_rng(0)
-    servo = replace(random_servo(lib, rng), delay=np.zeros(1), bias=np.zeros(1), pi=lib.pi0)
-    arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
-    motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
-    kept = columns(motion, Friction(("dahl",), dahl_stroke=stroke))
-    kept -= columns(motion, Friction(("coulomb",)))
-    arrays["q_des"] = arrays["q_des"] + servo.phi[:, 1] * kept[..., 0] / KP
-    inspection = inspect_log(written(arrays, tmp_path), lib)
+    lib = load(tiny_built)
+    log, _ = dry_servo_log(lib, tmp_path, memory=True, slope=0.0)
+    inspection = inspect_log(tmp_path / "log.npz", lib)
     chosen = inspection.plan.friction
     assert chosen is not None
     assert chosen.columns == ("viscous", "dahl", "offset", "rotor")
-    assert np.sqrt(0.5) < chosen.dahl_stroke / stroke < np.sqrt(2.0)
-    log = read_recording(tmp_path / "servo.npz")
+    assert np.sqrt(0.5) < chosen.dahl_stroke / STROKE < np.sqrt(2.0)
     plan = inspection.plan.replace(friction=Friction(DRIVE))
     assert friction_of(log, lib, plan) == Friction(DRIVE)

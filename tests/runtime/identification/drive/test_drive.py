@@ -230,5 +230,6 @@ def test_every_log_has_a_delay_of_its_own(lib: Library, command: Command, tmp_pa
     assert delays[0]["value"] == pytest.approx(0.012, abs=5e-4)
     assert delays[1]["value"] == pytest.approx(0.031, abs=5e-4)
     assert "b: delay of the torque 3" in ran.out
+    assert "prepared in another way" not in ran.out
     # With both delays taken out the logs agree: the residual is that of the noise.
     assert facts["torque_error_percent"]["after_overall"] < 1.0

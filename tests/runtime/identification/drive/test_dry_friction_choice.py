@@ -12,30 +12,12 @@ from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
-from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED, without_ends
 from runtime.recording.friction import DRIVE, JointMotion, columns
-from tests.runtime.servo_logs import KP, Servo, random_servo, servo_arrays
+from tests.runtime.servo_logs import STROKE, dry_servo_log
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
-STROKE = 2e-3
-"""Travel [rad] within which the friction of the virtual drive turns round."""
-
-
-def servo_log(lib: Library, folder: Path, memory: bool, slope: float) -> tuple[Recording, Servo]:
-    """A log of a drive whose dry friction has a memory, or grows with the position."""
-    rng = np.random.default_rng(0)
-    servo = replace(random_servo(lib, rng), delay=np.zeros(1), bias=np.zeros(1), pi=lib.pi0)
-    arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
-    motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
-    usual = columns(motion, Friction(("coulomb", "position")))
-    kept = columns(motion, Friction(("dahl", "position"), dahl_stroke=STROKE)) if memory else usual
-    coulomb = servo.phi[:, 1]
-    change = coulomb * (kept - usual)[..., 0] + slope * kept[..., 1]
-    arrays["q_des"] = arrays["q_des"] + change / KP
-    logged = {key: values for key, values in arrays.items() if key != "tau_true"}
-    np.savez(folder / "log.npz", **logged)  # type: ignore[arg-type]
-    return read_recording(folder / "log.npz"), servo
 
 
 def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
@@ -55,7 +37,7 @@ def is_within(result: Identification, column: str, truth: Array | float) -> bool
 def test_position_is_chosen_where_friction_changes_with_it(tiny_built: Path, tmp_path, varies):
     """Property: the column is taken where the log needs it, with its coefficient, and else not."""
     lib, slope = load(tiny_built), 2.0 if varies else 0.0
-    log, _ = servo_log(lib, tmp_path, memory=False, slope=slope)
+    log, _ = dry_servo_log(lib, tmp_path, memory=False, slope=slope)
     result = identified(log, lib)
     assert result.friction.columns == (*DRIVE, "position")[: 5 if varies else 4]
     assert any("changes with the position" in note for note in result.notes) == varies
@@ -72,7 +54,7 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     tanh of another model would move the delay, which is 0, by milliseconds.
     """
     lib = load(tiny_built)
-    log, servo = servo_log(lib, tmp_path, memory=True, slope=slope)
+    log, servo = dry_servo_log(lib, tmp_path, memory=True, slope=slope)
     result = identified(log, lib)
     names = tuple("dahl" if name == "coulomb" else name for name in DRIVE)
     assert result.friction.columns == (names if slope == 0 else (*names, "position"))
@@ -111,7 +93,7 @@ def test_position_beside_dahl_has_its_state(tiny_built: Path, tmp_path):
         (limits["upper"] - limits["lower"]) / 2,
     )
     np.testing.assert_allclose(both, ((q - middle) / half)[:, 0] * zeta, atol=1e-15)
-    log, _ = servo_log(lib, tmp_path, memory=True, slope=2.0)
+    log, _ = dry_servo_log(lib, tmp_path, memory=True, slope=2.0)
     model = model_of(identified(log, lib), lib)
     state = np.full((1, 1), 0.25)
     _, plain = model.columns(lib, q[50:51], dq[50:51], state)
@@ -125,7 +107,7 @@ def test_position_beside_dahl_has_its_state(tiny_built: Path, tmp_path):
 
 def test_both_ends_of_a_commanded_torque_are_left_out(tiny_built: Path, tmp_path):
     """Property: a period of the cut-off, a stated trim stays, and a measured torque is not cut."""
-    log, _ = servo_log(load(tiny_built), tmp_path, memory=False, slope=0.0)
+    log, _ = dry_servo_log(load(tiny_built), tmp_path, memory=False, slope=0.0)
     assert log.torque_source == COMMANDED
     usual = replace(PREPARATION, trim_s=None)
     assert without_ends(log, usual).trim_s == 0.1

@@ -5,6 +5,7 @@ K π = β.
 Source: Gautier 1997; document Sec. 3.1.3.
 """
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,7 +78,27 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     bounds = bounds_of(problem, is_passive=False)
     phi, solution, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
+    notes += _zero_columns(problem, is_column)
     return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
+
+
+def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Sentence on friction columns without an effect, as the load of a joint that carries none.
+
+    Those of rotors, motors and springs are zero by design at some joints.
+    """
+    names = problem.friction_names
+    zero = ~is_column if problem.left_out is None else ~is_column & ~problem.left_out
+    listed = [
+        f"{name} of {joint}"
+        for (joint, name), is_zero in zip(
+            itertools.product(problem.lib.joint_names, names), zero, strict=False
+        )
+        if is_zero and name in COLUMNS and not _is_optional(COLUMNS[name])
+    ]
+    if not listed:
+        return ()
+    return (f"friction columns that are zero in the whole log got 0: {', '.join(listed)}",)
 
 
 def solve(
@@ -103,7 +124,9 @@ def solve(
     """
     matrix, norms = statistics.unit_columns()
     shown = np.ones(matrix.shape[1], dtype=bool)
-    shown[statistics.n_base :] = ~counted_in_links(statistics, lib, terms)
+    # A column of zeros is no unknown: its coefficient has no effect, and gets 0.
+    shown[statistics.n_base :] = matrix[:, statistics.n_base :].any(axis=0)
+    shown[statistics.n_base :] &= ~counted_in_links(statistics, lib, terms)
     if known is not None:
         shown[statistics.n_base :] &= ~known
     sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)

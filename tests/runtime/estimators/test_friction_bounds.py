@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from runtime import Recording, identify
+from runtime.estimators.classical.ols import solve
 from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
 from runtime.estimators.regression import Statistics
 from runtime.identification.identified import Identification, torque_errors
@@ -71,6 +72,22 @@ def test_a_column_of_rounding_is_left_out_and_named(lib, clean, method):
     assert result.phi[0, 3] == 0.0
     assert np.abs(result.phi).max() < 1.0  # the plant has 0.3 N·m of Coulomb friction
     assert "left out the friction columns load of fr3_joint1" in warnings(result)
+
+
+def test_a_friction_column_of_zeros_is_no_unknown(double: Library):
+    """Oracle: the last joint carries no load; the solution is that without its column."""
+    rng, n_base = np.random.default_rng(4), len(double.base_matrix)
+    rows = rng.normal(size=(500, n_base + 2))
+    rows[:, -1] = 0.0
+    q, r = np.linalg.qr(rows)
+    target = rows.sum(axis=1) + 0.1 * rng.normal(size=500)
+    rest = float(target @ target - np.sum((q.T @ target) ** 2))
+    s = Statistics(r, q.T @ target, rest, 500.0, np.eye(n_base), "x")
+    solution = solve(s, double, ("load",))
+    expected = np.linalg.lstsq(rows[:, :-1], target, rcond=None)[0]
+    # Rounding of two solutions with a condition number below 2.
+    np.testing.assert_allclose(solution.beta, expected[:-1], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(solution.phi, [[expected[-1]], [0.0]], rtol=0, atol=1e-13)
 
 
 def test_a_column_of_rounding_is_no_unknown_of_the_choice(lib, clean):

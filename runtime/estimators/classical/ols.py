@@ -78,7 +78,7 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     bounds = bounds_of(problem, is_passive=False)
     phi, solution, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
-    notes += _zero_columns(problem, is_column)
+    notes += _zero_columns(problem, np.asarray(is_column))
     return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
 
 

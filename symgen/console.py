@@ -41,7 +41,17 @@ _BEFORE_XML = b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n"
 
 def main() -> None:
     """Run `symgen COMMAND …` on `sys.argv`; an unknown command is one sentence and exit code 2."""
-    words = sys.argv[1:]
+    try:
+        _run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of the output, `head` for example, has ended. Python flushes once more at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
+
+
+def _run(words: Sequence[str]) -> None:
+    """Run a command by its words."""
     if is_completion():
         print("\n".join(fitting(words, _packages())))
         return

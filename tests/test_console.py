@@ -267,3 +267,23 @@ def test_scripts_of_unknown_shells_are_refused(
     monkeypatch.setenv("SHELL", "/usr/bin/zsh")
     main()
     assert capsys.readouterr().out.startswith("#compdef symgen")
+
+
+@pytest.mark.parametrize("words", [("--show-completion", "bash"), ("--help",)])
+def test_a_reader_that_ends_first_sees_no_traceback(script: Path, words: tuple[str, ...]) -> None:
+    """Property: as behind `| head`: the pipe is closed before the output is written."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [sys.executable, script, *words],
+            stdout=writing,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        )
+    finally:
+        os.close(writing)
+    assert done.stderr == ""
+    assert done.returncode == 1

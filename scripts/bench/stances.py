@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from bench.markdown import markdown_table
+from bench.markdown import markdown_table, table_of
 
 Array = NDArray[np.float64]
 
@@ -27,14 +27,14 @@ class Stance:
         feet: loaded feet.
         seconds: time in it [s].
         mass: mean sum of both sensors over g [kg].
-        lifted: mean reading of the lifted foot over g [kg]; NaN where both are loaded.
+        lifted: mean reading of the lifted foot over g [kg]; None where both are loaded.
     """
 
     half: str
     feet: str
     seconds: float
     mass: float
-    lifted: float
+    lifted: float | None
 
 
 def stances(log: dict[str, Any]) -> list[Stance]:
@@ -60,9 +60,9 @@ def stances(log: dict[str, Any]) -> list[Stance]:
         for kind, feet in ((3, "both"), (1, "left"), (2, "right")):
             chosen = within & long_enough & (kinds == kind)
             if chosen.any():
-                lifted = np.nan if kind == 3 else forces[chosen, 2 - kind].mean() / GRAVITY
+                lifted = None if kind == 3 else float(forces[chosen, 2 - kind].mean() / GRAVITY)
                 mass = float(total[chosen].mean() / GRAVITY)
-                rows.append(Stance(half, feet, float(chosen.sum() * step), mass, float(lifted)))
+                rows.append(Stance(half, feet, float(chosen.sum() * step), mass, lifted))
     return rows
 
 
@@ -70,7 +70,7 @@ _HEADS = ("half", "loaded feet", "s", "mean ΣF_z / g, kg", "lifted foot / g, kg
 
 
 def _cells(row: Stance) -> tuple[str, ...]:
-    lifted = "" if np.isnan(row.lifted) else f"{row.lifted:.2f}"
+    lifted = "" if row.lifted is None else f"{row.lifted:.2f}"
     return (row.half, row.feet, f"{row.seconds:.2f}", f"{row.mass:.2f}", lifted)
 
 
@@ -81,9 +81,5 @@ def stance_markdown(rows: list[Stance]) -> str:
 
 def stance_table(rows: list[Stance]) -> Table:
     """Table of `stances`."""
-    table = Table(_HEADS[0], title="iCub walking: what the force sensors read")
-    for head in _HEADS[1:]:
-        table.add_column(head, justify="right")
-    for row in rows:
-        table.add_row(*_cells(row))
-    return table
+    title = "iCub walking: what the force sensors read"
+    return table_of(title, _HEADS, map(_cells, rows))

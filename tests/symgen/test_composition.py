@@ -1,19 +1,14 @@
 """Kernels that call others, compiled on tiles: maps of a shared input, and inputs that are zero."""
 
 import ctypes
-import shutil
-import subprocess
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
-import pytest
 
 from runtime.library.binding import LEVELS
-from symgen.build.compiler import compile_library
-from symgen.emit import emit
 from symgen.kernel import Argument, Kernel, make_kernel
-from tests.symgen.test_emit import FACTS, VERSIONS
+from tests.symgen.compiled_toys import assert_accepted, best_level, compiled_toy, write_toy
 
 X, V, W = (Argument(name, (2,), "1") for name in "xvw")
 K, P = Argument("k", (3,), "1", shared=True), Argument("p", (2,), "1", shared=True)
@@ -40,42 +35,21 @@ def kernels() -> tuple[Kernel, ...]:
     )
 
 
-def write_toy(folder: Path) -> None:
-    for file, text in emit("toy", kernels(), FACTS, VERSIONS).files.items():
-        (folder / file).write_text(text, encoding="utf-8")
-
-
 def test_pointers_of_a_composition_have_the_type_of_the_call(tmp_path: Path) -> None:
     """Oracle: the compiler; GCC 14 refuses pointers of another type, earlier ones only warn."""
-    write_toy(tmp_path)
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        pytest.skip("no C compiler on the PATH")
+    write_toy(tmp_path, kernels())
     flags = ["-std=c99", "-Werror=incompatible-pointer-types", "-DLEVEL=portable", "-DW=2"]
-    run = subprocess.run(
-        [compiler, *flags, "-fsyntax-only", "tiles.c"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
+    assert_accepted(tmp_path, [*flags, "tiles.c"])
 
 
 def test_compositions_on_tiles_equal_casadi(tmp_path: Path) -> None:
     """Oracle: CasADi's C of the written-out function; a full tile and one of three samples."""
-    write_toy(tmp_path)
-    one, *others = ([tmp_path / name] for name in ("kernels.c", "tiles.c", "reference.c"))
-    compile_library(one, tmp_path / "libtoy.so", *others)
-    dll = ctypes.CDLL(str(tmp_path / "libtoy.so"))
-    fastest = dll["toy_level"]
-    fastest.restype = ctypes.c_char_p
-    best = LEVELS.index(fastest().decode())
+    dll = compiled_toy(tmp_path, kernels())
     rng = np.random.default_rng(1)
     x, w = rng.normal(size=(2, 11, 2))
     for name, shared in (("at_rest", rng.uniform(1, 2, 3)), ("mapped", rng.uniform(1, 2, 2))):
         results = []
-        for level in LEVELS[: best + 1]:
+        for level in LEVELS[: best_level(dll) + 1]:
             out = np.full((11, 2), -7.0)
             pairs = [(x, 2), (w, 2), (shared, 0)]  # step 0: one value for all samples
             numbers = [

@@ -6,7 +6,7 @@ import casadi as ca
 
 from symgen.emit import emit
 from symgen.kernel import Argument, make_kernel
-from tests.symgen.test_emit import FACTS, VERSIONS
+from tests.symgen.compiled_toys import FACTS, VERSIONS
 
 
 def test_flags_and_a_hash_that_no_order_changes() -> None:

@@ -19,7 +19,7 @@ from runtime.excitation import Safety
 from runtime.excitation.approach.way import way_to
 from runtime.excitation.motion.joined import JoinedMotion, end_of, joined
 from runtime.library import Library, load
-from tests.runtime import robot_servers
+from tests.runtime import robot_servers, ros2_server
 from tests.runtime.conftest import Command
 from tests.runtime.robot_servers import Arm
 
@@ -38,7 +38,7 @@ def modules_of(kind: str, arm: Arm) -> dict[str, ModuleType]:
         return {"pylibfranka": robot_servers.pylibfranka(arm)}
     if kind == "ur":
         return robot_servers.ur_rtde(arm, np.full(arm.lib.n_joints, GAIN))
-    return robot_servers.ros2(arm)
+    return ros2_server.ros2(arm)
 
 
 @pytest.fixture
@@ -153,7 +153,7 @@ def test_a_controller_that_reports_an_error(monkeypatch, pendulum: Library) -> N
         ({"error_code": -4}, "got: -4 tolerance violated"),
     ):
         arm = Arm(pendulum, 0.01)
-        for name, module in robot_servers.ros2(arm, **words).items():
+        for name, module in ros2_server.ros2(arm, **words).items():
             monkeypatch.setitem(sys.modules, name, module)
         driver = DRIVERS["ros2"].open(pendulum, DriverSettings())
         done = driver.stream(there_and_back(pendulum))
@@ -191,10 +191,10 @@ def test_messages_have_the_fields_of_ros() -> None:
     typesys = pytest.importorskip("rosbags.typesys")
     types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).types
     for name, stand_in in (
-        ("trajectory_msgs/msg/JointTrajectoryPoint", robot_servers.JointTrajectoryPoint),
-        ("trajectory_msgs/msg/JointTrajectory", robot_servers.JointTrajectory),
-        ("sensor_msgs/msg/JointState", robot_servers.JointState),
-        ("builtin_interfaces/msg/Duration", robot_servers.Duration),
+        ("trajectory_msgs/msg/JointTrajectoryPoint", ros2_server.JointTrajectoryPoint),
+        ("trajectory_msgs/msg/JointTrajectory", ros2_server.JointTrajectory),
+        ("sensor_msgs/msg/JointState", ros2_server.JointState),
+        ("builtin_interfaces/msg/Duration", ros2_server.Duration),
     ):
         known = [one.name for one in fields(types[name]) if one.name != "__msgtype__"]
         assert [one.name for one in fields(stand_in)] == known

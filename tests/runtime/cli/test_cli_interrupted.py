@@ -53,7 +53,7 @@ def interrupted(code: str, *words: object, cwd: Path) -> tuple[int, str, str]:
                 if "waiting" in line:
                     process.send_signal(signal.SIGINT)
                     break
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=300)
         finally:
             process.kill()
     return process.returncode, out, err

@@ -56,7 +56,7 @@ def test_a_killed_run_goes_on_to_the_same_digits(lib: Library, begun: Path, tmp_
         cwd=REPOSITORY,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
     )
-    chunks, deadline = begun / "noise" / "chunks", time.monotonic() + 60
+    chunks, deadline = begun / "noise" / "chunks", time.monotonic() + 300
     while len(list(chunks.glob("*.parquet"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)

@@ -171,7 +171,7 @@ def test_two_processes_at_once(toy: Path, kept: Path) -> None:
         )
         for _ in range(2)
     ]
-    said = [child.communicate(timeout=60) for child in children]
+    said = [child.communicate(timeout=300) for child in children]
     assert [child.returncode for child in children] == [0, 0], said
     assert works(Path(said[0][0].strip()))
     assert sum(err.count("compiling") for _, err in said) == 1

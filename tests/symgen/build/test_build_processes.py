@@ -56,7 +56,7 @@ def test_two_builds_at_once(tmp_path: Path, tiny_request: BuildRequest) -> None:
     root = tmp_path / "out"
     children = [child(BUILD, urdf, root) for urdf in (light, heavy)]
     for one in children:
-        _, complaint = one.communicate(timeout=60)
+        _, complaint = one.communicate(timeout=300)
         assert one.returncode == 0, complaint
     assert any(mass(root / "tiny") == pytest.approx(m, rel=1e-14) for m in (1.5, 2.5))
     assert [path.name for path in root.iterdir() if path.is_dir()] == ["tiny"]
@@ -72,7 +72,7 @@ def test_second_build_waits_for_the_first(
     assert first.stdout is not None
     assert first.stdout.readline() == "here\n"
     assert rebuild(heavier(tiny_request), tiny.parent)
-    _, complaint = first.communicate(timeout=60)
+    _, complaint = first.communicate(timeout=300)
     assert first.returncode == 0, complaint
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
@@ -87,7 +87,7 @@ def test_waiting_build_takes_what_the_first_has_built(
     assert first.stdout is not None
     assert first.stdout.readline() == "here\n"
     assert not rebuild(heavier(tiny_request), tiny.parent)
-    _, complaint = first.communicate(timeout=60)
+    _, complaint = first.communicate(timeout=300)
     assert first.returncode == 0, complaint
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
@@ -102,7 +102,7 @@ def test_killed_build(tiny: Path, tiny_request: BuildRequest, tmp_path: Path, st
     assert one.stdout is not None
     assert one.stdout.readline() == "here\n"
     one.send_signal(signal.SIGKILL)
-    one.communicate(timeout=60)
+    one.communicate(timeout=300)
     assert snapshot(tiny) == before
     assert mass(tiny) == pytest.approx(1.5, rel=1e-14)
     assert rebuild(heavier(tiny_request), tiny.parent)

@@ -1,15 +1,19 @@
 """Commands that write and delete generated folders: `build`, `check`, `clean`."""
 
 import difflib
+import gc
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from symgen.build.bundled import bundled_name, bundled_robots
+from symgen.build.bundled import bundled_robots
+from symgen.cli.build_request import changed_request, levels_of, request_from_urdf, vector_of
 from symgen.cli.common import (
     DEFAULT_ROOT,
     ArgumentOption,
@@ -30,11 +34,6 @@ from symgen.cli.common import (
     say,
 )
 from symgen.errors import BuildError
-
-if TYPE_CHECKING:
-    from symgen.build.request import BuildRequest
-    from symgen.build.sources import Source
-    from symgen.chain import ChainOptions
 
 
 @app.command("build")
@@ -162,7 +161,7 @@ def build_command(
     from symgen.chain import ChainOptions
 
     options = ChainOptions(
-        base, tip, _vector(gravity), read_locks(lock or []), snap, floating=floating
+        base, tip, vector_of(gravity), read_locks(lock or []), snap, floating=floating
     )
     if description is not None:
         if urdf is not None:
@@ -176,7 +175,7 @@ def build_command(
             )
         request = bundled_request(robot)
         if options != ChainOptions() or name:
-            request = _changed_request(request, name, options)
+            request = changed_request(request, name, options)
     else:
         options = replace(
             options,
@@ -184,15 +183,27 @@ def build_command(
             mechanism=read_mechanism(mechanism),
         )
         source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
-        request = _request_from_urdf(source, name, options, project, config, densities)
-    levels = _levels(level, all_levels, request.name)
-    with console.status(f"building {request.name}"):
+        request = request_from_urdf(source, name, options, project, config, densities)
+    levels = levels_of(level, all_levels, request.name)
+    with console.status(f"building {request.name}"), _without_collector():
         watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None
         result = build(request, out, force, levels, overwrite, watch)
     for note in result.notes:
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
     say(f"{result.folder}: {state}")
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Expressions and statements stay to the end; passes of the collector free nothing."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 @app.command("check")
@@ -248,73 +259,3 @@ def clean_command(
         else:
             shutil.rmtree(folder)
         say(f"{folder}: clean")
-
-
-def _levels(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
-    """Levels to compile; empty means all."""
-    from symgen.build.processor import levels_of_processor
-
-    if chosen and every:
-        raise BuildError("--level and --all-levels both name levels; give one of them")
-    if chosen or every or name in bundled_robots():
-        return tuple(chosen or ())
-    return levels_of_processor()
-
-
-def _changed_request(
-    bundled: "BuildRequest", name: str | None, options: "ChainOptions"
-) -> "BuildRequest":
-    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
-    from symgen.build.reduced_config import reduced_config
-    from symgen.chain import read_chain
-
-    if name is None or name in bundled_robots():
-        raise BuildError(
-            f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
-            f"such as {bundled.name}_changed"
-        )
-    whole, chain = read_chain(bundled.urdf), read_chain(bundled.urdf, options)
-    config = reduced_config(bundled.config, whole, chain)
-    return replace(bundled, name=name, options=options, config=config)
-
-
-def _request_from_urdf(
-    source: "Source",
-    name: str | None,
-    options: "ChainOptions",
-    project: bool,
-    config: list[Path] | None,
-    densities: Path | None = None,
-) -> "BuildRequest":
-    from symgen.build.config import RobotConfig, read_config
-    from symgen.build.request import BuildRequest, bundled_request
-    from symgen.build.sources import read_source
-
-    if name is None:
-        raise BuildError(
-            "--urdf needs --name, the name of the folder and the prefix of the C functions"
-        )
-    if name in bundled_robots():
-        raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
-    text, mechanism = read_source(source, options.mechanism)
-    if densities is not None:
-        from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
-
-        folder = source.packages.file(source.path).parent
-        text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
-        say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
-    options = replace(options, mechanism=mechanism)
-    if config is None and not project and (robot := bundled_name(text)) is not None:
-        return _changed_request(bundled_request(robot), name, options)
-    facts = read_config(*config) if config else RobotConfig()
-    return BuildRequest(name, text, options, facts, project)
-
-
-def _vector(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    try:
-        x, y, z = (float(word) for word in text.split(","))
-    except ValueError:
-        raise BuildError(f"--gravity needs three numbers X,Y,Z, got '{text}'") from None
-    return x, y, z

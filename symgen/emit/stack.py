@@ -88,7 +88,10 @@ def stack_bounds(
 
 def _values(lines: list[str]) -> int:
     """Named values, and one per operation or call within an expression."""
-    return sum(1 + len(_OPERATION.findall(line)) for line in lines)
+    text = "\n".join(lines)
+    operators = sum(text.count(f" {sign}") for sign in "-+*/<=!&|?")
+    operators -= text.count("= -") + text.count("; ++")  # signs and loop counters
+    return len(lines) + operators + text.count("(-") + len(_CALLED.findall(text))
 
 
 def _arguments(kernel: Kernel) -> int:
@@ -115,5 +118,5 @@ def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
 
 
 _DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
-_OPERATION = re.compile(r"(?<=[\w\])]) [-+*/<=!&|?]|\w\(|\(-")
+_CALLED = re.compile(r"\w\(")
 _CALL = re.compile(r"\bvd_(\w+)\(")

@@ -1,0 +1,125 @@
+"""What the options of `build` ask for: the request and the levels."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symgen.build.bundled import bundled_name, bundled_robots
+from symgen.cli.common import say
+from symgen.errors import BuildError
+
+if TYPE_CHECKING:
+    from symgen.build.request import BuildRequest
+    from symgen.build.sources import Source
+    from symgen.chain import ChainOptions
+
+
+def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
+    """Return the levels to compile.
+
+    Args:
+        chosen: values of --level.
+        every: --all-levels.
+        name: of the robot; bundled ones get all levels.
+
+    Returns:
+        Names of levels; empty means all.
+
+    Raises:
+        BuildError: both options name levels.
+    """
+    from symgen.build.processor import levels_of_processor
+
+    if chosen and every:
+        raise BuildError("--level and --all-levels both name levels; give one of them")
+    if chosen or every or name in bundled_robots():
+        return tuple(chosen or ())
+    return levels_of_processor()
+
+
+def changed_request(
+    bundled: "BuildRequest", name: str | None, options: "ChainOptions"
+) -> "BuildRequest":
+    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits.
+
+    Args:
+        bundled: request of the whole robot.
+        name: of the changed robot.
+        options: the changes.
+
+    Returns:
+        The request.
+
+    Raises:
+        BuildError: the name is missing or that of a bundled robot.
+    """
+    from symgen.build.reduced_config import reduced_config
+    from symgen.chain import read_chain
+
+    if name is None or name in bundled_robots():
+        raise BuildError(
+            f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
+            f"such as {bundled.name}_changed"
+        )
+    whole, chain = read_chain(bundled.urdf), read_chain(bundled.urdf, options)
+    config = reduced_config(bundled.config, whole, chain)
+    return replace(bundled, name=name, options=options, config=config)
+
+
+def request_from_urdf(
+    source: "Source",
+    name: str | None,
+    options: "ChainOptions",
+    project: bool,
+    config: list[Path] | None,
+    densities: Path | None = None,
+) -> "BuildRequest":
+    """The robot of a file of the user.
+
+    Args:
+        source: file, arguments and packages.
+        name: of the robot.
+        options: changes to the robot.
+        project: True replaces inconsistent inertias.
+        config: files of limits and proxies; None takes those of a bundled robot with the same text.
+        densities: file of densities [kg/m³] for links without inertia.
+
+    Returns:
+        The request.
+
+    Raises:
+        BuildError: the name is missing or that of a bundled robot, or a file is damaged.
+    """
+    from symgen.build.config import RobotConfig, read_config
+    from symgen.build.request import BuildRequest, bundled_request
+    from symgen.build.sources import read_source
+
+    if name is None:
+        raise BuildError(
+            "--urdf needs --name, the name of the folder and the prefix of the C functions"
+        )
+    if name in bundled_robots():
+        raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
+    text, mechanism = read_source(source, options.mechanism)
+    if densities is not None:
+        from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
+
+        folder = source.packages.file(source.path).parent
+        text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
+        say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
+    options = replace(options, mechanism=mechanism)
+    if config is None and not project and (robot := bundled_name(text)) is not None:
+        return changed_request(bundled_request(robot), name, options)
+    facts = read_config(*config) if config else RobotConfig()
+    return BuildRequest(name, text, options, facts, project)
+
+
+def vector_of(text: str | None) -> tuple[float, float, float] | None:
+    """Three numbers X,Y,Z of an option [m/s²]; None without a text."""
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise BuildError(f"--gravity needs three numbers X,Y,Z, got '{text}'") from None
+    return x, y, z

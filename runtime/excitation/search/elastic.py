@@ -5,6 +5,7 @@ price μ t. Above the sum of the multipliers of the rows, μ makes minima of the
 (Fletcher 1987, Sec. 12.3). Independent of robots.
 """
 
+from copy import copy
 from typing import Protocol
 
 import numpy as np
@@ -30,6 +31,17 @@ class Nonlinear(Protocol):
     def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Numbers, ascending, g (m,) and J (m, p) of all rows that a step could violate."""
 
+    def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+        """Values of chosen rows.
+
+        Args:
+            x: point, (p,).
+            numbers: of the rows, ascending, (m,).
+
+        Returns:
+            g, (m,).
+        """
+
     def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
         """Slopes of chosen rows.
 
@@ -46,9 +58,21 @@ class Curved:
     """Linear model g + J d near x; a row is used from when it is the largest of its neighbours."""
 
     def __init__(self, nonlinear: Nonlinear, x: Array) -> None:
-        self._nonlinear = nonlinear
+        self._nonlinear, self._x = nonlinear, x
         self._numbers, self._values, self._slopes = nonlinear.near(x)
         self._used = self._peaks(self._values) & (self._values > _FIRST)
+
+    def corrected(self, step: Array) -> "Curved":
+        """Model with the slopes here that is exact after the step: g(x + s) + J (d − s).
+
+        The step that solves the same programme with it keeps rows that bend away from their
+        tangents to third order (second-order correction, Fletcher 1987, Sec. 12.4).
+        """
+        after = self._nonlinear.values(self._x + step, self._numbers)
+        bent = copy(self)
+        bent._values = after - self._slopes @ step
+        bent._used = self._used | (self._peaks(after) & (after > _FIRST))
+        return bent
 
     def block(self, variables: int) -> Block:
         """Rows g + J d ≤ t and t ≥ 0, with t the last of the variables."""

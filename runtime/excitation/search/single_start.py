@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
@@ -19,6 +18,7 @@ from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
+from runtime.excitation.search.coordinates import Coordinates, Correlations, ElasticLimits
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, rank, too_many
@@ -115,6 +115,8 @@ class Search:
         # Scaled so that a point x of size one reaches a bound.
         self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
         self._matrix = matrix @ self._spread
+        self._coordinates = Coordinates(self._spread, self._shape)
+        self._correlations = Correlations(self._coordinates, self.cost)
         self._coarse = self.limit_rows(LIMIT_STEP)
 
     def start(self, number: int) -> tuple[float, Array]:
@@ -131,7 +133,7 @@ class Search:
         for measure, iterations in self.goal.stages:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         if self.criterion.is_kinked:
-            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+            x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
         return self._ended(x)
 
     def variation(
@@ -153,7 +155,7 @@ class Search:
             Target of the goal and coefficients (n, M).
         """
         rng = np.random.default_rng((self._seed, number, 1))
-        known = np.linalg.solve(self._spread, np.reshape(parents, (len(parents), -1)).T).T
+        known = self._coordinates.points(np.asarray(parents))
         x = known[min(int(rng.geometric(FAVOUR)), len(parents)) - 1]
         if number % 3 == 2:
             x = x + rng.uniform(*NOISE) * rng.normal(size=len(x))
@@ -170,20 +172,20 @@ class Search:
         if distances.min() < RETURNED:
             back = parents[int(distances.argmin())]
             return self.value(back), back
-        if self.value(self.coefficients(x[None])[0]) > best + LATE_GAIN:
+        if self.value(self._coordinates.of_one(x)) > best + LATE_GAIN:
             return self._ended(x)
         for measure, iterations in later:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
-        return self._ended(polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x)
+        return self._ended(polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x)
 
     def _ended(self, x: Array) -> tuple[float, Array]:
         """Target of the goal and coefficients of x moved inside all limits."""
-        a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
+        a = inside(self.limits, self._coordinates.of_one(self._shrunk(x, TIGHTENED)))
         return self.value(a), a
 
     def guess(self, number: int) -> Array:
         """Coefficients (n, M) from which a start begins."""
-        return self.coefficients(self._random(number)[None])[0]
+        return self._coordinates.of_one(self._random(number))
 
     def require_rank(self) -> None:
         """Check that random motions excite all unknowns.
@@ -215,15 +217,15 @@ class Search:
         step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
         fine = Limits(*self._grid, step=step, basis=self.basis, share=self.problem.margin)
         matrix, bound = fine.inequalities()
-        x = np.linalg.solve(self._spread, inside(fine, a).ravel())
+        x = self._coordinates.points(inside(fine, a)[None])[0]
         rows = LinearRows(matrix @ self._spread, bound)
         elastic = self._elastic(self.limit_rows(step, TIGHTENED))
         if self.criterion.is_kinked:
-            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+            x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
         else:
             objective = self._objective(self.goal.target)
             x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
-        return self.coefficients(x[None])[0]
+        return self._coordinates.of_one(x)
 
     def limit_rows(
         self,
@@ -250,22 +252,14 @@ class Search:
         used = self.problem.margin if share is None else share
         return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened, used)
 
-    def coefficients(self, points: Array) -> Array:
-        """Coefficients a of K points x, (K, n, M)."""
-        return (points @ self._spread.T).reshape(-1, *self._shape)
-
-    def slopes(self, gradients: Array) -> Array:
-        """Slopes ∂/∂x (K, p) from ∂/∂a (K, n, M)."""
-        return gradients.reshape(-1, len(self._spread)) @ self._spread
-
-    def _elastic(self, rows: LimitRows) -> "_Elastic | None":
-        return _Elastic(self, rows) if self.constraints else None
+    def _elastic(self, rows: LimitRows) -> ElasticLimits | None:
+        return ElasticLimits(self._coordinates, rows) if self.constraints else None
 
     def _shrunk(self, x: Array, violation: float) -> Array:
         """Point x scaled towards rest until nonlinear limits are violated by that much or less."""
         stopped: list[str] = []
         for _ in range(SHRINKS):
-            a = self.coefficients(x[None])[0]
+            a = self._coordinates.of_one(x)
             use = float(np.max(self._matrix @ x))
             if self._coarse.worst(a) <= violation and use >= LEAST:
                 return x
@@ -281,40 +275,7 @@ class Search:
 
     def _objective(self, measure: Measure) -> Objective:
         def objective(x: Array) -> tuple[float, Array]:
-            value, gradient = self.cost.measure(self.coefficients(x[None])[0], measure)
-            return value, self.slopes(gradient[None])[0]
+            value, gradient = self.cost.measure(self._coordinates.of_one(x), measure)
+            return value, self._coordinates.slopes(gradient[None])[0]
 
         return objective
-
-
-class _Elastic:
-    """The nonlinear limits as functions of x."""
-
-    def __init__(self, search: Search, rows: LimitRows) -> None:
-        self._search, self._rows = search, rows
-
-    def violation(self, x: Array) -> float:
-        return max(0.0, self._rows.worst(self._search.coefficients(x[None])[0]))
-
-    def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        numbers, values, slopes = self._rows.linearised(self._search.coefficients(x[None])[0])
-        return numbers, values, self._search.slopes(slopes)
-
-    def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
-        a = self._search.coefficients(x[None])[0]
-        return self._search.slopes(self._rows.jacobian(a, numbers))
-
-
-class _Correlations:
-    """Matrix C of the base regressor as a function of x."""
-
-    def __init__(self, search: Search) -> None:
-        self._search = search
-
-    def at(self, points: Array) -> Array:
-        return self._search.cost.correlations(self._search.coefficients(points))
-
-    def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
-        a = self._search.coefficients(points)
-        matrices, gradients = self._search.cost.correlations_slopes(a, weight)
-        return matrices, self._search.slopes(gradients)

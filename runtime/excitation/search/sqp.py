@@ -9,15 +9,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.excitation.search.conic import Block, LinearRows, solve
-from runtime.excitation.search.elastic import MU, Curved, Nonlinear, corrected
+from runtime.excitation.search.conic import Block, LinearRows
+from runtime.excitation.search.elastic import MU, Curved, Nonlinear
+from runtime.excitation.search.least_distance import QuadraticProgramme
 from runtime.library import Array
+from runtime.numerics.dense import block_diag
 
 Objective = Callable[[Array], tuple[float, Array]]
 
 _ARMIJO = 1e-4
 _DAMPING = 0.2
-_HALVINGS = 20
+_TRIALS = 20
+_SHORTEST, _LONGEST = 0.1, 0.5
+"""Factors by which a step is shortened, at most and at least."""
 _PATIENCE = 3
 """Number of steps in a row without progress that ends the descent."""
 
@@ -86,22 +90,23 @@ def descend(
     fresh = np.eye(n) * max(1e-3, float(np.linalg.norm(point.gradient)))
     hessian = fresh if curvature is None else curvature
     while done < iterations and idle < _PATIENCE:
-        curved = None if nonlinear is None else Curved(nonlinear, point.x)
-        # The quadratic programme of the step. Where the solver fails, the first Hessian is tried.
-        direction = _direction(hessian, point, rows, curved)
+        model = _Model(hessian, point, rows, nonlinear)
+        # The quadratic programme of the step. Where it fails, the first Hessian is tried.
+        direction = model.step()
         if direction is None:
             if hessian is fresh:
                 break
             hessian = fresh
             continue
         step, duals = direction
+        curved = model.curved
         # Predicted decrease of the merit f + μ v along the step.
         slope = float(point.gradient @ step)
         if curved is not None:
             slope += MU * (curved.after(step) - point.violation)
         if not slope < -tolerance:
             break
-        after = _search(at, point, step, slope, rows, nonlinear)
+        after = _search(at, point, step, slope, rows, model)
         if after is None:
             break
         # BFGS on the gradient of the Lagrangian: the rows contribute with their multipliers.
@@ -115,27 +120,47 @@ def descend(
     return Descended(point.x, point.value, done, hessian)
 
 
-def _direction(
-    hessian: Array, at: _Point, rows: LinearRows, curved: Curved | None
-) -> tuple[Array, Array] | None:
-    """Step and multipliers of the curved rows."""
-    p = len(at.x)
-    # Nearly singular BFGS matrices stop the interior point early.
-    safe = hessian + np.eye(p) * (1e-9 * np.trace(hessian) / p)
-    if curved is None:
-        plain = rows.solve(at.x, lambda a, slack: solve(safe, at.gradient, [Block(a, slack)]))
+class _Model:
+    """The programme of a step near a point; with curved rows t of g + J d ≤ t is a variable."""
+
+    def __init__(
+        self, hessian: Array, at: _Point, rows: LinearRows, nonlinear: Nonlinear | None
+    ) -> None:
+        p = len(at.x)
+        # Nearly singular BFGS matrices have no factor.
+        quadratic = hessian + np.eye(p) * (1e-9 * np.trace(hessian) / p)
+        self._x, self._rows = at.x, rows
+        self.curved = None if nonlinear is None else Curved(nonlinear, at.x)
+        if self.curved is None:
+            self._programme = QuadraticProgramme(quadratic, at.gradient)
+            return
+        # The price of t is μ t (1 + t / 2), strictly convex; steps end at t far below 1.
+        quadratic = block_diag(quadratic, np.full((1, 1), MU))
+        self._programme = QuadraticProgramme(quadratic, np.append(at.gradient, MU))
+
+    def step(self) -> tuple[Array, Array] | None:
+        """Step and multipliers of the curved rows; None where the programme failed."""
+        if self.curved is not None:
+            return self._elastic(self.curved)
+        plain = self._rows.solve(self._x, lambda a, slack: self._programme.solve([Block(a, slack)]))
         return None if plain is None else (plain[0], np.zeros(0))
-    # The last variable is t of the elastic rows g + J d ≤ t, at the price μ.
-    quadratic = np.zeros((p + 1, p + 1))
-    quadratic[:p, :p] = safe
-    linear = np.append(at.gradient, MU)
 
-    def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-        limits = Block(np.hstack([a, np.zeros((len(a), 1))]), slack)
-        return solve(quadratic, linear, [limits, curved.block(p + 1)])
+    def corrected(self, step: Array) -> Array | None:
+        """Step with the rows as they are after the given one; None without curved rows."""
+        if self.curved is None:
+            return None
+        solution = self._elastic(self.curved.corrected(step))
+        return None if solution is None else solution[0]
 
-    solution = rows.solve(at.x, programme, curved.grow)
-    return None if solution is None else (solution[0][:p], solution[1][1])
+    def _elastic(self, curved: Curved) -> tuple[Array, Array] | None:
+        p = len(self._x)
+
+        def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
+            limits = Block(np.hstack([a, np.zeros((len(a), 1))]), slack)
+            return self._programme.solve([limits, curved.block(p + 1)])
+
+        solution = self._rows.solve(self._x, programme, curved.grow)
+        return None if solution is None else (solution[0][:p], solution[1][1])
 
 
 def _search(
@@ -144,22 +169,28 @@ def _search(
     step: Array,
     slope: float,
     rows: LinearRows,
-    nonlinear: Nonlinear | None,
+    model: _Model,
 ) -> _Point | None:
-    """Halve the step from the reach of the linear rows until the merit falls enough (Armijo)."""
-    reach = rows.reach(point.x, step)
-    for halving in range(_HALVINGS):
-        after = at(point.x + reach * step)
-        if after.merit <= point.merit + _ARMIJO * reach * slope:
+    """Shorten the step from the reach of the linear rows until the merit falls enough (Armijo).
+
+    Where curved rows bend away from the full step d, its correction d' makes it the arc
+    t d + t² (d' − d), whose points lie between x, x + d and x + d', so that it keeps the linear
+    rows, and whose violation grows with t³ (Maratos 1978; Mayne and Polak 1982).
+    """
+    full = rows.reach(point.x, step) * step
+    bend, share = np.zeros_like(full), 1.0
+    for trial in range(_TRIALS):
+        after = at(point.x + share * full + share**2 * bend)
+        if after.merit <= point.merit + _ARMIJO * share * slope:
             return after
-        # The second-order correction of Maratos, once: see `elastic.corrected`.
-        if nonlinear is not None and halving == 0:
-            back = corrected(nonlinear, after.x)
-            if back is not None:
-                better = at(after.x + rows.reach(after.x, back) * back)
-                if better.merit <= point.merit + _ARMIJO * reach * slope:
-                    return better
-        reach *= 0.5
+        if trial == 0 and after.violation > point.violation:
+            other = model.corrected(full)
+            if other is not None:
+                bend = rows.reach(point.x, other) * other - full
+                continue
+        # Minimum of the parabola through the merit, its slope and the merit of this trial.
+        excess = after.merit - point.merit - share * slope
+        share *= min(_LONGEST, max(_SHORTEST, -share * slope / (2 * excess)))
     return None
 
 

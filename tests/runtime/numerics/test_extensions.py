@@ -3,10 +3,11 @@
 import clarabel
 import numpy as np
 import pytest
-from scipy import fft, linalg, signal, sparse, special
+from scipy import fft, linalg, optimize, signal, sparse, special
 from scipy.spatial.transform import Rotation
 
 from runtime.numerics import cosines as cosines_module
+from runtime.numerics import nonnegative
 from runtime.numerics import sections as sections_module
 from runtime.numerics.cosines import cosines, is_fast_length
 from runtime.numerics.dense import (
@@ -93,6 +94,16 @@ def test_singular_matrices_are_named() -> None:
         solve_triangular(np.diag([1.0, 0.0]), np.ones(2))
     with pytest.raises(np.linalg.LinAlgError, match="leading minor 1"):
         solve_positive(-np.eye(2), np.ones(2))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_nonnegative_least_squares_are_those_of_scipy(compiled: bool, monkeypatch) -> None:
+    """Oracle: scipy.optimize.nnls to the bit, by its extension and by its package."""
+    if not compiled:
+        monkeypatch.setattr(nonnegative, "_compiled", None)
+    right = RNG.normal(size=60)
+    solution = nonnegative.nonnegative_least_squares(TALL, right)
+    assert np.array_equal(solution, optimize.nnls(TALL, right)[0])
 
 
 def test_quantile_and_rotation_are_those_of_scipy() -> None:

@@ -24,7 +24,7 @@ from tests.oracle import pinocchio_model
 from tests.runtime.excitation.test_excitation import closed_form
 
 BOX = (-0.4, 0.4, -0.6, 0.5, 0.2, 0.9)
-TABLE = 0.1
+TABLE = 0.17
 SHARE, VISCOUS, COULOMB = 0.5, 1.5, 0.5
 SAFETY = Safety(torque_fraction=SHARE, table=TABLE, box=BOX, viscous=(VISCOUS,), coulomb=(COULOMB,))
 """Tight enough for each of them to stop this motion."""

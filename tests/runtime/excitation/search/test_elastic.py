@@ -17,8 +17,9 @@ class Discs:
     def __init__(self, centres: np.ndarray, radii: np.ndarray, near: float = -1e9) -> None:
         self.centres, self.radii, self._near = centres, radii, near
 
-    def values(self, x: np.ndarray) -> np.ndarray:
-        return ((x - self.centres) ** 2).sum(axis=1) / self.radii**2 - 1
+    def values(self, x: np.ndarray, numbers: NDArray[np.intp] | slice = slice(None)) -> np.ndarray:
+        all_values = ((x - self.centres) ** 2).sum(axis=1) / self.radii**2 - 1
+        return np.asarray(all_values[numbers])
 
     def violation(self, x: np.ndarray) -> float:
         return max(0.0, float(self.values(x).max()))
@@ -116,6 +117,26 @@ def test_a_correction_ends_the_violation() -> None:
         left.append(disc.violation(x + step))
     assert left[1] == pytest.approx(left[0] / 100, rel=0.05)  # the next term is the violation
     assert corrected(disc, np.zeros(2)) is None
+
+
+def test_a_bent_step_beside_a_linear_row_is_not_cut_to_nothing() -> None:
+    """Oracle: (0.5, √0.75, 0) in few evaluations, along a sphere whose correction meets a row.
+
+    The shortest correction leads to the centre of the sphere, beyond the row x₀ ≤ 0.5: cut there
+    it did nothing, and 155 evaluations went into ever shorter steps.
+    """
+    sphere, count = Discs(np.array([[1.0, 0.0, 0.0]]), np.array([1.0])), 0
+
+    def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal count
+        count += 1
+        return -2 * x[0] - x[1], np.array([-2.0, -1.0, 0.0])
+
+    rows = LinearRows(np.vstack([np.eye(3), -np.eye(3)]), np.array([0.5, *5 * [3.0]]))
+    start = np.array([0.5, -0.6, 0.6])
+    result = descend(objective, start, rows, 200, tolerance=1e-8, nonlinear=sphere)
+    assert result.value == pytest.approx(-1 - np.sqrt(0.75), abs=1e-6)  # 1e-8 per step, SLACK
+    assert count < 40
 
 
 class Stretched:

@@ -8,6 +8,7 @@ from scipy.optimize import minimize, rosen, rosen_der
 
 from runtime.excitation.search import conic
 from runtime.excitation.search.conic import SLACK, Block, LinearRows, solve
+from runtime.excitation.search.least_distance import QuadraticProgramme
 from runtime.excitation.search.sqp import descend
 
 
@@ -126,7 +127,7 @@ def test_a_curvature_that_is_known_is_used() -> None:
 
 def test_a_programme_that_fails_ends_the_descent(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: without a direction the start is what is returned."""
-    monkeypatch.setattr("runtime.excitation.search.sqp.solve", lambda *_: None)
+    monkeypatch.setattr(QuadraticProgramme, "solve", lambda *_: None)
     result = descend(rosenbrock, np.zeros(2), box(2, 0.5), curvature=2 * np.eye(2))
     assert (result.iterations, result.value) == (0, 1.0)
 

@@ -3,24 +3,39 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from runtime.excitation.motion.polynomial import _supremum
 from runtime.excitation.search import sqp
 
 
-def test_a_correction_that_lowers_nothing_is_not_taken(monkeypatch) -> None:
-    """Oracle: merit 1 − x₀ at the correction (1, 1) is taken, merit 1 is not; a halving follows."""
-    monkeypatch.setattr(sqp, "corrected", lambda _problem, _x: np.array([0.0, 1.0]))
+def test_a_correction_that_lowers_nothing_is_not_taken() -> None:
+    """Oracle: merit at the correction (1, 1) decides; the arc of a half step is (1/2, 1/4)."""
     rows = SimpleNamespace(reach=lambda _x, _step: 1.0)
-    for merit, taken in ((0.0, [1.0, 1.0]), (1.0, [0.5, 0.0])):
+    model = SimpleNamespace(corrected=lambda _step: np.array([1.0, 1.0]))
+    for merit, taken in ((0.0, [1.0, 1.0]), (1.0, [0.5, 0.25])):
 
         def at(x: np.ndarray, merit: float = merit) -> SimpleNamespace:
-            value = merit if x[1] else 5.0 if x[0] > 0.9 else 0.0
-            return SimpleNamespace(x=x, merit=value)
+            value = merit if x[1] > 0.9 else 5.0 if x[0] > 0.9 else 0.0
+            return SimpleNamespace(x=x, merit=value, violation=max(0.0, value))
 
-        point = SimpleNamespace(x=np.zeros(2), merit=1.0)
-        end = sqp._search(at, point, np.array([1.0, 0.0]), -1.0, rows, object())
+        point = SimpleNamespace(x=np.zeros(2), merit=1.0, violation=0.0)
+        end = sqp._search(at, point, np.array([1.0, 0.0]), -1.0, rows, model)
         assert end.x.tolist() == taken
+
+
+def test_a_step_is_shortened_to_the_minimum_of_a_parabola() -> None:
+    """Oracle: the merit −t + 2 t² is least at 1/4; a wall shortens to a tenth, not further."""
+    rows = SimpleNamespace(reach=lambda _x, _step: 1.0)
+    model = SimpleNamespace(corrected=lambda _step: None)
+    point = SimpleNamespace(x=np.zeros(1), merit=0.0, violation=0.0)
+    for merit, want in ((lambda t: -t + 2 * t**2, 0.25), (lambda t: -t if t < 0.2 else 1e9, 0.1)):
+
+        def at(x: np.ndarray, merit=merit) -> SimpleNamespace:
+            return SimpleNamespace(x=x, merit=merit(x[0]), violation=0.0)
+
+        end = sqp._search(at, point, np.ones(1), -1.0, rows, model)
+        assert end.x == pytest.approx([want], rel=1e-12)
 
 
 def test_the_update_has_the_curvature_of_the_step() -> None:

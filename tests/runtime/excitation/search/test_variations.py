@@ -10,20 +10,20 @@ from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import FEWEST, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 
-SMALL = {"duration": 6.0, "harmonics": 3}
-"""s and harmonics of a search whose start takes a fifth of a second."""
+SMALL = {"duration": 6.0, "harmonics": 3, "seed": 2}
+"""s, harmonics and seed of a search whose start takes a fifth of a second."""
 STARTS, VARIATIONS = 8, 8
 
 
 @pytest.fixture(scope="module")
 def alone(lib: Library) -> Design:
-    return design(lib, **SMALL, starts=STARTS, seed=0)
+    return design(lib, **SMALL, starts=STARTS)
 
 
 def test_variations_are_better_than_starts(alone: Design) -> None:
     """Property: the best relative leaves the best start behind, and the design is the better."""
     assert (len(alone.conditions), len(alone.variations)) == (STARTS, VARIATIONS)
-    # Measured: 8.084 and 8.010; 3.422 and 3.27 with 5 harmonics in 20 s after 100 starts.
+    # Measured: 8.493 and 8.147; 3.422 and 3.27 with 5 harmonics in 20 s after 100 starts.
     assert min(alone.variations) < 0.997 * min(alone.conditions)
     # The last polish on the fine grid may lose 0.5 %.
     assert alone.condition == pytest.approx(min(alone.variations), rel=0.005)
@@ -33,7 +33,11 @@ def test_the_number_of_processes_does_not_matter(lib: Library, alone: Design) ->
     """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
     reports: list[tuple[int, float, float]] = []
     together = design(
-        lib, **SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: reports.append(now)
+        lib,
+        **SMALL,
+        starts=STARTS,
+        processes=3,
+        progress=lambda *now: reports.append(now),
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
     assert (alone.conditions, alone.variations) == (together.conditions, together.variations)
@@ -48,7 +52,7 @@ def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> 
         if done == STARTS + 3:
             raise KeyboardInterrupt
 
-    kept = design(lib, **SMALL, starts=STARTS, seed=0, processes=2, progress=stop)
+    kept = design(lib, **SMALL, starts=STARTS, processes=2, progress=stop)
     assert kept.conditions == alone.conditions
     assert len(kept.variations) == 3
     assert set(kept.variations) <= set(alone.variations)

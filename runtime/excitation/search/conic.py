@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.library import Array
 
@@ -74,6 +75,14 @@ class LinearRows:
         self.matrix, self.bound = matrix, bound
         self._used = np.zeros(len(matrix), dtype=bool)
         self._used[matrix.argmax(axis=0)] = self._used[matrix.argmin(axis=0)] = True
+        self._parts = _parts(matrix)
+
+    def times(self, x: Array) -> Array:
+        """Products A x, (m,)."""
+        product = np.empty(len(self.matrix))
+        for rows, columns, part in self._parts:
+            product[rows] = part @ x[columns]
+        return product
 
     @property
     def used(self) -> int:
@@ -82,7 +91,7 @@ class LinearRows:
 
     def slack(self, x: Array) -> Array:
         """Distances b − A x, not below zero."""
-        return np.maximum(self.bound - self.matrix @ x, 0.0)
+        return np.maximum(self.bound - self.times(x), 0.0)
 
     def reach(self, x: Array, step: Array) -> float:
         """Largest t ≤ 1 with A (x + t step) ≤ b, to `SLACK`.
@@ -94,8 +103,8 @@ class LinearRows:
         Returns:
             t.
         """
-        speed = self.matrix @ step
-        slack = np.maximum(self.bound * (1 + SLACK) - self.matrix @ x, 0.0)
+        speed = self.times(step)
+        slack = np.maximum(self.bound * (1 + SLACK) - self.times(x), 0.0)
         towards = speed > 0
         return float(min(1.0, (slack[towards] / speed[towards]).min(initial=1.0)))
 
@@ -123,7 +132,7 @@ class LinearRows:
                 return None
             step = solution[0][: len(x)]
             # Of every stretch of violated neighbours only the peak is added: the others follow it.
-            excess = self.matrix @ step - slack
+            excess = self.times(step) - slack
             peak = np.pad(excess, 1, constant_values=-np.inf)
             peaks = (excess >= peak[:-2]) & (excess >= peak[2:])
             new = peaks & (excess > SLACK / 10 * self.bound) & ~self._used
@@ -132,3 +141,17 @@ class LinearRows:
             if not new.any() and not joined:
                 break
         return solution
+
+
+def _parts(matrix: Array) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+    """Rows with entries in the same columns, these columns, and the entries: joints in turn."""
+    groups: dict[bytes, list[int]] = {}
+    for number, pattern in enumerate(np.packbits(matrix != 0, axis=1)):
+        groups.setdefault(pattern.tobytes(), []).append(number)
+    if len(groups) > matrix.shape[1]:  # rows of many patterns cost less in one product
+        return [(np.arange(len(matrix)), np.arange(matrix.shape[1]), matrix)]
+    parts = []
+    for numbers in groups.values():
+        rows, columns = np.array(numbers), np.flatnonzero(matrix[numbers[0]])
+        parts.append((rows, columns, np.ascontiguousarray(matrix[np.ix_(rows, columns)])))
+    return parts

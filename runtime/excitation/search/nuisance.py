@@ -101,7 +101,7 @@ class Projection:
         Returns:
             ∂f/∂dq of the columns alone, (K, N, n).
         """
-        along = np.einsum("ktjb,kjmb->ktjm", seed, self.shares, optimize=True)
+        along = (seed.transpose(0, 2, 1, 3) @ self.shares.swapaxes(2, 3)).transpose(0, 2, 1, 3)
         if self.filtered is not None:
             along = in_time(self.filtered.transpose(0, 2, 1), along)
         return -np.einsum("ktjm,ktjm->ktj", along, self.slopes)
@@ -144,11 +144,15 @@ def projected(
     slopes = (at(dq + _DIFFERENCE) - at(dq - _DIFFERENCE)) / (2 * _DIFFERENCE)
     if filtered is not None:
         friction = in_time(filtered, friction)
-    size = np.sqrt(np.einsum("ktjm,ktjm->kjm", friction, friction))
+    # Joint by joint, with time as the first axis of a matrix: (K, n, N, m) and (K, n, N, k).
+    of_joints, friction = rows.transpose(0, 2, 1, 3), friction.transpose(0, 2, 1, 3)
+    size = np.sqrt(np.square(friction).sum(axis=2))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    unit = friction * scale[:, None]
-    gram = np.einsum("ktjm,ktjl->kjml", unit, unit, optimize=True)
-    cross = np.einsum("ktjm,ktjb->kjmb", unit, rows, optimize=True)
-    shares = np.linalg.pinv(gram, rcond=_SINGULAR, hermitian=True) @ cross
-    rest = rows - np.einsum("ktjm,kjmb->ktjb", unit, shares, optimize=True)
+    unit = friction * scale[:, :, None]
+    gram, cross = unit.swapaxes(2, 3) @ unit, unit.swapaxes(2, 3) @ of_joints
+    if len(names) == 1:  # the square of a rounded length is not quite one
+        shares = cross / np.where(gram > 0, gram, 1.0)
+    else:
+        shares = np.linalg.pinv(gram, rcond=_SINGULAR, hermitian=True) @ cross
+    rest = (of_joints - unit @ shares).transpose(0, 2, 1, 3)
     return Projection(rest, shares * scale[..., None], slopes, filtered)

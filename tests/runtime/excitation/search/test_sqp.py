@@ -191,3 +191,13 @@ def test_rounds_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result is not None
     assert (rows.matrix @ result[0]).max() > 1.01
     assert (rows.matrix @ (rows.reach(np.zeros(2), result[0]) * result[0])).max() <= 1 + 2 * SLACK
+
+
+def test_products_joint_by_joint_are_those_of_the_matrix() -> None:
+    """Oracle: A x, for rows of two joints in turn, dense rows and an empty one."""
+    rng = np.random.default_rng(4)
+    joints = np.kron(np.eye(2), rng.normal(size=(6, 3)))[rng.permutation(12)]
+    for matrix in (joints, rng.normal(size=(9, 6)), np.vstack([joints, np.zeros(6)])):
+        x = rng.normal(size=6)
+        product = LinearRows(matrix, np.ones(len(matrix))).times(x)
+        assert product == pytest.approx(matrix @ x, abs=1e-14)  # rounding of six products

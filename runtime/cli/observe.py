@@ -43,6 +43,8 @@ _WRITTEN = ResultFolder(
     ("contacts.json", "external_torque.npz", "external_torque.png", *FILES, *torque_mcap.FILES),
     "contacts",
 )
+OFTEN = 2.0
+"""Expected over stated rate of false alarms from which it is said."""
 SHOWN = 20
 """Contacts that are printed."""
 
@@ -216,6 +218,7 @@ def _facts(
             "stated": detector.rate.text,
             "per_hour": detector.rate.per_second * 3600,
             "expected_in_log": detector.rate.per_second * seen.seconds,
+            "by_stretches_per_hour": None if tails else detector.expected_rate * 3600,
         },
         "calibration": _calibration(tails) if tails else None,
         "free_motion": None if check is None else asdict(check),
@@ -266,6 +269,12 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
         f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
         f"{stated['expected_in_log']:.2g} false alarms are expected in this time"
     )
+    likely = stated["by_stretches_per_hour"]
+    if likely is not None and likely > OFTEN * stated["per_hour"]:
+        say(
+            f"the noise differs between stretches of motion: about {likely:.2g} false alarms per "
+            "hour are to be expected; --calibrate with free motion gives the stated rate"
+        )
     if facts["calibration"] is not None:
         say(f"thresholds are fitted to {facts['calibration']['seconds']:.3g} s of free motion")
     for contact in facts["contacts"][:SHOWN]:

@@ -97,3 +97,21 @@ def levels(rate: float, correlation: Array, rate_hz: float) -> Array:
         is_rare = crossing_rate(middle, correlation, rate_hz) < each
         low, high = np.where(is_rare, low, middle), np.where(is_rare, middle, high)
     return high
+
+
+def rate_by_stretches(z: Array, correlation: Array, rate_hz: float, ratios: Array) -> float:
+    """Rate of crossings where the standard deviation differs from stretch to stretch.
+
+    Args:
+        z: levels in units of the standard deviation of all stretches, (n,).
+        correlation: ρ of neighbouring samples of r, (n,).
+        rate_hz: of the samples [Hz].
+        ratios: standard deviation of equally frequent stretches over that of all, (S, n).
+
+    Returns:
+        2 Σ_j E ν(z_j/ρ_s), of both signs of all joints [1/s].
+    """
+    scaled = np.minimum(z / np.maximum(ratios, 1e-9), 40.0)
+    rho = np.broadcast_to(correlation, scaled.shape)
+    rates = crossing_rate(scaled.ravel(), rho.ravel(), rate_hz).reshape(scaled.shape)
+    return float(2 * rates.mean(axis=0).sum())

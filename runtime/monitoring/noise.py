@@ -5,7 +5,9 @@
 S_e is the spectrum of the residual that `identify` has kept from its test part, which the model
 has not seen, and H the observer. f_s is 10 Hz, or below the filter of that log; above it the
 variance of r itself counts, in short blocks of the observed log, without those in which it is far
-above the median: these hold contacts. Reversals of a joint are left out of S_e, because thresholds
+above the median: these hold contacts. Both variances differ from stretch to stretch, with the arm's
+posture and the friction that no column describes; `ratios` are for the alarms that this adds.
+Reversals of a joint are left out of S_e, because thresholds
 add its dry friction there, and so is the beginning of a motion, where friction with a memory has an
 unknown state.
 """
@@ -37,6 +39,9 @@ LEAST_BLOCKS = 4
 """Blocks of the shortest stretch from which a variance is estimated."""
 OUTLIER = 6.0
 """Variance of a block over the median of all, above which it counts as a contact."""
+SLOW_CLASSES, FAST_CLASSES = 3, 12
+"""Equally frequent classes of stretches by their variance, below f_s and above it. Slow residuals
+are bounded: the Gaussian tail of finer classes would exceed any that is seen."""
 MARGIN = 1.1
 """Threshold over the largest slow residual that was seen in free motion, at least."""
 UNKNOWN = 0.01
@@ -71,12 +76,14 @@ class ObserverNoise:
         fast: σ above f_s, of sensors, (n,) [N·m, N].
         largest: largest |r| below f_s that free motion has shown, (n,) [N·m, N].
         correlation: ρ of neighbouring samples of r, (n,).
+        ratios: σ of equally frequent stretches over that of all, (S, n).
     """
 
     slow: Array
     fast: Array
     largest: Array
     correlation: Array
+    ratios: Array
 
     @property
     def sigma(self) -> Array:
@@ -182,23 +189,43 @@ def noise_of_observer(
         Noise per joint.
     """
     limit = min(0.4 * settings.rate_hz, held_out.limit_hz)
-    power, cosine, largest = _slow(settings, held_out, limit)
+    power, cosine, largest, slow_blocks = _slow(settings, held_out, limit)
     slow = np.maximum(power - model_variance, power / 4)
-    fast, step = _fast(settings.rate_hz, t, r, limit)
+    fast, step, fast_blocks = _fast(settings.rate_hz, t, r, limit)
     total = np.maximum(slow + fast, 1e-300)
     correlation = (slow * cosine + fast - step / 2) / total
     correlation = np.clip(correlation, -0.999, 1 - 1e-9)
-    return ObserverNoise(np.sqrt(slow), np.sqrt(fast), largest, correlation)
+    shares = _classes(slow_blocks, slow, SLOW_CLASSES)[:, None]
+    shares = shares + _classes(fast_blocks, fast, FAST_CLASSES)
+    ratios = np.sqrt(shares.reshape(-1, shares.shape[2]) / total)
+    return ObserverNoise(np.sqrt(slow), np.sqrt(fast), largest, correlation, ratios)
+
+
+def _classes(blocks: Array, mean: Array, count: int) -> Array:
+    """Variances of equally frequent classes of blocks (B, n) of a mean (n,), (count, n)."""
+    shares = np.empty((count, len(mean)))
+    for j, values in enumerate(blocks.T):
+        known = np.sort(values[np.isfinite(values)])
+        if len(known) < count or not known.any():
+            shares[:, j] = mean[j]
+            continue
+        classes = np.array([part.mean() for part in np.array_split(known, count)])
+        shares[:, j] = classes * (mean[j] / classes.mean())
+    return shares
 
 
 def _slow(
     settings: ObserverSettings, held_out: HeldOutResidual, limit: float
-) -> tuple[Array, Array, Array]:
-    """Variance of r below the limit, E cos(2πfΔ) of its spectrum, largest |r|, (n,) each."""
+) -> tuple[Array, Array, Array, Array]:
+    """Variance of r below the limit, E cos(2πfΔ) of its spectrum, largest |r|, (n,) each.
+
+    The last array is the variance of blocks, (B, n), NaN where less than half of one counts.
+    """
     from scipy.fft import dct, idct
 
     n = held_out.rest.shape[1]
     power, cosines, largest, count = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    blocks = [np.empty((0, n))]
     for part in segments(held_out.t):
         usable = held_out.is_used[part]
         rest = held_out.rest[part] * usable
@@ -213,12 +240,21 @@ def _slow(
         shown = idct(waves, axis=0, norm="ortho")
         largest = np.maximum(largest, np.abs(shown * usable).max(axis=0))
         count += usable.sum(axis=0)
+        size = max(round(BLOCK_S / step), 1)
+        whole = len(rest) // size * size
+        squares = (shown**2 * usable)[:whole].reshape(-1, size, n).sum(axis=1)
+        counted = usable[:whole].reshape(-1, size, n).sum(axis=1)
+        blocks.append(np.where(2 * counted > size, squares / np.maximum(counted, 1), np.nan))
     safe = np.where(power > 0, power, 1.0)
-    return power / np.maximum(count, 1), np.where(power > 0, cosines / safe, 1.0), largest
+    cosine = np.where(power > 0, cosines / safe, 1.0)
+    return power / np.maximum(count, 1), cosine, largest, np.concatenate(blocks)
 
 
-def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Array]:
-    """Variance of r above the limit, and that of its differences, without blocks of contacts."""
+def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Array, Array]:
+    """Variance of r above the limit, and that of its differences, without blocks of contacts.
+
+    The last array is the variance of blocks, (B, n), NaN for those of contacts.
+    """
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(4, limit, "highpass", fs=rate_hz, output="sos")
@@ -240,4 +276,5 @@ def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Arra
     power, change = np.concatenate(squares), np.concatenate(steps)
     usual = power <= OUTLIER * np.median(power, axis=0)
     count = usual.sum(axis=0)
-    return (power * usual).sum(axis=0) / count, (change * usual).sum(axis=0) / count
+    mean, of_steps = ((each * usual).sum(axis=0) / count for each in (power, change))
+    return mean, of_steps, np.where(usual, power, np.nan)

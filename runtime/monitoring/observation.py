@@ -15,7 +15,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import Contact, contacts_of
-from runtime.monitoring.false_alarms import AlarmRate, levels
+from runtime.monitoring.false_alarms import AlarmRate, levels, rate_by_stretches
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.noise import HeldOutResidual, ObserverNoise, noise_of_observer
 from runtime.monitoring.observer import ObserverSettings, external_torque, observer_settings
@@ -59,6 +59,13 @@ class Detector:
     def thresholds(self) -> Array:
         """Thresholds without the model's band, (n,) [N·m, N]."""
         return self.noise.thresholds(self.levels)
+
+    @property
+    def expected_rate(self) -> float:
+        """Rate of false alarms where the variance of r differs from stretch to stretch [1/s]."""
+        noise = self.noise
+        z = self.thresholds / np.maximum(noise.sigma, 1e-300)
+        return rate_by_stretches(z, noise.correlation, self.settings.rate_hz, noise.ratios)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

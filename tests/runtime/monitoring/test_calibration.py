@@ -84,6 +84,7 @@ def test_observe_with_free_motion(
     facts = json.loads(ran.out)
     expected = facts["false_alarms"]["expected_in_log"]
     assert abs(facts["alarms"] - expected) < 3 * np.sqrt(expected)
+    assert facts["false_alarms"]["by_stretches_per_hour"] is None  # fitted
     fit = facts["calibration"]
     assert fit["seconds"] == pytest.approx(3 * facts["seconds"])
     assert min(fit["peaks"]) >= 30

@@ -41,6 +41,7 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     assert (facts["alarms"], facts["contacts"]) == (0, [])
     assert facts["free_motion"]["alarms"] == 0
     assert facts["notes"] == []
+    assert facts["false_alarms"]["by_stretches_per_hour"] > 1.0  # the noise of this log varies
     arrays = np.load(tmp_path / "seen" / "external_torque.npz")
     assert arrays["r"].shape == arrays["sigma"].shape == (len(arrays["t"]), 7)
     assert (arrays["sigma"] > 0).all()

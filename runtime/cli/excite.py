@@ -1,17 +1,15 @@
 """`symgen excite`."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from runtime.cli.approach_options import FromPose, Return, session_plan
 from runtime.cli.budget import Budget, budget_notes
 from runtime.cli.certificate_table import design_notes, safety_of, table_height
-from runtime.cli.common import Robot, Seed, console, numbers_option, say, sentences_of
+from runtime.cli.common import Robot, Seed, numbers_option, sentences_of
 from runtime.cli.design_defaults import (
     HARMONICS_HELP,
     MARGIN_HELP,
@@ -19,6 +17,7 @@ from runtime.cli.design_defaults import (
     margin_of,
     require_plain,
 )
+from runtime.cli.designed_motion import MotionFiles, search_progress, write_design
 from runtime.cli.limit_options import (
     Box,
     Carry,
@@ -33,32 +32,20 @@ from runtime.cli.limit_options import (
     Unchecked,
     Viscous,
 )
-from runtime.cli.motion_output import (
-    certified_stages,
-    designed_by,
-    export_stages,
-    files_of,
-    json_path,
-    stage_speeds,
-    write_motion_log,
-)
+from runtime.cli.motion_output import files_of, json_path, stage_speeds
 from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
-from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
+from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_motions import Motions, SeveralFiles, excite_several, require_several
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.cli.until import GainError, Until, criterion_and_unknowns, searched, until_kind
-from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, predict
+from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
-from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certified_motion import certified, pulled_inside
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.search.variations import variation_count
-from runtime.excitation.trajectory_file import write_trajectory
 from runtime.parallel import cores
 from runtime.simulation import sample_times
 
@@ -226,24 +213,19 @@ def excite_command(
     require_several(context, motions)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
-    options = (
-        *(clearance, height, box, viscous, coulomb, carry, obstacles),
-        *(payload_band, friction_band, model_band),
-    )
+    places = (clearance, height, box, viscous, coulomb, carry, obstacles)
+    options = (*places, payload_band, friction_band, model_band)
     require_plain(document, (*options, from_pose))
     safety = None if document else safety_of(lib, torque_fraction, *options)
     if static and safety is not None:
-        excite_static(
-            *(lib, safety),
-            PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite),
-        )
+        kept = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
+        excite_static(lib, safety, kept)
         return
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
-    wanted, alone = criterion_and_unknowns(
-        *(criterion, document, payload_only, until_kind(context, until))
-    )
+    kind = until_kind(context, until)
+    wanted, alone = criterion_and_unknowns(criterion, document, payload_only, kind)
     planned, note = information_of(
-        *(lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff)
+        lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff
     )
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
     rate = ROWS if export_rate is None else export_rate
@@ -270,7 +252,11 @@ def excite_command(
     )
     if motions > 1:
         excite_several(
-            *(lib, motions, chosen, planned, SeveralFiles(path, rate, speeds, overwrite)),
+            lib,
+            motions,
+            chosen,
+            planned,
+            SeveralFiles(path, rate, speeds, overwrite),
             budget=budget,
             processes=processes if processes is not None else side_by_side,
             scheduler=scheduler,
@@ -278,43 +264,37 @@ def excite_command(
         return
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     ways = session_plan(lib, from_pose, returns, rest, safety, used, zero_jerk, seed)
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))
-
-        def report(done: int, value: float, best: float) -> None:
-            after = f", {done - starts} variations of the best" if done > starts else ""
-            text = f"{min(done, starts)} starts{after}: {wanted} {value:.4g}, best {best:.4g}"
-            progress.update(task, completed=done, description=text)
-
+    with search_progress(wanted, starts) as report:
         optimum, promise, promised = searched(
-            *(lib, until, chosen, ways, planned, gain_error),
+            lib,
+            until,
+            chosen,
+            ways,
+            planned,
+            gain_error,
             progress=report,
             budget=budget,
             processes=processes if processes is not None else side_by_side,
             scheduler=scheduler,
         )
-    optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=used))
-    expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, path, expected, ways.parts, promise)
-    motion = certified(lib, ways.around(optimum.trajectory), safety)
-    written = (
-        [path]
-        if export
-        else [path, write_motion_log(motion, rate, path.with_suffix(".csv"), designed_by(optimum))]
-    )
-    if pictures:
-        from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
-        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
-    print_design(optimum, expected, len(lib.base_columns), note)
-    for sentence in (
-        *budget_notes(budget, len(optimum.conditions), starts),
-        *(() if until else design_notes(lib, duration, optimum.trajectory.duration)),
-        *ways.sentences(optimum.trajectory),
-        *promised,
-    ):
-        say(sentence)
-    stages = certified_stages(motion, speeds)
-    say(f"trajectory: {', '.join(map(str, written))}")
-    if export:
-        export_stages(stages, path.with_suffix(""), formats, export_rate, accepted)
+    def sentences(best: Design) -> tuple[str, ...]:
+        return (
+            *budget_notes(budget, len(best.conditions), starts),
+            *(() if until else design_notes(lib, duration, best.trajectory.duration)),
+            *ways.sentences(best.trajectory),
+            *promised,
+        )
+
+    files = MotionFiles(path, rate, formats, export_rate, speeds, pictures, accepted)
+    write_design(
+        lib,
+        optimum,
+        planned,
+        ways,
+        files,
+        promise=promise,
+        note=note,
+        sentences=sentences,
+        margin=used,
+    )

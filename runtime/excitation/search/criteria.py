@@ -109,7 +109,7 @@ def criterion_of(name: str, has_information: bool = True) -> Criterion:
 
 def smooth_goal(target: Measure) -> Goal:
     """Goal of a smooth measure: normalised D-optimality, which decides for a basin, then itself."""
-    return Goal(((normalised(d_optimal), 100), (target, 150)), target)
+    return Goal(((normalised(d_optimal), 100), (target, 250)), target)
 
 
 def relative_error(lib: Library, information: Information) -> Measure:

@@ -180,10 +180,10 @@ def test_own_builds_are_found_from_anywhere(
 ) -> None:
     """Property: a robot that the user built is loaded by name in any folder."""
     text = (tiny / "tiny.urdf").read_text()
-    build(BuildRequest("mine", text), tmp_path / "project", levels=("portable",))
+    build(BuildRequest("stranger", text), tmp_path / "project", levels=("portable",))
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    assert load("mine").folder == tmp_path / "project" / "mine"
+    assert load("stranger").folder == tmp_path / "project" / "stranger"
     with pytest.raises(LibraryError, match="no generated robot is called 'yours'"):
         load("yours")
 
@@ -194,13 +194,13 @@ def test_a_record_that_others_can_write_does_not_count(
     """Property: records in a folder that everybody may write make no library trusted."""
     monkeypatch.setenv("SYMGEN_BUILDS", str(tmp_path / "records"))
     text = (tiny / "tiny.urdf").read_text()
-    build(BuildRequest("open", text), tmp_path / "project", levels=("portable",))
+    build(BuildRequest("stranger", text), tmp_path / "project", levels=("portable",))
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    assert load("open").name == "open"
+    assert load("stranger").name == "stranger"
     (tmp_path / "records").chmod(0o777)
     with pytest.raises(LibraryError, match="no generated robot"):
-        load("open")
+        load("stranger")
 
 
 def test_build_replaces_a_foreign_library(

@@ -192,8 +192,8 @@ def test_check(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_check_names_each_robot(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Property: one robot's difference is not another's."""
     (tiny / "tiny.h").write_text("")
-    second = tiny.parent / "zwei"
-    build = ("build", "--urdf", tiny / "tiny.urdf", "--name", "zwei", *QUICKLY)
+    second = tiny.parent / "stranger"
+    build = ("build", "--urdf", tiny / "tiny.urdf", "--name", "stranger", *QUICKLY)
     run(capsys, *build, "--out", tiny.parent)
     code, out, _ = run(capsys, "check", "--out", tiny.parent)
     assert code == 1

@@ -133,7 +133,7 @@ class Objects:
         quoted = re.sub(r"^#include .*", "", text, flags=re.MULTILINE)
         if not self._renames or re.search(rf'"[^"\n]*{self._robot}[^"\n]*"', quoted):
             return text
-        macro = rf"(?<![A-Z0-9]){self._robot.upper()}_"
+        macro = rf"(?<![A-Z0-9])(?<!__){self._robot.upper()}_"
         return re.sub(rf"\b{self._robot}(?=_|\.h\b)", "@", re.sub(macro, "@_", text))
 
 

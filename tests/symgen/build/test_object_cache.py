@@ -16,6 +16,10 @@ from symgen.errors import CompilerError
 SOURCE = """/* {name}, model {model} */
 #include "{name}.h"
 
+#if defined(__ARM_FEATURE_FMA)
+/* a macro of the compiler, not of the robot "arm" */
+#endif
+
 const char *{name}_model_hash(void)
 {{
     return "{model}";

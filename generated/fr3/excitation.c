@@ -34,22 +34,29 @@ typedef struct {
     long size;
 } parts;
 
+/* The next `count` numbers of `work`, or nothing where `work` is not given yet. */
+static double *place(double *work, long *size, long count)
+{
+    double *here = work ? work + *size : work;
+    *size += count;
+    return here;
+}
+
 /* Where everything lies in `work`; the regressors are cleared once and end with a spare block. */
 static parts divide(double *work, long tiles, long harmonics)
 {
     parts p;
-    double *at = work;
-    p.regressor = at, at += tiles * TILE_SIZE + ROW(SIDE);
-    p.q = at, at += tiles * STATE;
-    p.dq = at, at += tiles * STATE;
-    p.ddq = at, at += tiles * STATE;
-    p.sc = at, at += tiles * 2 * STATE;
-    p.gram = at, at += SIDE * BLOCKS * STRIDE;
-    p.seed = at, at += TILE_SIZE;
-    p.adjoint = at, at += 3 * STATE;
-    p.sums = at, at += ROW(JOINTS * harmonics);
-    p.scratch = at, at += 14 * STRIDE;
-    p.size = at - work;
+    p.size = 0;
+    p.regressor = place(work, &p.size, tiles * TILE_SIZE + ROW(SIDE));
+    p.q = place(work, &p.size, tiles * STATE);
+    p.dq = place(work, &p.size, tiles * STATE);
+    p.ddq = place(work, &p.size, tiles * STATE);
+    p.sc = place(work, &p.size, tiles * 2 * STATE);
+    p.gram = place(work, &p.size, SIDE * BLOCKS * STRIDE);
+    p.seed = place(work, &p.size, TILE_SIZE);
+    p.adjoint = place(work, &p.size, 3 * STATE);
+    p.sums = place(work, &p.size, ROW(JOINTS * harmonics));
+    p.scratch = place(work, &p.size, 14 * STRIDE);
     return p;
 }
 

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 23b5e33fa3b2f180cf291e40a677a78a7d85c3280cca18abb8446c1120cbad3b.
+ * Model 183420dc4a473590e7841b700f5097241fd57cff73faeb8fb89a6405f35fe55e.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "23b5e33fa3b2f180cf291e40a677a78a7d85c3280cca18abb8446c1120cbad3b";
+    return "183420dc4a473590e7841b700f5097241fd57cff73faeb8fb89a6405f35fe55e";
 }
 
 #if defined(__x86_64__)

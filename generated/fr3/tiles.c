@@ -7195,7 +7195,7 @@ const double *sc,const double *pi, double *beta)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         base_parameters_lanes(
-(const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(beta + lane));
+(const vu *)sc,(const vu *)(pi + lane), (vu *)(beta + lane));
     }
 #endif
 }
@@ -7395,7 +7395,7 @@ const double *sc,const double *slope, double *gradient)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         base_adjoint_lanes(
-(const vu *)(sc + lane),(const vu *)(slope + lane), (vu *)(gradient + lane));
+(const vu *)sc,(const vu *)(slope + lane), (vu *)(gradient + lane));
     }
 #endif
 }
@@ -10953,7 +10953,7 @@ const double *sc,const double *lam, double *pi)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_from_lam_lanes(
-(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane));
+(const vu *)sc,(const vu *)(lam + lane), (vu *)(pi + lane));
     }
 #endif
 }
@@ -11656,7 +11656,7 @@ const double *sc,const double *lam, double *pi, double *jacobian)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_jacobian_lanes(
-(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
+(const vu *)sc,(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
     }
 #endif
 }
@@ -11872,7 +11872,7 @@ const double *sc,const double *lam, double *pi, double *frame)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_frame_lanes(
-(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(frame + lane));
+(const vu *)sc,(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(frame + lane));
     }
 #endif
 }
@@ -12137,7 +12137,7 @@ const double *sc,const double *lam, const double *frame, const double *slope, do
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         pi_adjoint_lanes(
-(const vu *)(sc + lane),(const vu *)(lam + lane), (const vu *)(frame + lane), (const vu *)(slope + lane), (vu *)(gradient + lane));
+(const vu *)sc,(const vu *)(lam + lane), (const vu *)(frame + lane), (const vu *)(slope + lane), (vu *)(gradient + lane));
     }
 #endif
 }
@@ -12375,7 +12375,7 @@ const double *sc,const double *theta, double *pi, double *jacobian)
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         cholesky_jacobian_lanes(
-(const vu *)(sc + lane),(const vu *)(theta + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
+(const vu *)sc,(const vu *)(theta + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
     }
 #endif
 }
@@ -13138,7 +13138,7 @@ const double *sc,const double *pi, double *pivot, double *log_det, double *trace
 #else
     for (int lane = 0; lane < LANES; lane += W) {
         barrier_lanes(
-(const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(pivot + lane), (vu *)(log_det + lane), (vu *)(traces + lane), (vu *)(curvature + lane));
+(const vu *)sc,(const vu *)(pi + lane), (vu *)(pivot + lane), (vu *)(log_det + lane), (vu *)(traces + lane), (vu *)(curvature + lane));
     }
 #endif
 }

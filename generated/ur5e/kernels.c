@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model c6874a5071988c20b7ce1c424b31a70644b228f08d5f08abc9416f0d3a178f03.
+ * Model a016e87a39099746dfa2f1ab30ba04141e8b5e57e226480b424add41db4c9359.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "c6874a5071988c20b7ce1c424b31a70644b228f08d5f08abc9416f0d3a178f03";
+    return "a016e87a39099746dfa2f1ab30ba04141e8b5e57e226480b424add41db4c9359";
 }
 
 #if defined(__x86_64__)

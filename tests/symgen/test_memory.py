@@ -20,8 +20,6 @@ INDEPENDENT = (*ONCE, "reference.c")
 """Sources of no level."""
 WATCHED = ("-g0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 """Flags of the sanitizers; -g0 since no compiler cache finds the folder's name in -g again."""
-CLANG = ("clang", *WATCHED, "-fno-sanitize=pointer-overflow")
-"""Clang counts NULL + 0, the sines of a kernel without turns, as an overflow; C2y defines it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +81,10 @@ def sanitizing_compiler(folder: Path) -> tuple[str, ...]:
     """Clang if it has the sanitizers' libraries, since it instruments in half of GCC's time."""
     if shutil.which("clang") is not None:
         (folder / "empty.c").write_text("int main(void) { return 0; }\n", encoding="utf-8")
-        command = [*CLANG, "empty.c", "-o", "empty"]
+        clang = ("clang", *WATCHED)
+        command = [*clang, "empty.c", "-o", "empty"]
         if subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode == 0:
-            return CLANG
+            return clang
     return (*find_compiler(), *WATCHED)
 
 

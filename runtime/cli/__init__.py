@@ -1,5 +1,6 @@
 """Commands that use the library of a robot: `python -m runtime COMMAND` or `symgen COMMAND`."""
 
+import gc
 import os
 import sys
 from collections.abc import Iterable
@@ -65,6 +66,23 @@ def app_of(names: Iterable[str]) -> typer.Typer:
     return chosen
 
 
+def _imported(names: Iterable[str]) -> typer.Typer:
+    """The application of some commands, whose modules the garbage collector does not search.
+
+    What an import makes stays until the end. Searching it during the imports, in every later
+    collection and in the last one took a tenth of the processor time of `identify`.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        chosen = app_of(names)
+        gc.freeze()
+    finally:
+        if was_enabled:
+            gc.enable()
+    return chosen
+
+
 def _command_comes_first() -> None:
     # Without a callback Typer takes the only command of an application for the application.
     return
@@ -88,7 +106,7 @@ def main() -> None:
         print(f"{name} {__version__}")
         return
     try:
-        app_of(wanted if set(wanted) & set(COMMANDS) else COMMANDS)()
+        _imported(wanted if set(wanted) & set(COMMANDS) else COMMANDS)()
     except RuntimeFault as error:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -21,6 +21,7 @@ from runtime.estimators.regression.residuals import inflation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
 from runtime.inspection.candidate_columns import DEFAULT_COLUMNS
+from runtime.inspection.column_solver import ColumnSolver, column_solver
 from runtime.inspection.cross_validation import BLOCKS, solved
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -41,12 +42,12 @@ class Trial:
 
     Attributes:
         blocks: statistics of every block.
-        others: statistics of all other blocks together, with the prior.
+        others: statistics of all other blocks together, with the prior, for each block.
         joints: number n of joints.
     """
 
     blocks: tuple[Statistics, ...]
-    others: tuple[Statistics, ...]
+    others: tuple[ColumnSolver, ...]
     joints: int
 
     def scores(self, columns: tuple[int, ...]) -> Array:
@@ -66,10 +67,9 @@ class Trial:
         ])  # fmt: skip
 
 
-def _error(block: Statistics, others: Statistics, left_out: NDArray[np.bool_]) -> float:
+def _error(block: Statistics, others: ColumnSolver, left_out: NDArray[np.bool_]) -> float:
     """Weighted sum of squared residuals on a block of the estimate from the others."""
-    x, _ = solved([others.without(left_out)])
-    rest = block.without(left_out).factor @ x - block.target
+    rest = block.factor @ others.solution(left_out) - block.target
     return float(rest @ rest + block.rest)
 
 
@@ -113,7 +113,7 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
     stats = [compress(lib, block, weights) for block in blocks]
     prior = _prior(lib, stats[0], inflation(np.concatenate(rests), weights))
     others = [
-        rest[0].merged(*rest[1:], prior)
+        column_solver(rest[0].merged(*rest[1:], prior))
         for k in range(len(stats))
         if (rest := [s for i, s in enumerate(stats) if i != k])
     ]

@@ -10,7 +10,10 @@ import numpy as np
 from runtime.numerics import Array
 from runtime.numerics.extension import extension
 
-_USED = ("dtrtrs", "dpotrf", "dpotri", "dpotrs", "dgeqp3", "dorgqr", "dgesdd", "dgesdd_lwork")
+_USED = (
+    *("dtrtrs", "dpotrf", "dpotri", "dpotrs", "dpocon"),
+    *("dgeqp3", "dorgqr", "dgesdd", "dgesdd_lwork"),
+)
 lapack = extension("scipy.linalg._flapack", _USED) or import_module("scipy.linalg.lapack")
 """Functions of LAPACK by name."""
 

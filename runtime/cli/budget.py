@@ -1,8 +1,11 @@
-"""Option --budget of `symgen excite`."""
+"""Option --budget of `symgen excite`, and what is printed of starts that were not made in full."""
 
 from typing import Annotated
 
 import typer
+
+from runtime.excitation import Design
+from runtime.excitation.search.single_start import BEHIND, TRIED
 
 Budget = Annotated[
     float | None,
@@ -16,17 +19,23 @@ Budget = Annotated[
 """--budget."""
 
 
-def budget_notes(budget: float | None, count: int, starts: int) -> tuple[str, ...]:
-    """Sentence about a search that its budget has ended.
+def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
+    """Sentences about starts that were not made, and about starts that were given up.
 
     Args:
+        best: the design.
         budget: value of --budget [s].
-        count: number of starts that were made.
         starts: value of --starts.
 
     Returns:
-        The sentence; nothing where all starts were made.
+        The sentences; nothing where all starts were made in full.
     """
-    if budget is None or count >= starts:
-        return ()
-    return (f"budget: {count} of {starts} starts in {budget:g} s",)
+    notes, count = [], len(best.conditions)
+    if budget is not None and count < starts:
+        notes.append(f"budget: {count} of {starts} starts in {budget:g} s")
+    if best.behind:
+        notes.append(
+            f"given up: {best.behind} of {count} starts, more than {100 * BEHIND:g} % above the "
+            f"best of the rounds before after {TRIED} steps"
+        )
+    return tuple(notes)

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from runtime.cli.approach_options import FromPose, Return, session_plan
-from runtime.cli.budget import Budget, budget_notes
+from runtime.cli.budget import Budget, search_notes
 from runtime.cli.certificate_table import design_notes, safety_of, table_height
 from runtime.cli.common import Robot, Seed, numbers_option, sentences_of
 from runtime.cli.design_defaults import (
@@ -280,7 +280,7 @@ def excite_command(
 
     def sentences(best: Design) -> tuple[str, ...]:
         return (
-            *budget_notes(budget, len(best.conditions), starts),
+            *search_notes(best, budget, starts),
             *(() if until else design_notes(lib, duration, best.trajectory.duration)),
             *ways.sentences(best.trajectory),
             *promised,

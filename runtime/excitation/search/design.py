@@ -18,7 +18,7 @@ from runtime.excitation.search.design_settings import DesignSettings, settings_f
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.processes import Rounds, Started, in_turn, side_by_side
 from runtime.excitation.search.single_start import Search, SearchProblem
-from runtime.excitation.search.variations import rounds
+from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 
@@ -42,6 +42,8 @@ class Design:
         safety: limits that were kept beyond those of the joints; None as in the document.
         unchecked: kinds of limits that were not checked.
         variations: cond of every variation of good starts that ended, in order.
+        behind: number of starts that ended more than `BEHIND` above the best of the rounds before,
+            where they are given up.
     """
 
     trajectory: Trajectory
@@ -55,6 +57,7 @@ class Design:
     safety: Safety | None = None
     unchecked: tuple[str, ...] = ()
     variations: tuple[float, ...] = ()
+    behind: int = 0
 
 
 @one_blas_thread
@@ -180,4 +183,5 @@ def _design(
         variations=tuple(
             condition(number) for number in sorted(ended) if number >= settings.starts
         ),
+        behind=behind_count(settings.criterion, settings.starts, ended),
     )

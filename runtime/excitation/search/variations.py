@@ -1,5 +1,9 @@
 """Order of a search: random starts, then variations of the best ones.
 
+Where a smooth criterion decides, starts come in rounds of `FIRST`, as many again, twice as many and
+so on. From the second round a start is given up after `TRIED` steps where its target is more than
+`BEHIND` above that of the best start of the rounds before: the steps left seldom gain as much.
+
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
 common. Where log cond decides, `SHARE` variations per start follow in `ROUNDS`. Each inherits from
 one of the `PARENTS` best so far (a geometric law favours the first), with the motion of one or two
@@ -15,9 +19,11 @@ from itertools import pairwise
 import numpy as np
 
 from runtime.excitation.search.criteria import CRITERIA
-from runtime.excitation.search.single_start import Search
+from runtime.excitation.search.single_start import BEHIND, Search
 from runtime.library import Array
 
+FIRST = 6
+"""Number of starts of a smooth criterion in the first round, none of which is given up."""
 SHARE = 1.0
 """Variations per start; one takes a third of the time of a start."""
 FEWEST = 8
@@ -37,7 +43,7 @@ class Task:
     Attributes:
         number: of the random start; variations continue the count.
         parents: coefficients (n, M), best first; none for a random start.
-        best: target of the first.
+        best: target of the first, or of the best start of the rounds before.
     """
 
     number: int
@@ -47,7 +53,7 @@ class Task:
     def done(self, search: Search) -> tuple[float, Array]:
         """Target and coefficients (n, M) of the descent."""
         if not self.parents:
-            return search.start(self.number)
+            return search.start(self.number, self.best)
         return search.variation(self.number, self.parents, self.best)
 
 
@@ -64,6 +70,40 @@ def variation_count(criterion: str, starts: int) -> int:
     return int(SHARE * starts) if CRITERIA[criterion].is_kinked and starts >= FEWEST else 0
 
 
+def start_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
+    """Rounds of random starts.
+
+    Args:
+        criterion: one of `CRITERIA`.
+        starts: number of random starts.
+
+    Returns:
+        First number and end of each round.
+    """
+    ends = [0, starts if CRITERIA[criterion].is_kinked else min(FIRST, starts)]
+    while ends[-1] < starts:
+        ends.append(min(2 * ends[-1], starts))
+    return list(pairwise(ends))
+
+
+def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]) -> int:
+    """Number of starts that ended more than `BEHIND` above the best of the rounds before.
+
+    Args:
+        criterion: one of `CRITERIA`.
+        starts: number of random starts.
+        ended: targets and coefficients of all tasks that ended.
+
+    Returns:
+        The number.
+    """
+    count = 0
+    for first, last in start_rounds(criterion, starts):
+        best = min((ended[k][0] for k in range(first) if k in ended), default=np.inf)
+        count += sum(ended[k][0] > best + BEHIND for k in range(first, last) if k in ended)
+    return count
+
+
 def rounds(
     criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]
 ) -> Iterator[list[Task]]:
@@ -77,7 +117,9 @@ def rounds(
     Yields:
         The tasks of a round.
     """
-    yield [Task(number) for number in range(starts)]
+    for first, last in start_rounds(criterion, starts):
+        best = min((ended[number][0] for number in range(first)), default=np.inf)
+        yield [Task(number, best=best) for number in range(first, last)]
     ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
     for first, last in pairwise(ends):
         if first == last:

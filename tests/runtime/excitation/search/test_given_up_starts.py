@@ -1,0 +1,76 @@
+"""Starts of a smooth criterion that are given up: rounds, the rule, and the printed sentence."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.cli.budget import search_notes
+from runtime.excitation import design
+from runtime.excitation.search import single_start
+from runtime.excitation.search.information import information
+from runtime.excitation.search.single_start import BEHIND, Search, SearchProblem
+from runtime.excitation.search.variations import FIRST, behind_count, rounds
+from runtime.library import Library
+
+SMALL = {"duration": 4.0, "harmonics": 3, "criterion": "mixed"}
+
+
+def problem(lib: Library) -> SearchProblem:
+    return SearchProblem(
+        *(lib.folder, lib.level, lib.home, SMALL["harmonics"], SMALL["duration"], 0),
+        criterion="mixed",
+        information=information(lib, 0.05, 100.0),
+    )
+
+
+def test_rounds_of_a_smooth_criterion() -> None:
+    """Property: six starts, then as many again as before, each with the best of the rounds before."""
+    ended = {k: (2.0 - k / 100, np.zeros((1, 1))) for k in range(20)}
+    tasks = list(rounds("mixed", 20, ended))
+    assert [len(one) for one in tasks] == [FIRST, FIRST, 20 - 2 * FIRST]
+    assert [task.number for one in tasks for task in one] == list(range(20))
+    assert {task.best for task in tasks[0]} == {np.inf}
+    assert {task.best for task in tasks[1]} == {ended[FIRST - 1][0]}
+    assert {task.best for task in tasks[2]} == {ended[2 * FIRST - 1][0]}
+    assert [len(one) for one in rounds("mixed", 4, ended)] == [4]
+
+
+def test_a_start_is_given_up_behind_the_best(
+    double: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: above the bound it ends early, below it goes on to the same end."""
+    search = Search(double, problem(double))
+    steps: list[int] = []
+    descend = single_start.descend
+
+    def counted(*given: Any, **options: Any) -> Any:
+        steps.append(given[3])
+        return descend(*given, **options)
+
+    monkeypatch.setattr(single_start, "descend", counted)
+    monkeypatch.setattr(single_start, "TRIED", 5)  # an arm of two joints converges in 20 steps
+    whole, _ = search.start(0)
+    far, a = search.start(0, best=whole - 1.0)
+    near, _ = search.start(0, best=whole + 1.0)
+    assert steps == [100, 250, 100, 5, 100, 5, 245]
+    assert far == search.value(a)
+    assert near < far
+    assert near == pytest.approx(whole, abs=1e-4)  # steps below the tolerance of 1e-6
+
+
+def test_far_starts_are_counted_and_printed(double: Library) -> None:
+    """Property: starts behind the rounds before them are counted, those of the first are not."""
+    ended = {k: (1.0, np.zeros((1, 1))) for k in range(8)} | {
+        2: (9.0, np.zeros((1, 1))),
+        7: (1.0 + BEHIND + 0.01, np.zeros((1, 1))),
+    }
+    assert behind_count("mixed", 8, ended) == 1
+    assert behind_count("cond", 8, ended) == 0
+    known = information(double, 0.05, 100.0)
+    alone = design(double, **SMALL, starts=8, seed=1, information=known)
+    assert len(alone.values) == 8
+    notes = search_notes(alone, None, 8)
+    assert len(notes) == (alone.behind > 0)
+    if notes:
+        assert notes[0].startswith(f"given up: {alone.behind} of 8 starts, more than 5 % above")

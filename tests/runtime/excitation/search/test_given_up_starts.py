@@ -25,7 +25,7 @@ def problem(lib: Library) -> SearchProblem:
 
 
 def test_rounds_of_a_smooth_criterion() -> None:
-    """Property: six starts, then as many again as before, each with the best of the rounds before."""
+    """Property: six starts, then as many again; each has the best of the rounds before."""
     ended = {k: (2.0 - k / 100, np.zeros((1, 1))) for k in range(20)}
     tasks = list(rounds("mixed", 20, ended))
     assert [len(one) for one in tasks] == [FIRST, FIRST, 20 - 2 * FIRST]

@@ -117,9 +117,9 @@ def rounds(
     Yields:
         The tasks of a round.
     """
-    for first, last in start_rounds(criterion, starts):
-        best = min((ended[number][0] for number in range(first)), default=np.inf)
-        yield [Task(number, best=best) for number in range(first, last)]
+    for begin, end in start_rounds(criterion, starts):
+        least = min((ended[number][0] for number in range(begin)), default=np.inf)
+        yield [Task(number, best=least) for number in range(begin, end)]
     ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
     for first, last in pairwise(ends):
         if first == last:

@@ -25,7 +25,7 @@ from runtime.cli.log_options import (
 )
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log, usable_columns
-from runtime.cli.progress import STATE, counting
+from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison import (
@@ -149,7 +149,7 @@ def _streams(
 
 
 def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
-    with counting(STATE) as progress:
+    with counting(state) as progress:
         task = progress.add_task("comparing", total=len(names), state="")
 
         def started(method: str) -> None:

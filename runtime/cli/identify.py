@@ -32,7 +32,7 @@ from runtime.cli.prepared_log import (
     read_prepared_log,
     usable_columns,
 )
-from runtime.cli.progress import STATE, counting
+from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
@@ -303,7 +303,7 @@ def _with_progress(
 ) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     chosen = PRESETS.get(str(settings.preset or "full"))
-    with counting(STATE) as progress:
+    with counting(state) as progress:
         total = chosen.rule.max_iterations if chosen and METHODS[method].takes_preset else None
         task = progress.add_task(f"{method} on {lib.name}", total=total, state="")
 

@@ -75,13 +75,13 @@ def reproduce_command(
         return
     studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
     lib = open_robot(robot, yes)
-    with counting(TextColumn("left"), TimeRemainingColumn()) as progress:
+    with counting(lambda: TextColumn("left"), TimeRemainingColumn) as progress:
         tasks: dict[str, int] = {}
 
         def reported(name: str, done: int, total: int) -> None:
             if name not in tasks:
                 tasks[name] = progress.add_task(STUDIES[name].title, total=total)
-            progress.update(tasks[name], completed=done)  # type: ignore[arg-type]
+            progress.update(tasks[name], completed=done)
 
         request = Request(
             out=out,

@@ -15,6 +15,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
+from runtime.numerics.order import median
 
 USUAL = 2.0
 """Median mass of a link of usual arms, kg."""
@@ -32,12 +33,12 @@ def mass_unit(lib: Library, pi: Array) -> float:
     Returns:
         1 for usual arms, else a power of four that makes the median link mass 1 to 4 kg.
     """
-    median = float(np.median(mass(links(pi))))
-    if not median > 0:
-        median = float(np.median(mass(links(lib.pi0))))
-    if not 0 < median < np.inf or USUAL / WITHIN <= median <= USUAL * WITHIN:
+    middle = float(median(mass(links(pi))))
+    if not middle > 0:
+        middle = float(median(mass(links(lib.pi0))))
+    if not 0 < middle < np.inf or USUAL / WITHIN <= middle <= USUAL * WITHIN:
         return 1.0
-    return float(4.0 ** round(np.log(median / USUAL) / np.log(4.0)))
+    return float(4.0 ** round(np.log(middle / USUAL) / np.log(4.0)))
 
 
 def in_unit(problem: Problem, unit: float) -> Problem:

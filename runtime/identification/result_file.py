@@ -4,8 +4,7 @@ import dataclasses
 import json
 import sys
 from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import version
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -176,11 +175,12 @@ def condition_number(result: Identification) -> float | None:
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 
-@cache  # metadata of packages are files, and one process writes many results
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that compute a result."""
     python = ".".join(map(str, sys.version_info[:3]))
-    return {"python": python} | {name: version(name) for name in ("numpy", "scipy", "clarabel")}
+    return {"python": python} | {
+        name: str(import_module(name).__version__) for name in ("numpy", "scipy", "clarabel")
+    }
 
 
 def _recording_facts(result: Identification) -> dict[str, Any]:

@@ -22,8 +22,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import platformdirs
-
 from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
@@ -179,6 +177,8 @@ def _roots() -> list[Path]:
             )
         return [root]
     private = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
+    import platformdirs
+
     return [platformdirs.user_cache_path("symgen"), *([private] if _is_private(private) else [])]
 
 

@@ -6,7 +6,6 @@ on how many threads there are.
 
 import ctypes
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -113,6 +112,8 @@ class CompiledConvex:
         if count == 1:
             part((0, len(self._jobs)))
         else:
+            from concurrent.futures import ThreadPoolExecutor
+
             with ThreadPoolExecutor(count) as pool:
                 list(pool.map(part, pairwise(edges)))
         return [

@@ -6,7 +6,6 @@ and since jobs share nothing the answers do not depend on how many.
 
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -133,6 +132,8 @@ class _Jobs:
         if count == 1:
             part(parts[0])
             return
+        from concurrent.futures import ThreadPoolExecutor
+
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(part, parts))
 

@@ -8,11 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
 
 from runtime.errors import LibraryError
 from runtime.library.compile_recipe import CompileRecipe
@@ -96,6 +92,9 @@ def compile_folder(
     units.sort(key=lambda unit: -unit[0])  # the longest first
     commands = [command for _, command, _ in units]
     link = (*compiler, "-o", str(target), *(str(made) for *_, made in units), *recipe.link)
+    from rich.console import Console
+    from rich.progress import Progress, TimeElapsedColumn
+
     bar = Progress(
         *Progress.get_default_columns()[:2],
         TimeElapsedColumn(),
@@ -103,6 +102,8 @@ def compile_folder(
         transient=True,
         disable=not sys.stderr.isatty(),
     )
+    from concurrent.futures import ThreadPoolExecutor
+
     with bar, ThreadPoolExecutor(cores()) as pool:
         done = pool.map(lambda command: _run(command, folder), commands)
         list(bar.track(done, total=len(commands), description="compiling"))

@@ -12,8 +12,6 @@ import re
 import stat
 from pathlib import Path
 
-import platformdirs
-
 from runtime.files import json_of
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -85,4 +83,6 @@ def records_folder() -> Path:
     chosen = os.environ.get("SYMGEN_BUILDS", "")
     if chosen:
         return Path(chosen).expanduser().absolute()
+    import platformdirs
+
     return platformdirs.user_data_path("symgen") / "builds"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.numerics.order import median, quantile
 from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
@@ -73,7 +74,7 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     usual = TIMES_USUAL * np.quantile(sizes, 0.99, axis=0)
     rest = np.abs(steps - 2.0 * np.pi * turns)
     jump = (np.abs(turns) == 1.0) & (rest < np.clip(usual, *BESIDE_TURN))
-    jump &= np.median(sizes, axis=0) < USUAL_STEP
+    jump &= median(sizes, axis=0) < USUAL_STEP
     if not jump.any():
         return q, np.zeros(q.shape[1], dtype=np.int64)
     correction = np.zeros_like(q)
@@ -91,14 +92,14 @@ def slopes_of(recording: Recording) -> FloatArray:
     integrated = integral[STRIDE:] - integral[:-STRIDE]
     slopes = np.full(recording.n_joints, np.nan)
     for j in range(recording.n_joints):
-        fast = np.abs(integrated[:, j]) >= np.quantile(np.abs(integrated[:, j]), 0.75)
+        fast = np.abs(integrated[:, j]) >= quantile(np.abs(integrated[:, j]), 0.75)
         fast &= np.abs(integrated[:, j]) > STILL
         if not fast.any():
             continue
         ratio = moved[fast, j] / integrated[fast, j]
-        spread = np.subtract(*np.quantile(ratio, [0.75, 0.25]))
-        if spread < np.abs(np.median(ratio)):
-            slopes[j] = np.median(ratio)
+        spread = quantile(ratio, 0.75) - quantile(ratio, 0.25)
+        if spread < np.abs(middle := median(ratio)):
+            slopes[j] = middle
     return slopes
 
 

@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from importlib import import_module
 from typing import Any
 
@@ -75,4 +74,6 @@ class Framed(ABC):
 
 
 def _text(value: object) -> str:
+    from html import escape  # with all names of HTML
+
     return escape(str(value))

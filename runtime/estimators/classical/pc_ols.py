@@ -25,6 +25,7 @@ from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.numerics.dense import block_diag
+from runtime.numerics.order import median
 from runtime.numerics.sparse import solve_conic
 
 LENGTH = 0.1
@@ -184,7 +185,7 @@ class _Cones:
         friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
         sizes = np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0)
         # Of a single joint most columns are 0; of arms the median counts all of them.
-        typical = np.median(sizes) or np.median(sizes[sizes > 0])
+        typical = median(sizes) or median(sizes[sizes > 0])
         self._lib = lib
         self._scale = np.concatenate([scale, typical / np.where(friction > 0, friction, typical)])
         self._statistics = statistics

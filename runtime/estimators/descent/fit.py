@@ -1,7 +1,6 @@
 """Methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
@@ -133,6 +132,8 @@ def fit_many(
         return []
     if not problems[0].lib.descends:
         return [fit_adam(problem, preset) for problem in problems]
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(count) as pool:
         descents = list(pool.map(start_of, problems))
     outcomes = descend_many(descents, preset, count, progress, watch)

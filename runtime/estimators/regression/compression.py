@@ -2,8 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from runtime.estimators.regression.samples import Samples
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
 from runtime.parallel import cores
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 TOGETHER = 16
 """Number of factors that are collected before they are joined."""
@@ -64,6 +67,8 @@ def compress(
     starts = range(0, max(len(samples), 1), BLOCK)
     workers = min(len(starts), threads or cores())
     if workers > 1:
+        from concurrent.futures import ThreadPoolExecutor
+
         with ThreadPoolExecutor(workers) as pool:
             triangles = list(pool.map(block, starts))
     else:
@@ -91,10 +96,12 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
     Raises:
         IdentificationError: as `compress`, or there is no piece.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     factors: list[Statistics] = []
     with ThreadPoolExecutor(cores()) as pool:
         # Pieces are taken by this thread, a bounded number ahead, and compressed on the others.
-        source, waiting = iter(pieces), deque[Future[Statistics]]()
+        source, waiting = iter(pieces), deque["Future[Statistics]"]()
         while True:
             for piece in islice(source, 2 * cores() - len(waiting)):
                 waiting.append(pool.submit(compress, lib, piece, weights))

@@ -13,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import platformdirs
 import pytest
 
 from runtime.errors import LibraryError
@@ -193,7 +194,7 @@ def test_places_that_cannot_be_written(
         compiled_library(toy, "toy")
     monkeypatch.delenv("SYMGEN_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(wall))
-    monkeypatch.setattr(compile_cache.platformdirs, "user_cache_path", lambda name: wall / name)
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: wall / name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     single = tmp_path / f"symgen-{os.getuid()}"
     assert works(compiled_library(toy, "toy"))

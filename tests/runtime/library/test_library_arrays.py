@@ -1,12 +1,13 @@
 """The compiled library: how arrays go through, and on how many threads."""
 
 from collections.abc import Callable
+from concurrent import futures
 
 import numpy as np
 import pytest
 
 from runtime.errors import LibraryError, ShapeError
-from runtime.library import Library, binding, load
+from runtime.library import Library, load
 from runtime.library.binding import PART
 from runtime.library.tile_arrays import zeros
 from tests.oracle import random_states
@@ -171,13 +172,13 @@ def test_threads_are_used_where_they_pay(fr3, monkeypatch):
     """Property: a short batch stays in its thread, a long one is spread over all cores."""
     seen = []
     monkeypatch.setattr("runtime.library.binding.cores", lambda: 3)
-    real = binding.ThreadPoolExecutor
+    real = futures.ThreadPoolExecutor
 
     def watched(workers):
         seen.append(workers)
         return real(workers)
 
-    monkeypatch.setattr(binding, "ThreadPoolExecutor", watched)
+    monkeypatch.setattr(futures, "ThreadPoolExecutor", watched)
     lib = load(fr3.folder)
     lib.end_effector(np.zeros((5000, 7)))
     assert seen == []

@@ -14,7 +14,16 @@ class Counter(Protocol):
     """What commands use of a progress bar, with rich's arguments."""
 
     def add_task(self, description: str, *, total: float | None, **fields: Any) -> Any:
-        """Add a line and return its number."""
+        """Add a line.
+
+        Args:
+            description: text of the line.
+            total: count at its end; None for an unknown one.
+            **fields: values of further columns.
+
+        Returns:
+            Number of the line.
+        """
 
     def update(self, task_id: Any, **facts: Any) -> None:
         """Change what a line shows."""

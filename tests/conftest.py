@@ -117,9 +117,14 @@ def _zig_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _no_objects_of_other_builds() -> None:
-    """Builds of tests compile what they ask for; tests of the cache name a folder of their own."""
-    os.environ["SYMGEN_OBJECTS"] = "off"
+def _objects_of_this_run(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Builds of this run share their objects; tests of compilations turn that off.
+
+    The workers of pytest-xdist share the folder, as they share the builds.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "objects"
+    os.environ["SYMGEN_OBJECTS"] = str(folder)
 
 
 @pytest.fixture(scope="session", autouse=True)

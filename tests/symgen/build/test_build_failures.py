@@ -14,6 +14,8 @@ from symgen.errors import BuildError, CompilerError, UrdfError
 from tests.conftest import TINY_URDF
 from tests.symgen.builds import heavier, mass, rebuild, snapshot
 
+pytestmark = pytest.mark.usefixtures("compiled_anew")
+
 
 def no_space(*_: object, **__: object) -> NoReturn:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -11,6 +11,8 @@ from symgen.build.request import BuildRequest
 from tests.conftest import REPOSITORY
 from tests.symgen.builds import heavier, mass, rebuild, snapshot
 
+pytestmark = pytest.mark.usefixtures("compiled_anew")
+
 BUILD = """
 import sys
 from pathlib import Path

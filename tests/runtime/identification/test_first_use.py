@@ -17,9 +17,8 @@ import platformdirs
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.library import compile_cache, compiler, load
+from runtime.library import compile_cache, load
 from runtime.library.compile_cache import compiled_library
-from runtime.library.compile_recipe import read_recipe
 from symgen.build.compile_recipe import how_to_compile
 from tests.conftest import REPOSITORY
 
@@ -294,18 +293,3 @@ def test_a_recipe_is_data(toy: Path, kept: Path, change: object) -> None:
     with pytest.raises(LibraryError, match=r"compile\.json' is damaged"):
         compiled_library(toy, "toy")
     assert not kept.exists()
-
-
-def test_zig_spells_instruction_sets_with_underscores() -> None:
-    """Property: for zig alone."""
-    zig = (sys.executable, "-m", "ziglang", "cc")
-    assert compiler._spelled("-march=x86-64-v3", zig) == "-march=x86_64_v3"
-    assert compiler._spelled("-march=x86-64-v3", ("cc",)) == "-march=x86-64-v3"
-
-
-def test_the_recipe_of_the_fr3_is_read() -> None:
-    """Property: the committed one, with every level that symgen knows."""
-    recipe = read_recipe(REPOSITORY / "generated" / "fr3")
-    assert recipe.levels("x86_64") == ("v4", "v3", "v2", "portable", "casadi")
-    assert recipe.levels("aarch64") == ("neon", "portable", "casadi")
-    assert recipe.levels("riscv64") == ("portable", "casadi")

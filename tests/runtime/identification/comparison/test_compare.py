@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import runtime
-from runtime import read_recording, write_recording
+from runtime import read_recording
 from runtime.cli import app
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
@@ -212,46 +212,6 @@ def test_methods_are_given_the_same_fresh_problem(
     assert seen[0].train is seen[1].train
     assert seen[0].weights is seen[1].weights
     assert seen[0] is not seen[1]
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
-        (("--split", "0.9"), "--split needs 2 numbers"),
-        (
-            ("--truth", "no.json"),
-            "expected a JSON with 70 numbers 'pi' of 'fr3', as simulate writes it, got 'no.json'",
-        ),
-        (("--controller", "no.toml"), "cannot be read as a TOML file"),
-        (("--friction", "treacle"), "treacle"),
-    ],
-)
-def test_bad_options_are_one_sentence(
-    lib: Library, command: Command, tmp_path: Path, words: tuple[str, ...], sentence: str
-) -> None:
-    """Property: exit code 2, one sentence, nothing written."""
-    ran = command("compare", EXAMPLE, "--robot", lib.folder, *words)
-    assert ran.code == 2
-    assert sentence in ran.err
-    assert len(ran.err.strip().splitlines()) == 1
-    assert not (tmp_path / "results").exists()
-
-
-def test_truths_of_others(lib: Library, command: Command, tmp_path: Path) -> None:
-    """Property: a truth beside the log that is another robot's is refused, not ignored."""
-    write_recording(read_recording(EXAMPLE), tmp_path / "log.npz")
-    truth = {"robot": "other", "pi": lib.pi0.tolist()}
-    (tmp_path / "log.truth.json").write_text(json.dumps(truth))
-    ran = command("compare", "log.npz", "--robot", lib.folder, "--methods", "map")
-    assert ran.code == 2
-    assert "numbers 'pi' of 'fr3', as simulate writes it, got 'log.truth.json'" in ran.err
-
-
-def test_unknown_methods_are_refused(lib: Library) -> None:
-    """Property: a wrong name is an error of the call, not a row."""
-    with pytest.raises(IdentificationError, match="there is no method 'magic'"):
-        compare(assemble(read_recording(EXAMPLE), lib), ("map", "magic"))
 
 
 def test_the_page(

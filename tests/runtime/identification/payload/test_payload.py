@@ -15,7 +15,7 @@ from runtime.estimators.convex import bodies_of
 from runtime.identification.payload import ArmModel, arm_model, body_of, mount_of, read_arm_model
 from runtime.identification.payload.body import NAMES, jacobian
 from runtime.identification.payload.output import NORMAL_95
-from runtime.recording import Friction, Preparation
+from runtime.recording import Friction
 from tests.taylor import assert_second_order, taylor_slope
 
 NOISE = 0.05
@@ -221,55 +221,6 @@ def test_what_the_motion_does_not_show_is_reported(loaded, lib, arm):
     assert none.body.mass < 0.02
     wrong = identify_payload(full, lib, arm=arm_model(lib))
     assert any("friction of the arm is taken as zero" in note for note in wrong.notes)
-
-
-BAD = {
-    "another link": (
-        lambda run: (run, {"link": "wrist"}),
-        "no moving link 'wrist'; choose one of fr3_link1, .*or the tip fr3_link8",
-    ),
-    "too few rows": (lambda run: (run.take(slice(0, 30), ""), {}), "30 samples.*50 or more"),
-    "a shorter empty run": (
-        lambda run: (run, {"empty": run.take(slice(0, 500), "")}),
-        "lasts 4.99 s, the loaded one 10 s; record the same trajectory",
-    ),
-    "another empty run": (
-        lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
-        "follows another trajectory: fr3_joint1 differs .* record the same trajectory",
-    ),
-    "NaN": (
-        lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}),
-        "NaN",
-    ),
-    "no torque": (lambda run: (run.replace(tau=None), {}), "has no torque"),
-    "nothing moves the link": (
-        lambda run: (run.replace(q=run.q * 0 + run.q[0], dq=run.q * 0, ddq=run.q * 0), {}),
-        "separated from a torque offset; record a motion",
-    ),
-    "a filter too fast": (
-        lambda run: (run, {"preparation": Preparation(filter="butterworth", cutoff_hz=60.0)}),
-        "cutoff_hz expects",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_sentence_of_advice(case, loaded, lib, arm):
-    """Property: a named error that says what to do."""
-    make, message = BAD[case]
-    run, options = make(loaded[0])
-    with pytest.raises(RuntimeFault, match=message):
-        identify_payload(run, lib, arm=arm, **options)
-
-
-def test_the_command_refuses_with_one_sentence(loaded, lib, command, tmp_path):
-    """Property: exit code 2, one line, and nothing written."""
-    write_recording(loaded[0], tmp_path / "loaded.csv")
-    ran = command("payload", "loaded.csv", "--robot", lib.folder, "--link", "hand")
-    assert ran.code == 2
-    assert len(ran.err.splitlines()) == 1
-    assert "no moving link 'hand'; choose one of fr3_link1" in ran.err
-    assert not (tmp_path / "results").exists()
 
 
 def test_noise_of_short_coloured_runs_is_neither_flattered_nor_counted_twice(loaded, lib, arm):

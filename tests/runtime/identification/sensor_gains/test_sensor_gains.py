@@ -3,11 +3,10 @@
 import json
 
 import numpy as np
-import pinocchio
 import pytest
 from scipy import signal
 
-from runtime import Recording, read_recording, write_recording
+from runtime import read_recording, write_recording
 from runtime.errors import RuntimeFault
 from runtime.identification.payload import KnownPayload, mount_of, pi_of_body, read_known_payload
 from runtime.identification.sensor_gains import identify_gains
@@ -15,50 +14,19 @@ from runtime.identification.sensor_gains.problem import problem_of
 from runtime.identification.sensor_gains.solve import linear, reduced, solve
 from runtime.recording import Friction, Recipe, load_recipe, plan_of, recipe_text
 from runtime.recording.recipes.recipe import Signal
-
-GAINS = np.array([1.05, 0.97, 1.02, 0.93, 1.1, 0.95, 1.03])
-BIAS = np.array([[0.3, -0.2, 0.1, 0.5, -0.1, 0.05, 1.2], [-0.3, 0.2, 0.4, 0.1, 0.1, 0.15, -0.8]])
-NOISE, TRIALS, WIDTH = 0.05, 120, 0.05
-TERMS = Friction(("viscous", "coulomb"), coulomb_speed=WIDTH)
-COM, INERTIA = np.array([0.01, 0.02, 0.05]), np.diag([0.004, 0.005, 0.003])
-BODY = KnownPayload(3.0, COM, INERTIA)
-POINT = KnownPayload(3.0, COM)
-
-
-@pytest.fixture(scope="module")
-def payload_pi(lib):
-    """π of the payload in link 7's frame, by Pinocchio."""
-    tip = lib.manifest.tip_frame
-    placement = pinocchio.SE3(np.array(tip.rotation), np.array(tip.translation))
-    moved = placement.act(pinocchio.Inertia(3.0, COM, INERTIA)).toDynamicParameters()
-    return moved[[0, 1, 2, 3, 4, 6, 9, 5, 7, 8]]  # Ixx Ixy Iyy Ixz Iyz Izz → xx yy zz xy xz yz
-
-
-@pytest.fixture(scope="module")
-def dense(ideal_runs, lib, payload_pi):
-    """True torques of two motions at 100 Hz with friction, the second with the payload."""
-    kept = ideal_runs[:2]
-    Y = lib.regressor(kept[1].q, kept[1].dq, kept[1].ddq)[:, :, mount_of(lib).columns]
-    rub = [0.5 * run.dq + 0.3 * np.tanh(run.dq / WIDTH) for run in kept]
-    return (
-        kept[0].replace(tau=kept[0].tau + rub[0], name="empty"),
-        kept[1].replace(tau=kept[1].tau + rub[1] + Y @ payload_pi, name="loaded"),
-    )
-
-
-@pytest.fixture(scope="module")
-def runs(dense):
-    """The same at 50 Hz."""
-    return tuple(run.take(slice(0, None, 2), "Every second row.") for run in dense)
-
-
-def measured(runs, noise=None, gains=GAINS, bias=BIAS):
-    """What sensors with these gains and biases read."""
-    errors = np.zeros((2, *runs[0].tau.shape)) if noise is None else noise
-    return tuple(
-        run.replace(tau=gains * (run.tau + b) + e)
-        for run, b, e in zip(runs, bias, errors, strict=True)
-    )
+from tests.runtime.identification.sensor_gains.weighed import (
+    BIAS,
+    BODY,
+    COM,
+    GAINS,
+    INERTIA,
+    NOISE,
+    POINT,
+    TERMS,
+    TRIALS,
+    WIDTH,
+    measured,
+)
 
 
 @pytest.mark.parametrize("payload", [BODY, POINT], ids=["inertia known", "inertia unknown"])
@@ -167,98 +135,6 @@ def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
     assert any("mass from a scale" in note for note in fine.notes)
 
 
-def _joints(run: Recording) -> Recording:
-    return Recording(run.t, run.q[:, :6], run.dq[:, :6], run.ddq[:, :6], run.tau[:, :6])
-
-
-def _named(run: Recording, names: str) -> Recording:
-    return run.replace(joint_names=tuple(names))
-
-
-def _ripple(run: Recording) -> np.ndarray:
-    return NOISE * np.sin(np.arange(run.tau.size)).reshape(run.tau.shape)
-
-
-BAD = {
-    "the same log": (lambda e, f: (e, e), {}, "hold the same torques; give one run without"),
-    "the same log rounded": (
-        lambda e, f: (e, e.replace(tau=np.round(e.tau, 3))),
-        {},
-        "hold the same torques",
-    ),
-    "other joints": (lambda e, f: (e, _joints(f)), {}, "different robots .*; give two runs of one"),
-    "other names": (
-        lambda e, f: (_named(e, "abcdefg"), _named(f, "gfedcba")),
-        {},
-        "different robots .a, b, .*; g, f, ",
-    ),
-    "other reading": (
-        lambda e, f: (e, f.replace(recipe=Recipe(gear=((1.0,),)))),
-        {},
-        "read with different units",
-    ),
-    "the wrong order": (lambda e, f: (f, e), {}, "carries less than the empty one"),
-    "nothing mounted": (
-        lambda e, f: (e, e.replace(tau=e.tau + _ripple(e))),
-        {},
-        "3 kg is not visible enough in these runs .* check that it was mounted",
-    ),
-    "the same log rounded to hundredths": (
-        lambda e, f: (e, e.replace(tau=np.round(e.tau, 2))),
-        {},
-        "3 kg is not visible enough in these runs",
-    ),
-    "too short": (lambda e, f: (e, f.take(slice(0, 30), "")), {}, "expected 50 samples .*, got 30"),
-    "no torque": (lambda e, f: (e, f.replace(tau=None)), {}, "has no torque"),
-    "no such link": (lambda e, f: (e, f), {"link": "hand"}, "no moving link 'hand'"),
-    "another frame": (
-        lambda e, f: (e, f),
-        {"payload": KnownPayload(1.0, COM, frame="tool")},
-        "in the frame of 'tool'",
-    ),
-    "no such column": (
-        lambda e, f: (e, f),
-        {"friction": Friction(("auto",))},
-        "no friction column 'auto'",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_runs_are_one_sentence_of_advice(case, runs, lib):
-    """Property: a named error that says what to do."""
-    change, options, message = BAD[case]
-    with pytest.raises(RuntimeFault, match=message):
-        identify_gains(*change(*runs), lib, **{"payload": BODY, "friction": TERMS, **options})
-
-
-def test_a_search_that_has_not_converged_is_no_answer(runs, lib, monkeypatch):
-    """Property: one step from the linear answer is not the optimum, however small its σ."""
-    noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
-    monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)
-    with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
-        identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("0,0,0,0", "mass above 0 kg of the known payload, got 0; weigh it"),
-        ("-1,0,0,0", "mass above 0 kg of the known payload, got -1"),
-        ("nan,0,0,0", "mass above 0 kg of the known payload, got nan"),
-        ("1,0,inf,0", "three finite numbers"),
-        ("1,0,0", "expected the payload as MASS,CX,CY,CZ"),
-        ("one,0,0,0", "expected the payload as MASS,CX,CY,CZ"),
-        ("1,0,0,0,1,1,3,0,0,0", "is not physically consistent"),
-        ("nowhere.json", "'.*nowhere.json' holds no payload"),
-    ],
-)
-def test_impossible_payloads_are_refused(words, message):
-    """Property: one sentence."""
-    with pytest.raises(RuntimeFault, match=message):
-        read_known_payload(words)
-
-
 def test_a_known_payload_is_numbers_or_a_file(lib, tmp_path, payload_pi):
     """Oracle: Pinocchio's π of the same body; the file and the numbers tell one payload."""
     words = read_known_payload("3,0.01,0.02,0.05,0.004,0.005,0.003,0.0001,0.0002,0.0003")
@@ -296,17 +172,6 @@ def test_the_command_writes_a_recipe_that_identify_takes(runs, lib, command, tmp
     low = command(*words, *known)
     assert "89.5 % low" in low.out
     assert "recipe: [torque] gain = [9.52" in low.out
-
-
-def test_the_command_refuses_with_one_sentence(runs, lib, command, tmp_path):
-    """Property: exit code 2, one line, and nothing written."""
-    write_recording(runs[0], tmp_path / "empty.csv")
-    words = ("gains", "empty.csv", "empty.csv", "--robot", lib.folder, "--recipe-out", "r.toml")
-    ran = command(*words, "--payload", "1,0,0,0")
-    assert ran.code == 2
-    assert len(ran.err.splitlines()) == 1
-    assert "hold the same torques" in ran.err
-    assert not (tmp_path / "r.toml").exists()
 
 
 def test_noise_of_few_samples_is_unbiased(runs, lib):

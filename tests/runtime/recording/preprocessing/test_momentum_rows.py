@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify
-from runtime.errors import IdentificationError, NeedsError, RecordingError
+from runtime.errors import IdentificationError
 from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification import metrics
@@ -169,35 +169,6 @@ def test_methods_that_take_them(lib, made, pi_true, method):
     assert found.test.ddq is None
     assert np.isfinite(found.gap)
     assert found.uncertainty.noise.shape == (7,)
-
-
-@pytest.mark.parametrize(
-    ("method", "preset", "form"),
-    [
-        ("nn", None, "momentum"),
-        ("ekf", None, "momentum"),
-        ("iv", None, "momentum"),
-        ("adam", "simulation", "momentum"),
-        ("wls", None, "energy"),
-    ],
-)
-def test_methods_that_do_not(lib, made, method, preset, form):
-    """One sentence: what is missing and what to use."""
-    with pytest.raises(NeedsError, match="use --regressor acceleration, or one of map"):
-        identify(
-            made, lib, method, preset=preset, preparation=at(2.0, form), friction_columns=Friction()
-        )
-
-
-def test_whoever_asks_for_accelerations_is_told(lib, made):
-    """The one door to ddq refuses where there is none."""
-    samples = samples_of(prepare(made, at(2.0), lib=lib), lib)
-    with pytest.raises(NeedsError, match="expected accelerations, got rows prepared without"):
-        _ = samples.ddq
-    with pytest.raises(RecordingError, match="library of the robot, got none"):
-        prepare(made, at(2.0))
-    with pytest.raises(RecordingError, match=r"\[preparation\] regressor expects one of"):
-        at(2.0, "power")
 
 
 def test_energy_is_weaker_but_right(lib, trajectories, pi_true):

@@ -1,0 +1,40 @@
+"""Tables of proxies in a configuration: every fault is named."""
+
+import pytest
+
+from symgen.build.config import config_from_table
+from symgen.collision import BASE, CollisionModel, Proxy
+from symgen.errors import BuildError, CollisionError
+
+BALL = {"name": "a", "link": BASE, "start": [0, 0, 0], "end": [0, 0, 1], "radius": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        ({"proxy": [BALL, BALL]}, "two proxies are called 'a'"),
+        ({"proxy": [BALL | {"radius": 0.0}]}, "radius above 0"),
+        ({"proxy": [BALL | {"radius": float("nan")}]}, "radius above 0"),
+        ({"proxy": [BALL | {"start": [0, 0]}]}, "start and end three numbers"),
+        ({"proxy": [BALL | {"colour": 1}]}, "each \\[\\[proxy\\]\\] needs exactly"),
+        ({"proxy": [BALL], "pair": [{"first": "a", "second": "b", "margin": 0}]}, "proxy 'b'"),
+        ({"proxy": [BALL], "pair": [{"first": "a", "second": "a", "margin": 0}]}, "two proxies"),
+        ({"tip_speed": -1.0}, "tip_speed needs a number above 0"),
+        ({"braking": {"k": [1.0]}}, "braking needs exactly"),
+        ({"braking": {k: [0.0] for k in ("k", "c", "upper", "lower")}}, "k above 0"),
+        ({"jerk": [1.0, 0.0]}, "jerk needs limits above 0 for every joint, got 0"),
+        ({"acceleration": [-2.0]}, "acceleration needs limits above 0 for every joint, got -2"),
+        ({"torque_rate": [float("inf")]}, "torque_rate needs a list of finite numbers"),
+    ],
+)
+def test_tables_that_contradict_themselves(table: dict, sentence: str) -> None:
+    """Property: each fault is named."""
+    with pytest.raises((CollisionError, BuildError), match=sentence):
+        config_from_table(table, "here")
+
+
+def test_proxies_of_another_robot_are_refused() -> None:
+    """Property: a link that the chain does not move is named with those that it does."""
+    model = CollisionModel((Proxy("a", "fr3_link1", (0, 0, 0), (0, 0, 1), 0.1),))
+    with pytest.raises(CollisionError, match=r"'fr3_link1', which does not move.*l0"):
+        model.joint_of(model.proxies[0], ["l0"])

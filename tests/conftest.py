@@ -19,7 +19,8 @@ from runtime.library import Library, load
 from symgen.build.pipeline import build, is_current
 from symgen.build.request import BuildRequest, bundled_request
 from symgen.build.user_builds import records_folder
-from tests.robots import CASES
+from symgen.chain import ChainOptions
+from tests.robots import CASES, DATA, ONE_LEVEL
 
 REPOSITORY = Path(__file__).parents[1]
 
@@ -194,6 +195,14 @@ def robot(root: Path, request: pytest.FixtureRequest) -> Callable[[str], Library
         return loaded[name]
 
     return get
+
+
+@pytest.fixture(scope="session")
+def hopper(root: Path) -> Library:
+    """A torso that falls freely, with two legs."""
+    text = (DATA / "hopper.urdf").read_text()
+    request = BuildRequest("hopper", text, ChainOptions(floating=True))
+    return load(build(request, root, levels=ONE_LEVEL).folder)
 
 
 TINY_URDF = """<robot name="tiny">

@@ -18,14 +18,11 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from runtime.simulation.controller_file import read_controller
 from symgen.build.config import read_config
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.build.sources import Source, read_source
-from symgen.chain import ChainOptions
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_mechanism
 from tests.markdown import blocks, run_all
-from tests.robots import DATA, ONE_LEVEL
+from tests.robots import DATA
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -105,15 +102,13 @@ def test_the_readme_runs_in_an_empty_folder(empty, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("page", [page for page in EXECUTED if page != README], ids=name_of)
-def test_blocks_run(page, desk, monkeypatch, capsys):
+def test_blocks_run(page, desk, request, monkeypatch, capsys):
     """Oracle: as for the README, in a folder with a URDF and a motion."""
     monkeypatch.chdir(desk)
     if page.name == "free-base.md":
         text = (DATA / "hopper.urdf").read_text(encoding="utf-8")
-        legs = build(
-            BuildRequest("hopper", text, ChainOptions(floating=True)), desk, levels=ONE_LEVEL
-        )
-        shutil.move(legs.folder, desk / "generated/go2")
+        legs = request.getfixturevalue("hopper").folder
+        shutil.copytree(legs, desk / "generated/go2")
     printed = run_all(page, capsys)
     if page.name == "free-base.md":
         # 9.81 m/s² times the masses of the file

@@ -11,14 +11,11 @@ from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
-from runtime.library import Library, load, to_pinocchio_order
+from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
-from symgen.chain import ChainOptions
 from tests.free_base_logs import VirtualLog, virtual_log
-from tests.robots import DATA, ONE_LEVEL
+from tests.robots import DATA
 from tests.runtime.conftest import Command
 
 HOPPER = (DATA / "hopper.urdf").read_text()
@@ -26,9 +23,8 @@ FEET = ("left_foot", "right_thigh")
 
 
 @pytest.fixture(scope="module")
-def lib(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    request = BuildRequest("hopper", HOPPER, ChainOptions(floating=True))
-    return load(build(request, tmp_path_factory.mktemp("free"), levels=ONE_LEVEL).folder)
+def lib(hopper: Library) -> Library:
+    return hopper
 
 
 @pytest.fixture(scope="module")

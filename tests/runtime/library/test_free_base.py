@@ -11,18 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 from runtime.errors import LibraryError, ShapeError
-from runtime.library import BaseMotion, Library, load, to_pinocchio_order
+from runtime.library import BaseMotion, Library, to_pinocchio_order
 from runtime.library.free_base import coordinates_of_pose
 from symgen.build.facts import initial_parameters
-from symgen.build.pipeline import build, generate
-from symgen.build.request import BuildRequest, request_from_folder
+from symgen.build.pipeline import generate
+from symgen.build.request import request_from_folder
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.cli import main
 from symgen.errors import UrdfError
 from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.mass_matrix import forward_dynamics
-from tests.robots import DATA, ONE_LEVEL
+from tests.robots import DATA
 
 Array = NDArray[np.float64]
 
@@ -32,9 +32,8 @@ STATES = 1000
 
 
 @pytest.fixture(scope="module")
-def lib(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    request = BuildRequest("hopper", HOPPER, ChainOptions(floating=True))
-    return load(build(request, tmp_path_factory.mktemp("free"), levels=ONE_LEVEL).folder)
+def lib(hopper: Library) -> Library:
+    return hopper
 
 
 class FreeFlyer:

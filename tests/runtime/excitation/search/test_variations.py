@@ -12,12 +12,19 @@ from runtime.library import Library
 
 SMALL = {"duration": 6.0, "harmonics": 3, "seed": 2}
 """s, harmonics and seed of a search whose start takes a fifth of a second."""
+QUICK = {"duration": 4.0, "harmonics": 2, "seed": 3}
+"""The same of a search in which processes take longer to start than to search."""
 STARTS, VARIATIONS = 8, 8
 
 
 @pytest.fixture(scope="module")
 def alone(lib: Library) -> Design:
     return design(lib, **SMALL, starts=STARTS)
+
+
+@pytest.fixture(scope="module")
+def quick(lib: Library) -> Design:
+    return design(lib, **QUICK, starts=STARTS)
 
 
 def test_variations_are_better_than_starts(alone: Design) -> None:
@@ -29,33 +36,33 @@ def test_variations_are_better_than_starts(alone: Design) -> None:
     assert alone.condition == pytest.approx(min(alone.variations), rel=0.005)
 
 
-def test_the_number_of_processes_does_not_matter(lib: Library, alone: Design) -> None:
+def test_the_number_of_processes_does_not_matter(lib: Library, quick: Design) -> None:
     """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
     reports: list[tuple[int, float, float]] = []
     together = design(
         lib,
-        **SMALL,
+        **QUICK,
         starts=STARTS,
         processes=3,
         progress=lambda *now: reports.append(now),
     )
-    assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
-    assert (alone.conditions, alone.variations) == (together.conditions, together.variations)
+    assert np.array_equal(quick.trajectory.coefficients, together.trajectory.coefficients)
+    assert (quick.conditions, quick.variations) == (together.conditions, together.variations)
     assert [done for done, _, _ in reports] == list(range(1, STARTS + VARIATIONS + 1))
-    assert sorted(value for _, value, _ in reports[:STARTS]) == sorted(alone.conditions)
+    assert sorted(value for _, value, _ in reports[:STARTS]) == sorted(quick.conditions)
 
 
-def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> None:
+def test_interrupting_variations_keeps_the_best(lib: Library, quick: Design) -> None:
     """Property: Ctrl-C among the variations leaves those that have ended and no process."""
 
     def stop(done: int, *_: float) -> None:
         if done == STARTS + 3:
             raise KeyboardInterrupt
 
-    kept = design(lib, **SMALL, starts=STARTS, processes=2, progress=stop)
-    assert kept.conditions == alone.conditions
+    kept = design(lib, **QUICK, starts=STARTS, processes=2, progress=stop)
+    assert kept.conditions == quick.conditions
     assert len(kept.variations) == 3
-    assert set(kept.variations) <= set(alone.variations)
+    assert set(kept.variations) <= set(quick.variations)
     assert not multiprocessing.active_children()
 
 

@@ -14,7 +14,7 @@ from symgen.cli import main
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.robots import ONE_LEVEL
 from tests.symgen.builds import snapshot
-from tests.symgen.test_chain import MALFORMED
+from tests.symgen.test_chain_refusals import MALFORMED
 
 QUICKLY = ("--level", *ONE_LEVEL)
 

@@ -59,6 +59,12 @@ class PlainConsole:
         """
         return nullcontext(_Unseen())
 
+    def __enter__(self) -> "Console":
+        return _rich().__enter__()
+
+    def __exit__(self, *fault: Any) -> None:
+        _rich().__exit__(*fault)
+
     def __getattr__(self, name: str) -> Any:
         return getattr(_rich(), name)
 

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from rich.console import Console
+from rich.progress import Progress
 
 from runtime.cli.grid import Grid
 from runtime.cli.plain_console import _LINE, PlainConsole
@@ -59,6 +60,17 @@ def test_line_is_that_of_rich(text: str, capsys) -> None:
     """Oracle: rich, for lines that are written as they are and for those that it changes."""
     PlainConsole().print(text, **_LINE)
     assert capsys.readouterr().out == by_rich(text, **_LINE)
+
+
+def test_bars_of_rich_run_on_it(capsys) -> None:
+    """Oracle: what rich writes without a terminal, with a line printed meanwhile."""
+    texts = []
+    for console in (PlainConsole(), Console(width=80)):
+        with Progress(console=console, transient=True) as bar:
+            bar.update(bar.add_task("x", total=2), completed=1)
+            console.print("meanwhile", **_LINE)
+        texts.append(capsys.readouterr().out)
+    assert texts[0] == texts[1] == "meanwhile\n\n"
 
 
 def test_identify_in_a_pipe_loads_no_rich(tmp_path) -> None:

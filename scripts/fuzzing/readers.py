@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,8 @@ def simulated(folder: Path, lib: Library) -> None:
 
     class Typed:
         """Context of a command line with the robot and the motion only."""
+
+        command = SimpleNamespace(params=())
 
         def get_parameter_source(self, _: str) -> None:
             """No option is given."""

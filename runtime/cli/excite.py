@@ -65,7 +65,7 @@ def excite_command(
     yes: Yes = False,
     duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
     harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None,
-    starts: Annotated[int, typer.Option(help="Number of searches, each from a random start.")] = 5,
+    starts: Annotated[int, typer.Option(help="Number of searches; the best one is kept.")] = 5,
     budget: Budget = None,
     processes: Annotated[
         int | None,

@@ -71,7 +71,7 @@ def design(
     budget: float | None = None,
     **keywords: Any,
 ) -> Design:
-    """Best motion of several searches from random admissible starts.
+    """Best motion of several searches.
 
     Args:
         lib: the robot.

@@ -28,7 +28,7 @@ class DesignSettings:
     Attributes:
         duration: t_f, s.
         harmonics: M, from which the basis makes its functions.
-        starts: number of searches from random motions; variations of the best may follow, see
+        starts: number of searches from random motions and from motions near the best ones, see
             `variations`.
         seed: of the random starts.
         home: (n,) start and end position, rad or m; None is that of the robot.

@@ -24,6 +24,7 @@ from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, rank, too_many
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import Objective, descend
+from runtime.excitation.search.varied import varied
 from runtime.library import Array, Library, load
 
 START = 0.5
@@ -38,15 +39,9 @@ TIGHTENED = 2e-3
 """Tightening of nonlinear limits in the last polish: they bend that much between its samples."""
 ELASTIC = 0.3
 """Violation of nonlinear limits above which a random start is shrunk."""
-NOISE = 0.2, 0.8
-"""Smallest and largest noise on all coordinates of a variation; 1 reaches the bounds."""
-FAVOUR = 0.25
-"""Probability that the best parent is chosen; the next ones follow a geometric law."""
 LATE_GAIN = 0.06
-"""Log cond by which a variation may be worse than the best after a smooth stage.
-
-The other stages and the polish gain 0.03 to 0.05 from there.
-"""
+"""Log cond by which a variation may be worse than the best after a smooth stage; the other stages
+and the polish gain 0.03 to 0.05 from there."""
 TRIED, BEHIND = 80, 0.05
 """A start of a smooth criterion is given up where its log target is more than `BEHIND` above the
 best of the rounds before, after that many steps: those left gain 0.03 on average."""
@@ -130,7 +125,7 @@ class Search:
 
         Args:
             number: of the task, which with the seed determines the start.
-            best: target of the best start of the rounds before; infinite in the first one.
+            best: target of the best of the rounds before; infinite in the first round.
 
         Returns:
             Target of the goal and coefficients (n, M).
@@ -139,31 +134,39 @@ class Search:
             IdentificationError: the limits leave no room for a motion.
         """
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
-        x, curvature = self._shrunk(self._random(number), ELASTIC), None
-        *stages, (last, iterations) = self.goal.stages
-        for measure, steps in stages:
+        x = self._shrunk(self._random(number), ELASTIC)
+        is_kinked = self.criterion.is_kinked
+        for measure, steps in self.goal.stages if is_kinked else self.goal.stages[:-1]:
             x = descend(self._objective(measure), x, rows, steps, nonlinear=elastic).x
-        objective = self._objective(last)
-        if not self.criterion.is_kinked and np.isfinite(best):
+        if is_kinked:
+            x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
+        else:
+            x = self._smooth(x, rows, elastic, best)
+        return self._ended(x)
+
+    def _smooth(
+        self, x: Array, rows: LinearRows, elastic: ElasticLimits | None, best: float
+    ) -> Array:
+        """Last stage of a smooth goal, which ends early behind the best of the rounds before."""
+        measure, iterations = self.goal.stages[-1]
+        objective, curvature = self._objective(measure), None
+        if np.isfinite(best):
             tried = descend(objective, x, rows, min(TRIED, iterations), nonlinear=elastic)
             x, curvature, iterations = tried.x, tried.curvature, iterations - TRIED
             is_behind = self.value(self._coordinates.of_one(x)) > best + BEHIND
             if is_behind or tried.iterations < TRIED:
-                return self._ended(x)
-        x = descend(objective, x, rows, iterations, curvature=curvature, nonlinear=elastic).x
-        if self.criterion.is_kinked:
-            x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
-        return self._ended(x)
+                return x
+        return descend(objective, x, rows, iterations, curvature=curvature, nonlinear=elastic).x
 
     def variation(
         self, number: int, parents: tuple[Array, ...], best: float
     ) -> tuple[float, Array]:
-        """Descent from a variation of one of the parents, for a kinked criterion.
+        """Descent from a variation of one of the parents, see `varied`.
 
-        Every third number has noise on all coefficients, the others new motions of one or two
-        joints: each joint has limits of its own, so that the motions of the others stay
-        admissible. The descent begins with the second stage of the goal. What has come back to a
-        parent after it is that parent, and what is not below `best` + `LATE_GAIN` is given up.
+        Each joint has limits of its own, so that with new motions of some joints those of the
+        others stay admissible. D-optimality is skipped. Where the criterion is kinked, what has
+        come back to a parent after the next stage is that parent, and what is not below `best` +
+        `LATE_GAIN` is given up.
 
         Args:
             number: of the task, which with the seed determines the variation.
@@ -175,16 +178,13 @@ class Search:
         """
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
-        x = known[min(int(rng.geometric(FAVOUR)), len(parents)) - 1]
-        if number % 3 == 2:
-            x = x + rng.uniform(*NOISE) * rng.normal(size=len(x))
-        else:
-            joints = rng.permutation(self._shape[0])[: 1 + number % 3]
-            new = np.repeat(np.isin(np.arange(self._shape[0]), joints), self._shape[1])
-            x = np.where(new, self._drawn(rng), x)
+        is_smooth = not self.criterion.is_kinked
+        x = varied(rng, known, number, self._shape[0], self._drawn, is_mostly_noise=is_smooth)
         x = x / max(1.0, float(np.max(self._matrix @ x)))
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(x, ELASTIC)
+        if is_smooth:
+            return self._ended(self._smooth(x, rows, elastic, best))
         (first, iterations), *later = self.goal.stages[1:]
         x = descend(self._objective(first), x, rows, iterations, nonlinear=elastic).x
         distances = np.sqrt(np.square(known - x).mean(axis=1))

@@ -1,8 +1,10 @@
 """Order of a search: random starts, then variations of the best ones.
 
-Where a smooth criterion decides, starts come in rounds of `FIRST`, as many again, twice as many and
-so on. From the second round a start is given up after `TRIED` steps where its target is more than
-`BEHIND` above that of the best start of the rounds before: the steps left seldom gain as much.
+Where a smooth criterion decides, random starts come in rounds of `FIRST`, as many again, twice as
+many and so on. From the second round a start is given up after `TRIED` steps where its target is
+more than `BEHIND` above that of the best start of the rounds before: the steps left seldom gain as
+much. With `FEWEST` starts or more, `WARM` of them are warm, in `WARM_ROUNDS` rounds: they begin
+near one of the best so far and skip D-optimality.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
 common. Where log cond decides, `SHARE` variations per start follow in `ROUNDS`. Each inherits from
@@ -23,11 +25,13 @@ from runtime.excitation.search.single_start import BEHIND, Search
 from runtime.library import Array
 
 FIRST = 6
-"""Number of starts of a smooth criterion in the first round, none of which is given up."""
+"""Number of random starts of a smooth criterion in the first round; none of them is given up."""
+WARM, WARM_ROUNDS = 0.5, 4
+"""Share and rounds of the starts of a smooth criterion that begin near the best ones."""
 SHARE = 1.0
 """Variations per start; one takes a third of the time of a start."""
 FEWEST = 8
-"""Smallest number of starts after which variations follow."""
+"""Smallest number of starts after which variations follow, or among which some are warm."""
 ROUNDS = 6
 """Number of rounds of variations."""
 PARENTS = 8
@@ -43,7 +47,7 @@ class Task:
     Attributes:
         number: of the random start; variations continue the count.
         parents: coefficients (n, M), best first; none for a random start.
-        best: target of the first, or of the best start of the rounds before.
+        best: least target of the rounds before.
     """
 
     number: int
@@ -62,7 +66,7 @@ def variation_count(criterion: str, starts: int) -> int:
 
     Args:
         criterion: one of `CRITERIA`.
-        starts: number of random starts.
+        starts: number of starts.
 
     Returns:
         The number.
@@ -70,20 +74,37 @@ def variation_count(criterion: str, starts: int) -> int:
     return int(SHARE * starts) if CRITERIA[criterion].is_kinked and starts >= FEWEST else 0
 
 
-def start_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
-    """Rounds of random starts.
+def random_count(criterion: str, starts: int) -> int:
+    """Number of starts that are random.
 
     Args:
         criterion: one of `CRITERIA`.
-        starts: number of random starts.
+        starts: number of starts.
+
+    Returns:
+        The number; the other starts begin near the best ones.
+    """
+    if CRITERIA[criterion].is_kinked or starts < FEWEST:
+        return starts
+    return starts - int(WARM * starts)
+
+
+def start_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
+    """Rounds of starts.
+
+    Args:
+        criterion: one of `CRITERIA`.
+        starts: number of starts.
 
     Returns:
         First number and end of each round.
     """
-    ends = [0, starts if CRITERIA[criterion].is_kinked else min(FIRST, starts)]
-    while ends[-1] < starts:
-        ends.append(min(2 * ends[-1], starts))
-    return list(pairwise(ends))
+    drawn = random_count(criterion, starts)
+    ends = [0, starts if CRITERIA[criterion].is_kinked else min(FIRST, drawn)]
+    while ends[-1] < drawn:
+        ends.append(min(2 * ends[-1], drawn))
+    warm = (drawn + (starts - drawn) * k // WARM_ROUNDS for k in range(1, WARM_ROUNDS + 1))
+    return list(pairwise([*ends, *(end for end in warm if starts > drawn)]))
 
 
 def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]) -> int:
@@ -91,7 +112,7 @@ def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, A
 
     Args:
         criterion: one of `CRITERIA`.
-        starts: number of random starts.
+        starts: number of starts.
         ended: targets and coefficients of all tasks that ended.
 
     Returns:
@@ -111,15 +132,17 @@ def rounds(
 
     Args:
         criterion: one of `CRITERIA`.
-        starts: number of random starts.
+        starts: number of starts.
         ended: targets and coefficients of all former tasks, filled by the caller.
 
     Yields:
         The tasks of a round.
     """
+    drawn = random_count(criterion, starts)
     for begin, end in start_rounds(criterion, starts):
-        least = min((ended[number][0] for number in range(begin)), default=np.inf)
-        yield [Task(number, best=least) for number in range(begin, end)]
+        least, parents = _best(ended) if begin else (np.inf, ())
+        warm = parents if begin >= drawn else ()
+        yield [Task(number, warm, least) for number in range(begin, end)]
     ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
     for first, last in pairwise(ends):
         if first == last:

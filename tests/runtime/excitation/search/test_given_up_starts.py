@@ -1,4 +1,4 @@
-"""Starts of a smooth criterion that are given up: rounds, the rule, and the printed sentence."""
+"""Starts of a smooth criterion that are warm or given up: rounds, rule, printed sentence."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from runtime.excitation import design
 from runtime.excitation.search import single_start
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import BEHIND, Search, SearchProblem
-from runtime.excitation.search.variations import FIRST, behind_count, rounds
+from runtime.excitation.search.variations import FEWEST, FIRST, PARENTS, behind_count, rounds
 from runtime.library import Library
 
 SMALL = {"duration": 4.0, "harmonics": 3, "criterion": "mixed"}
@@ -24,23 +24,8 @@ def problem(lib: Library) -> SearchProblem:
     )
 
 
-def test_rounds_of_a_smooth_criterion() -> None:
-    """Property: six starts, then as many again; each has the best of the rounds before."""
-    ended = {k: (2.0 - k / 100, np.zeros((1, 1))) for k in range(20)}
-    tasks = list(rounds("mixed", 20, ended))
-    assert [len(one) for one in tasks] == [FIRST, FIRST, 20 - 2 * FIRST]
-    assert [task.number for one in tasks for task in one] == list(range(20))
-    assert {task.best for task in tasks[0]} == {np.inf}
-    assert {task.best for task in tasks[1]} == {ended[FIRST - 1][0]}
-    assert {task.best for task in tasks[2]} == {ended[2 * FIRST - 1][0]}
-    assert [len(one) for one in rounds("mixed", 4, ended)] == [4]
-
-
-def test_a_start_is_given_up_behind_the_best(
-    double: Library, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Property: above the bound it ends early, below it goes on to the same end."""
-    search = Search(double, problem(double))
+def counted_steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Largest numbers of steps of all descents from now on; starts are compared after 5 steps."""
     steps: list[int] = []
     descend = single_start.descend
 
@@ -50,6 +35,47 @@ def test_a_start_is_given_up_behind_the_best(
 
     monkeypatch.setattr(single_start, "descend", counted)
     monkeypatch.setattr(single_start, "TRIED", 5)  # an arm of two joints converges in 20 steps
+    return steps
+
+
+def test_rounds_of_a_smooth_criterion() -> None:
+    """Property: random starts in rounds that grow, then as many near the best so far."""
+    ended = {k: (2.0 - k / 100, np.full((1, 1), float(k))) for k in range(32)}
+    tasks = list(rounds("mixed", 32, ended))
+    assert [len(one) for one in tasks] == [FIRST, FIRST, 4, 4, 4, 4, 4]
+    assert [task.number for one in tasks for task in one] == list(range(32))
+    assert {task.best for task in tasks[0]} == {np.inf}
+    assert {task.best for one in tasks[1:] for task in one} == {ended[31][0]}
+    assert [bool(one[0].parents) for one in tasks] == [False] * 3 + [True] * 4
+    assert [float(a[0, 0]) for a in tasks[-1][0].parents] == [*range(31, 31 - PARENTS, -1)]
+    few = list(rounds("mixed", FEWEST - 1, ended))
+    assert [len(one) for one in few] == [FIRST, FEWEST - 1 - FIRST]
+    assert not any(task.parents for one in few for task in one)
+
+
+def test_a_warm_start_is_near_a_good_one(double: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: D-optimality is skipped, limits hold, the number decides, the rule applies."""
+    search = Search(double, problem(double))
+    best, a = search.start(0)
+    steps = counted_steps(monkeypatch)
+    for number in range(3):  # one joint, noise, noise
+        value, near = search.variation(number, (a,), best + 1.0)
+        assert value == search.value(near) < best + 1.0
+        assert max(use.max() for use in search.limits.use(near).values()) <= 1 + 1e-9  # rounding
+        again, _ = search.variation(number, (a,), best + 1.0)
+        assert again == value
+    assert steps == [5, 245] * 6
+    steps.clear()
+    search.variation(0, (a,), best - 1.0)
+    assert steps == [5]
+
+
+def test_a_start_is_given_up_behind_the_best(
+    double: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: above the bound it ends early, below it goes on to the same end."""
+    search = Search(double, problem(double))
+    steps = counted_steps(monkeypatch)
     whole, _ = search.start(0)
     far, a = search.start(0, best=whole - 1.0)
     near, _ = search.start(0, best=whole + 1.0)

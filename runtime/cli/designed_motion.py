@@ -55,7 +55,7 @@ def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, floa
 
     Args:
         criterion: that is minimised.
-        starts: number of random starts.
+        starts: number of starts.
 
     Yields:
         Function of the number of descents that have ended, the value of the last and the best one.

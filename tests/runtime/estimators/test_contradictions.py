@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime import identify
-from runtime.estimators import uncertainty
+from runtime.estimators import laplace
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.laplace import uncertainty_of
@@ -281,13 +281,13 @@ def test_described_friction_raises_no_alarm(lib, trajectories, seed):
 def test_a_refit_keeps_the_tests_of_the_training_rows(lib, trajectories, monkeypatch):
     """Property: the fit to all rows is not tested again, and its result has the same sentences."""
     calls = []
-    tested = uncertainty.free_fit
+    tested = laplace.free_fit
 
     def counted(*args):
         calls.append(len(args[1]))
         return tested(*args)
 
-    monkeypatch.setattr(uncertainty, "free_fit", counted)
+    monkeypatch.setattr(laplace, "free_fit", counted)
     log = gripping(logged(lib, trajectories[0], 1), (1,))
     result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, refit=True)
     assert len(calls) == 1

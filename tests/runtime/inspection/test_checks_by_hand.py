@@ -170,7 +170,7 @@ def test_rotors_of_an_arm_that_stands_still(lib: Library) -> None:
     t = np.arange(1000) / 100.0
     still = np.zeros((1000, 7))
     log = Recording(t=t, q=still + lib.home, dq=still, ddq=still, tau=still + 5.0)
-    assert rotor(log, lib, Recipe()) == []
+    assert rotor(log, lib, Recipe(), Friction()) == []
 
 
 def test_a_tilted_base_is_built_with_two_decimals() -> None:

@@ -20,6 +20,9 @@ from runtime.numerics.dense import lapack
 LEAST = 1e-10
 """1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has
 the accuracy of an orthogonal factorisation; below it the singular values decide on the rank."""
+EXACT = 1e-5
+"""Residual over target below which rounding, not noise, separates candidates: there the singular
+values decide, whose estimate has a residual as small as rounding allows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +60,11 @@ class ColumnSolver:
             return solved([s.without(left_out)])[0]
         x = np.zeros(len(kept))
         for _ in range(2):
-            slope = (s.target - s.factor @ (x / self.lengths)) @ s.factor / self.lengths
+            misfit = s.target - s.factor @ (x / self.lengths)
+            slope = misfit @ s.factor / self.lengths
             x[chosen] += lapack.dpotrs(upper, slope[chosen], lower=False)[0]
+        if misfit @ misfit + s.rest < EXACT**2 * (s.target @ s.target):
+            return solved([s.without(left_out)])[0]
         return x / self.lengths
 
 

@@ -43,6 +43,14 @@ def test_dependent_columns_are_solved_by_singular_values(distance: float) -> Non
     assert np.array_equal(column_solver(statistics).solution(none), expected)
 
 
+def test_exact_rows_are_solved_by_singular_values() -> None:
+    """Property: without noise candidates differ by rounding only, which stays what it was."""
+    statistics, none = statistics_of(np.random.default_rng(3)), np.zeros(OTHERS, dtype=bool)
+    statistics.target[:] = statistics.factor @ np.ones(BASE + OTHERS)
+    expected = solved([statistics])[0]
+    assert np.array_equal(column_solver(statistics).solution(none), expected)
+
+
 def test_column_of_zeros() -> None:
     """Property: a column of zeros gets zero and changes nothing else."""
     statistics = statistics_of(np.random.default_rng(2))

@@ -124,9 +124,13 @@ def solve(
     """
     matrix, norms = statistics.unit_columns()
     shown = np.ones(matrix.shape[1], dtype=bool)
-    # A column of zeros is no unknown: its coefficient has no effect, and gets 0.
-    shown[statistics.n_base :] = matrix[:, statistics.n_base :].any(axis=0)
-    shown[statistics.n_base :] &= ~counted_in_links(statistics, lib, terms)
+    # A column of zeros, such as the load of a joint that carries none, is no unknown and gets 0. A
+    # function of the speed alone is zero only where the joint stands still, which is refused.
+    of_speed = [name in COLUMNS and COLUMNS[name].in_closed_loop for name in terms]
+    unknown = matrix[:, statistics.n_base :].any(axis=0)
+    if any(of_speed):
+        unknown |= np.tile(of_speed, lib.n_joints)
+    shown[statistics.n_base :] = unknown & ~counted_in_links(statistics, lib, terms)
     if known is not None:
         shown[statistics.n_base :] &= ~known
     sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)

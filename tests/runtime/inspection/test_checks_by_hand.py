@@ -21,6 +21,7 @@ from runtime.inspection.cutoff_choice import CutoffCandidate, CutoffChoice
 from runtime.inspection.finding import INFO, Finding
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording.friction import DRIVE
 from runtime.recording.recipes.recipe import Signal, Time
 from tests.runtime.signals import sine
 
@@ -170,7 +171,7 @@ def test_rotors_of_an_arm_that_stands_still(lib: Library) -> None:
     t = np.arange(1000) / 100.0
     still = np.zeros((1000, 7))
     log = Recording(t=t, q=still + lib.home, dq=still, ddq=still, tau=still + 5.0)
-    assert rotor(log, lib, Recipe(), Friction()) == []
+    assert rotor(log, lib, Recipe(), Friction(DRIVE)) == []
 
 
 def test_a_tilted_base_is_built_with_two_decimals() -> None:

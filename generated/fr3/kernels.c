@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 183420dc4a473590e7841b700f5097241fd57cff73faeb8fb89a6405f35fe55e.
+ * Model d2d34f8345045532fef7724515eba7b060ad90ba087375a0b3820b11e2bc6219.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "183420dc4a473590e7841b700f5097241fd57cff73faeb8fb89a6405f35fe55e";
+    return "d2d34f8345045532fef7724515eba7b060ad90ba087375a0b3820b11e2bc6219";
 }
 
 #if defined(__x86_64__)

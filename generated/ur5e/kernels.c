@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model a016e87a39099746dfa2f1ab30ba04141e8b5e57e226480b424add41db4c9359.
+ * Model 372850320ed564d289e9f8bdf9a8937eb571008b55e7645ac4b18d70d295964f.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "a016e87a39099746dfa2f1ab30ba04141e8b5e57e226480b424add41db4c9359";
+    return "372850320ed564d289e9f8bdf9a8937eb571008b55e7645ac4b18d70d295964f";
 }
 
 #if defined(__x86_64__)

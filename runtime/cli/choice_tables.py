@@ -2,17 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.table import Table
+from rich.table import Table
 
+if TYPE_CHECKING:
     from runtime.inspection.cutoff_choice import CutoffChoice
     from runtime.inspection.friction_choice import FrictionChoice
 
 
-def cutoff_table(choice: "CutoffChoice") -> "Table":
+def cutoff_table(choice: "CutoffChoice") -> Table:
     """Candidates of --cutoff auto with their cross-validation errors; an arrow marks the choice."""
-    from rich.table import Table  # rich is slow to import
-
     table = Table("cut-off", title="Cut-off: cross-validation error on the unfiltered torque")
     for head in ("velocity", "error", "above the best", "independent rows"):
         table.add_column(head, justify="right")
@@ -27,13 +25,11 @@ def cutoff_table(choice: "CutoffChoice") -> "Table":
     return table
 
 
-def friction_table(choice: "FrictionChoice") -> "Table":
+def friction_table(choice: "FrictionChoice") -> Table:
     """Candidates of --friction auto with their cross-validation errors; an arrow marks the choice.
 
     The error is in units of the torque noise.
     """
-    from rich.table import Table  # rich is slow to import
-
     table = Table("friction model", title="Friction model: cross-validation error over noise")
     for head in ("error", "above the best", "AIC", "unknowns"):
         table.add_column(head, justify="right")

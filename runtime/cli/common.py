@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import typer
+from rich.console import Console
+from rich.table import Column, Table
 
-from runtime.cli.grid import Grid
-from runtime.cli.plain_console import console_of_process
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.registry import Registry
 
-console = console_of_process()
+console = Console()
 
 MODELS = (
     ("URDF", "before_overall"),
@@ -82,12 +82,18 @@ def command_line() -> str:
     return shlex.join([*program().split(), *sys.argv[1:]])
 
 
-def torque_table(facts: dict[str, Any]) -> Grid:
+def torque_table(facts: dict[str, Any]) -> Table:
     """Table of torque errors per joint and overall, before and after identification.
 
     The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
     """
     percent, rms = facts["torque_error_percent"], facts["torque_rms"]
+    table = Table(
+        Column("joint", overflow="fold"),
+        title=f"{facts['robot']}, {facts['method']}: torque error on {tested_on(facts)} data",
+    )
+    for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
+        table.add_column(head, justify="right")
     columns = zip(
         facts["joints"],
         percent["before"],
@@ -97,24 +103,18 @@ def torque_table(facts: dict[str, Any]) -> Grid:
         facts["units"],
         strict=True,
     )
-    rows = [
-        (
+    for name, before, after, rms_before, rms_after, unit in columns:
+        table.add_row(
             name,
             *("-" if x is None else f"{x:.2f}" for x in (before, after)),
             f"{rms_before:.4f}",
             f"{rms_after:.4f}",
             unit,
         )
-        for name, before, after, rms_before, rms_after, unit in columns
-    ]
+    table.add_section()
     overall = (f"{percent['before_overall']:.3f}", f"{percent['after_overall']:.3f}")
-    return Grid(
-        ("joint", "before %", "after %", "before RMS", "after RMS", "unit"),
-        (*rows, ("overall", *overall, "", "", "")),
-        title=f"{facts['robot']}, {facts['method']}: torque error on {tested_on(facts)} data",
-        last_apart=True,
-        folds=True,
-    )
+    table.add_row("overall", *overall, "", "", "")
+    return table
 
 
 def tested_on(facts: dict[str, Any]) -> str:
@@ -123,7 +123,7 @@ def tested_on(facts: dict[str, Any]) -> str:
     return "training" if samples.get("test") == 0 else "test"
 
 
-def share_table(facts: dict[str, Any]) -> Grid | None:
+def share_table(facts: dict[str, Any]) -> Table | None:
     """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
 
     The step from the first to the second row is the share of friction, the rest that of inertia.
@@ -132,10 +132,12 @@ def share_table(facts: dict[str, Any]) -> Grid | None:
     percent = facts["torque_error_percent"]
     if "urdf_friction_overall" not in percent:
         return None
-    return Grid(
-        ("model", f"torque error on {tested_on(facts)} data %"),
-        tuple((name, f"{percent[key]:.3f}") for name, key in MODELS),
+    table = Table(
+        Column("model"), Column(f"torque error on {tested_on(facts)} data %", justify="right")
     )
+    for name, key in MODELS:
+        table.add_row(name, f"{percent[key]:.3f}")
+    return table
 
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from rich.table import Table
+
 from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
@@ -142,8 +144,6 @@ def print_drives(facts: Mapping[str, Any]) -> None:
         return
     names = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
     kept = [name for name in names if any(drive[name] is not None for drive in drives)]
-    from rich.table import Table  # rich is slow to import
-
     table = Table("joint", title="Drives: value ± standard deviation, SI units")
     for name in kept:
         table.add_column(name.replace("_", " "), justify="right")

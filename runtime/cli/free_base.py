@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 
 from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import ResultFolder, require_result_folder
@@ -98,8 +99,6 @@ def identify_free_base_log(
         prior=prior,
     )
     facts = write_free_base(result, folder, command_line())
-    from rich.table import Table  # rich is slow to import
-
     table = Table("row", title=f"{lib.name}: errors on the last {result.seconds:.3g} s")
     for head in ("RMS", "before RMS", "after RMS"):
         table.add_column(head, justify="right")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Column, Table
 
 from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO
@@ -144,8 +145,6 @@ def identify_several(
 
 def print_agreement(agreement: "LogAgreement") -> None:
     """Print the leave-one-log-out errors and the repeatability."""
-    from rich.table import Column, Table  # rich is slow to import
-
     table = Table(
         Column("log", overflow="fold"), title="Leave one log out: torque error of each log, %"
     )

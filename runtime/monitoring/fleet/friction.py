@@ -60,9 +60,9 @@ def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFri
         rows = unit.friction[:, [unit.columns.index(name) for name in columns]]
         slope = rows[..., 1:-1]
         phi[u] = rows[..., 0] - slope @ beta[u]
-        variance[u] = rows[..., -1] + np.einsum(
-            "jki,il,jkl->jk", slope, fit.covariance[u], slope, optimize=True
-        )
+        of_beta = np.einsum("jki,il,jkl->jk", slope, fit.covariance[u], slope, optimize=True)
+        # Large slopes cancel, so that the rounding of C_β may be below 0.
+        variance[u] = rows[..., -1] + np.maximum(of_beta, 0.0)
     known = np.isfinite(variance)
     phi = np.where(known, phi, np.nan)
     mean, sigma = np.full(shape, np.nan), np.full(shape, np.inf)

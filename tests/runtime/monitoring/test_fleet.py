@@ -129,6 +129,19 @@ def test_friction_of_the_type(lib: Library, fleet: Fleet) -> None:
     assert (friction.sigma > OF_FRICTION / 2 * np.array([VISCOUS, COULOMB])).all()
 
 
+def test_rounding_of_a_covariance_is_no_variance(lib: Library, fleet: Fleet) -> None:
+    """Property: where large slopes make the rounding of C_β negative, the variance of φ remains."""
+    fit, size = fit_fleet(lib, fleet.units[:3]), len(lib.base_matrix)
+    units = [dataclasses.replace(unit, friction=unit.friction.copy()) for unit in fleet.units[:3]]
+    for unit in units:
+        unit.friction[..., 1:-1] = 1.0
+    exact = dataclasses.replace(fit, covariance=np.zeros((3, size, size)))
+    below = dataclasses.replace(fit, covariance=np.stack([-1e3 * np.eye(size)] * 3))
+    np.testing.assert_array_equal(
+        fit_friction(lib, units, below).sigma, fit_friction(lib, units, exact).sigma
+    )
+
+
 def test_noise_of_the_type(lib: Library, fleet: Fleet) -> None:
     """Oracle: medians of the units that count and state their noise; None where two do."""
     rng = np.random.default_rng(3)

@@ -54,9 +54,8 @@ class ColumnSolver:
         chosen = np.flatnonzero(kept)
         part = self.gram[np.ix_(chosen, chosen)]
         upper, info = lapack.dpotrf(part.T, lower=False, clean=False, overwrite_a=True)
-        if (
-            info or lapack.dpocon(upper, 1.0)[0] < LEAST
-        ):  # 1/‖G_S⁻¹‖ by the norm one in place of ‖G_S‖
+        # With a norm of one in place of ‖G_S‖, dpocon returns 1/‖G_S⁻¹‖.
+        if info or lapack.dpocon(upper, 1.0)[0] < LEAST:
             return solved([s.without(left_out)])[0]
         x = np.zeros(len(kept))
         for _ in range(2):

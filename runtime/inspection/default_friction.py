@@ -21,6 +21,7 @@ from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY
 from runtime.inspection.column_trial import Trial, trial_on
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
 from runtime.library import Array, Library
+from runtime.numerics.geometric_grid import minimum_on_grid
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import before_test, prepare
@@ -182,14 +183,7 @@ def _with_memory(
 def _best_width(trial: Trial, shared: int, speeds: Array) -> float:
     """ε or z_c with the smallest error of the richest model: vertex of a parabola at the best."""
     scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
-    best = int(np.argmin(scores))
-    if not 0 < best < len(speeds) - 1:
-        return float(speeds[best])
-    low, middle, high = scores[best - 1 : best + 2]
-    bend = low - 2 * middle + high
-    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
-    step = np.log(speeds[best + 1] / speeds[best])  # of a geometric sequence
-    return float(speeds[best] * np.exp(shift * step))
+    return minimum_on_grid(speeds, scores)
 
 
 def _simplest(scores: Sequence[Array]) -> int:

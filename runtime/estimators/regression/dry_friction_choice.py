@@ -9,7 +9,6 @@ where the delay is unknown, a memory has to pay at the δ that is best without i
 of its own.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -24,6 +23,7 @@ from runtime.estimators.regression.recorded_delay import (
 )
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
+from runtime.numerics.geometric_grid import minimum_on_grid
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
@@ -114,7 +114,7 @@ def with_dry_friction(
     chosen, stroke = terms, None
     if has_memory:  # its stroke and the delay that is best with it
         best = [float(loss.min()) for loss in memory[has_position]]
-        least, stroke = min(best), _best_stroke(best)
+        least, stroke = min(best), float(f"{minimum_on_grid(STROKES, best):.3g}")
         names = tuple(MEMORY if name == DRY else name for name in terms.columns)
         chosen = replace(terms, columns=names, dahl_stroke=stroke)
     if has_position:
@@ -131,17 +131,6 @@ def _kind(stroke: float | None, position: bool) -> str:
     memory = f"has a memory of {stroke:.2g} rad of travel (column dahl)" if stroke else ""
     changes = "changes with the position (column position)" if position else ""
     return " and ".join(part for part in (memory, changes) if part)
-
-
-def _best_stroke(losses: Sequence[float]) -> float:
-    """z_c at the vertex of a parabola over ln z_c."""
-    k = int(np.argmin(losses))
-    if not 0 < k < len(losses) - 1:
-        return STROKES[k]
-    low, middle, high = losses[k - 1 : k + 2]
-    bend = low - 2 * middle + high
-    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
-    return float(f"{STROKES[k] * (STROKES[k] / STROKES[k - 1]) ** shift:.3g}")
 
 
 def _errors(columns: Array, rest: Array) -> Array:

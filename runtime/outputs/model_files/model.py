@@ -140,3 +140,17 @@ def xml_comment(lines: tuple[str, ...]) -> str:
     """XML comment; two hyphens in a row, which end it, are separated."""
     text = "\n     ".join(line.replace("--", "- -") for line in lines)
     return f"<!-- {text} -->\n"
+
+
+def require_loop_frames(model: IdentifiedModel) -> None:
+    """Raise ExportError where the robot was built before its manifest held the frames of loops.
+
+    Args:
+        model: the robot.
+    """
+    manifest = model.lib.manifest
+    if manifest.loops and not manifest.loop_joints:
+        raise ExportError(
+            f"not written: the manifest of '{model.lib.name}' lacks the frames of its loops; "
+            "run: python -m symgen build"
+        )

@@ -13,7 +13,7 @@ from runtime.errors import ExportError
 from runtime.library.manifest import FrameFacts, Manifest
 from runtime.outputs.model_files.bodies import digits, quaternion, row
 from runtime.outputs.model_files.couplings import couplings
-from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.model import IdentifiedModel, require_loop_frames
 
 LEVER = 0.1
 """Distance of the two points along the axis of a revolute loop joint [m]."""
@@ -25,12 +25,8 @@ def require_equalities(model: IdentifiedModel) -> None:
     Args:
         model: the robot.
     """
+    require_loop_frames(model)
     manifest = model.lib.manifest
-    if manifest.loops and not manifest.loop_joints:
-        raise ExportError(
-            f"not written: the manifest of '{model.lib.name}' lacks the frames of its loops; "
-            "run: python -m symgen build"
-        )
     for name, joint in zip(manifest.loops, manifest.loop_joints, strict=False):
         if joint.kind in {"prismatic", "cylindrical"}:
             raise ExportError(

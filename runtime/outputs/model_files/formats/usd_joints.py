@@ -12,7 +12,7 @@ from runtime.library.manifest import FrameFacts
 from runtime.outputs.model_files.bodies import digits, quaternion
 from runtime.outputs.model_files.couplings import couplings
 from runtime.outputs.model_files.formats.usd_syntax import indented, quoted, tuple_of
-from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.model import IdentifiedModel, require_loop_frames
 from runtime.outputs.model_files.urdf_tree import Edge
 
 MOVING = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic"}
@@ -143,12 +143,8 @@ def require_mechanism(model: IdentifiedModel) -> None:
     Args:
         model: the robot.
     """
+    require_loop_frames(model)
     manifest = model.lib.manifest
-    if manifest.loops and not manifest.loop_joints:
-        raise ExportError(
-            f"not written: the manifest of '{model.lib.name}' lacks the frames of its loops; "
-            "run: python -m symgen build"
-        )
     kinds = {joint.name: joint.kind == "prismatic" for joint in manifest.all_joints}
     for name, (masters, _) in couplings(manifest).items():
         if len(masters) != 1 or kinds[name] != kinds[next(iter(masters))]:

@@ -117,6 +117,11 @@ def identify_free_base_log(
             f"sum of vertical forces: error {force['after_percent']:.2f} % of {force['mean']:.1f} "
             f"N, of the URDF {force['before_percent']:.2f} %"
         )
+    for name, value in facts["sensors"].items():
+        if name == "sharing":
+            say(f"sensors: γ = {value:+.3f} while contacts share the load")
+        else:
+            say(f"sensors: offset of {name} {value:+.2f} N")
     for link in facts["links"]:
         if link["not_identifiable"]:
             say(f"link {link['link']}: not identifiable {', '.join(link['not_identifiable'])}")

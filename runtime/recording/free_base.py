@@ -11,6 +11,8 @@ An NPZ with one row per instant, SI units:
     component is not measured; contact_axes "link" or "world"
     contact_force_z (N, C) vertical forces instead, all else unknown
     contact_force_z_sigma (C,) standard deviation of the unknown offsets of these sensors
+    contact_force_z_sharing () standard deviation of the relative error of these sensors while
+    contacts share the load, see `Contacts`
     contact_flags (N, C) whether a contact can transmit a wrench; 0 states that there is none
     contact_kind "surface" or "point", whose moment is zero
 """
@@ -32,7 +34,8 @@ _KINDS, _AXES = ("surface", "point"), ("link", "world")
 _KEYS = (
     *("t", "q", "dq", "ddq", "tau", "joints", "base_pose", "base_position", "base_rpy"),
     *("base_twist", "base_acceleration", "contact_links", "contact_position", "contact_wrench"),
-    *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_flags", "contact_kind"),
+    *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_force_z_sharing"),
+    *("contact_flags", "contact_kind"),
 )
 
 
@@ -47,6 +50,8 @@ class Contacts:
         axes: "link" or "world".
         offset_sigma: (C,) standard deviation of unknown offsets of the vertical forces [N]; None
             where the log does not state it.
+        sharing_sigma: standard deviation of γ: a sensor that reads the share s of ΣF_z reads
+            F (1 + γ (1 − s)); None where the log does not state it.
         sensed: (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is
             none; filtered like the forces.
     """
@@ -56,6 +61,7 @@ class Contacts:
     wrench: FloatArray
     axes: str
     offset_sigma: FloatArray | None = None
+    sharing_sigma: float | None = None
     sensed: FloatArray | None = None
 
 
@@ -229,15 +235,35 @@ def _contacts(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
         flags = _numbers(arrays, "contact_flags", name, (count, size))
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
-    sigma = None
-    if "contact_force_z_sigma" in arrays:
-        sigma = _numbers(arrays, "contact_force_z_sigma", name, (size,))
-        if "contact_force_z" not in arrays or not (sigma >= 0).all():
-            raise RecordingError(
-                f"{name}: contact_force_z_sigma needs numbers of at least 0 [N] and "
-                "contact_force_z beside them; correct or remove it"
-            )
-    return Contacts(links, position, wrench, axes, sigma, sensed)
+    sigma = _sigma(
+        arrays,
+        "contact_force_z_sigma",
+        name,
+        (size,),
+        "numbers of at least 0 [N] and contact_force_z beside them",
+    )
+    sharing = _sigma(
+        arrays,
+        "contact_force_z_sharing",
+        name,
+        (),
+        "a number of at least 0 and contact_force_z beside it",
+    )
+    return Contacts(
+        links, position, wrench, axes, sigma, None if sharing is None else sharing.item(), sensed
+    )
+
+
+def _sigma(
+    arrays: dict[str, NDArray], key: str, name: str, shape: tuple[int, ...], wanted: str
+) -> FloatArray | None:
+    """Standard deviations of errors of the vertical forces; None where the log states none."""
+    if key not in arrays:
+        return None
+    sigma = _numbers(arrays, key, name, shape)
+    if "contact_force_z" not in arrays or not (sigma >= 0).all():
+        raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
+    return sigma
 
 
 def _word(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:

@@ -18,6 +18,10 @@ CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
 """Low-passes of the walking log [Hz]."""
 OFFSET_N = 6.6
 """Standard deviation of the offset of a foot's sensor, 2 % of the weight of the robot [N]."""
+SHARING = 0.1
+"""Standard deviation of γ, the relative error of the sensors while both feet carry load."""
+SHARE_OF_URDF, MOST = 0.8, 2.0
+"""Goal of the error: share of the URDF's, and largest value [% of the weight]."""
 TRIM_S = 0.3
 """Rows at either end that are left out of the walking log [s]."""
 
@@ -29,6 +33,7 @@ class Walk:
     Attributes:
         cutoff: [Hz].
         urdf: RMS error of the URDF on the second half.
+        bar: goal, `SHARE_OF_URDF` of that and at most `MOST`.
         identified: RMS error of the model that was fitted to the first half.
         constant: standard deviation of the measured sum on the second half.
         best_mass: RMS error of the URDF with the total mass that fits the second half best.
@@ -39,6 +44,7 @@ class Walk:
 
     cutoff: float
     urdf: float
+    bar: float
     identified: float
     constant: float
     best_mass: float
@@ -74,6 +80,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
         "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
         "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
         "contact_force_z_sigma": np.full(2, OFFSET_N),
+        "contact_force_z_sharing": np.array(SHARING),
     }
     recording = free_base_of(arrays, "walking.npz")
     rows = []
@@ -89,6 +96,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
             Walk(
                 cutoff,
                 100 * vertical.before / weight,
+                min(SHARE_OF_URDF * 100 * vertical.before / weight, MOST),
                 100 * vertical.after / weight,
                 100 * vertical.spread / weight,
                 100 * _best_mass(vertical) / weight,
@@ -108,12 +116,12 @@ def _best_mass(vertical: VerticalForce) -> float:
     return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
 
 
-_WALK = ("low-pass Hz", "URDF %", "identified %", "URDF of the best mass %", "best constant %",
-         "mass kg", "95 % interval")  # fmt: skip
+_WALK = ("low-pass Hz", "URDF %", "goal %", "identified %", "URDF of the best mass %",
+         "best constant %", "mass kg", "95 % interval")  # fmt: skip
 
 
 def _walk_cells(r: Walk) -> tuple[str, ...]:
-    numbers = (r.urdf, r.identified, r.best_mass, r.constant)
+    numbers = (r.urdf, r.bar, r.identified, r.best_mass, r.constant)
     errors = tuple(f"{number:.2f}" for number in numbers)
     return (f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}")
 

@@ -13,12 +13,13 @@ from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_o
 from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.problem import Fit, FrictionPrior, NoiseFloor, Problem
+from runtime.estimators.problem import Fit, NoiseFloor, Problem
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
 from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
+from runtime.identification.free_base.vertical_sensors import error_names, sensor_prior
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.parallel import one_blas_thread
@@ -27,8 +28,6 @@ from runtime.recording.preprocessing.free_base_motion import motion_of
 
 SHARE = 0.6
 """Share of the log that is trained on."""
-SMALLEST_OFFSET = 1e-6
-"""Smallest standard deviation of an offset of a force sensor [N]."""
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
 
@@ -53,6 +52,7 @@ class FreeBaseIdentification:
         notes: sentences on the data.
         offset_mass: standard deviation of the total mass by offsets of the force sensors [kg],
             before the prior of the URDF.
+        sensors: errors of the sensors of vertical forces: offsets by link [N], and γ, `sharing`.
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -72,6 +72,7 @@ class FreeBaseIdentification:
     status: str
     notes: tuple[str, ...]
     offset_mass: float
+    sensors: dict[str, float]
     vertical: VerticalForce | None
 
     @property
@@ -149,7 +150,7 @@ def identify_free_base(
         weights=weights,
         start=lib.lam0,
         noise_floor=floor,
-        friction_prior=_offset_prior(trained, motion.contacts.offset_sigma),
+        friction_prior=sensor_prior(motion.contacts, trained.samples.columns.shape[1:]),
     )
     fit = fit_by(problem, "map", None, prior)
     root, shares = _posterior(problem, fit, prior)
@@ -186,7 +187,7 @@ def identify_free_base(
         row_names=names,
         rms=rms(measured),
         before=rms(tested.samples.rigid(lib, lib.pi0) - measured),
-        after=rms(tested.samples.rigid(lib, fit.pi) - measured),
+        after=rms(tested.samples.rigid(lib, fit.pi) + tested.samples.friction(fit.phi) - measured),
         n_train=len(train),
         n_test=len(test),
         n_eff=float(fit.n_eff or len(train)),
@@ -194,7 +195,8 @@ def identify_free_base(
         status=fit.status,
         notes=(*fit.notes, *notes),
         offset_mass=offset_mass,
-        vertical=vertical_force(lib, test, fit.pi),
+        sensors=dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True)),
+        vertical=vertical_force(lib, test, fit.pi, fit.phi),
     )
 
 
@@ -215,17 +217,6 @@ def _noise_floor(
     # Its mean is an offset or the total mass, which the fit explains.
     sigma = np.maximum(rest.std(axis=0), SILENT * rms(samples.tau).max())
     return NoiseFloor(sigma, len(samples) / count)
-
-
-def _offset_prior(trained: FreeBaseRows, sigma: Array | None) -> FrictionPrior | None:
-    """Gaussian prior of the offsets of vertical forces, in the first row of their coefficients."""
-    if sigma is None:
-        return None
-    shape = trained.samples.columns.shape[1:]
-    spread = np.full(shape, np.inf)
-    # A sensor that is stated to have no offset keeps one of rounding.
-    spread[0] = np.maximum(sigma, SMALLEST_OFFSET)
-    return FrictionPrior(np.zeros(shape), spread)
 
 
 def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:

@@ -62,6 +62,7 @@ def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, A
             "before_percent": 100 * vertical.before / vertical.weight,
             "after_percent": 100 * vertical.after / vertical.weight,
         },
+        "sensors": result.sensors,
         "links": _links(result),
         "pi": result.pi.tolist(),
         "sigma": np.linalg.norm(result.root, axis=1).tolist(),

@@ -4,8 +4,7 @@
 
 Rows are chosen ("base", "joints" or "all"). Components of contact wrenches that were not measured
 are eliminated by multiplication with a basis of the null space of their Jacobian, N(t)ᵀ Jᵀ = 0.
-Unknown offsets o_c of vertical forces are columns J_cᵀ e_z s_c(t) of their own; s_c is 1 while
-the sensor is read.
+Errors of the sensors of vertical forces are columns of their own, see `vertical_sensors`.
 """
 
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples
+from runtime.identification.free_base.vertical_sensors import VERTICAL, reading_errors
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.friction.coupled_motors import Coupling
@@ -24,8 +24,6 @@ ROWS = ("all", "base", "joints")
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
 _BLOCK = 512
-_VERTICAL = 2
-"""Place of the vertical force within a wrench."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,11 +86,11 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
             for i in range(0, count, _BLOCK)
         ]
     )  # fmt: skip
-    offsets = _offsets(motion, jacobian)
+    errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(motion.contacts)
     names = tuple(lib.row_names[k] for k in kept)
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
-        return FreeBaseRows(_samples(y, known, offsets), basis, names, known)
+        return FreeBaseRows(_samples(y, known, errors), basis, names, known)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
         raise IdentificationError(
@@ -101,7 +99,7 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
         )
     back = np.swapaxes(basis, 1, 2)
     left = np.einsum("nmk,nk->nm", back, known)
-    return FreeBaseRows(_samples(back @ y, left, back @ offsets), basis, names, known)
+    return FreeBaseRows(_samples(back @ y, left, back @ errors), basis, names, known)
 
 
 def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
@@ -141,22 +139,13 @@ def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def _offsets(motion: FreeBaseMotion, jacobian: Array) -> Array:
-    """Right side (N, k, C) per newton of offset; no column where offsets are not stated."""
-    contacts = motion.contacts
-    if contacts.offset_sigma is None:
-        return np.zeros((len(motion), jacobian.shape[2], 0))
-    columns = np.swapaxes(jacobian[:, _VERTICAL::6], 1, 2)
-    return columns if contacts.sensed is None else columns * contacts.sensed[:, None]
-
-
-def _samples(base: Array, right: Array, offsets: Array) -> Samples:
-    """Samples of m equations with columns of offsets, one coefficient each for all equations."""
-    empty, count = np.zeros(right.shape), offsets.shape[2]
+def _samples(base: Array, right: Array, errors: Array) -> Samples:
+    """Samples of m equations with columns of sensors, one coefficient each for all equations."""
+    empty, count = np.zeros(right.shape), errors.shape[2]
     coupling = None
     if count:
         coupling = Coupling(np.zeros((1, 1)), (False,) * count, (True,) * count)
-    return Samples(empty, empty, None, np.ascontiguousarray(right), np.ascontiguousarray(offsets),
+    return Samples(empty, empty, None, np.ascontiguousarray(right), np.ascontiguousarray(errors),
                    coupling=coupling, base=np.ascontiguousarray(base))  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.identification.free_base.rows import contact_jacobian
+from runtime.identification.free_base.vertical_sensors import reading_errors
 from runtime.library import Array, Library
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 
@@ -16,7 +17,7 @@ class VerticalForce:
     Attributes:
         weight: mean of the measured sum [N].
         before: RMS error of the URDF's prediction [N].
-        after: RMS error of the identified model's prediction [N].
+        after: RMS error of the identified model's prediction, errors of the sensors included [N].
         spread: standard deviation of the measured sum, the error of the best constant [N].
         measured, predicted: the sums, measured and by the URDF, (N,) [N].
     """
@@ -29,13 +30,16 @@ class VerticalForce:
     predicted: Array
 
 
-def vertical_force(lib: Library, motion: FreeBaseMotion, pi: Array) -> VerticalForce | None:
+def vertical_force(
+    lib: Library, motion: FreeBaseMotion, pi: Array, phi: Array
+) -> VerticalForce | None:
     """Errors of ΣF_z, the vertical component of the forces on the base.
 
     Args:
         lib: library of a robot with a free base.
         motion: N prepared instants.
         pi: identified π, (10 L,).
+        phi: coefficients of the errors of the sensors, in the first row; see `vertical_sensors`.
 
     Returns:
         Errors; None where vertical forces were not all measured.
@@ -64,7 +68,7 @@ def vertical_force(lib: Library, motion: FreeBaseMotion, pi: Array) -> VerticalF
     return VerticalForce(
         float(measured.mean()),
         float(rms(by_urdf - measured)),
-        float(rms(predicted(pi) - measured)),
+        float(rms(predicted(pi) + (reading_errors(contacts) @ phi[0]).sum(axis=1) - measured)),
         float(measured.std()),
         measured,
         by_urdf,

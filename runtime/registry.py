@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from runtime.entry_points import entry_points
 from runtime.errors import RuntimeFault
+from runtime.startup.entry_points import entry_points
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -17,7 +17,6 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
@@ -32,6 +31,7 @@ from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
 from runtime.recording.friction_column import COLUMNS, widths_of
 from runtime.recording.settings import WIDTHS
+from runtime.startup.data_classes import dataclass
 
 LARGEST = 1e9
 """Largest number of the tables [SI]."""

@@ -7,7 +7,7 @@ the generated adjoint; the limits are linear in a.
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy_names import lazy_names
+from runtime.startup.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from runtime.excitation.limits.joint_limits import (

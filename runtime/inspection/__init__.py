@@ -15,7 +15,7 @@ Rounding and other faults of a model file are reported by `python -m symgen insp
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy_names import lazy_names
+from runtime.startup.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from runtime.inspection.finding import ERROR, INFO, WARNING, Finding

@@ -2,11 +2,11 @@
 
 import hashlib
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import LibraryError
 from runtime.library.user_builds import NAME, built_folders, is_user_build
+from runtime.startup.data_classes import dataclass
 
 
 class ForeignRobotError(LibraryError):

@@ -17,7 +17,6 @@ An NPZ with one row per instant, SI units:
     contact_kind "surface" or "point", whose moment is zero
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from runtime.errors import RecordingError
 from runtime.files import bytes_of
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.recording import FloatArray
+from runtime.startup.data_classes import dataclass
 
 UNKNOWN = np.nan
 """Component of a contact wrench that was not measured."""

@@ -7,7 +7,7 @@ states.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import count
 
 import numpy as np
@@ -19,6 +19,7 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.mechanism import require_no_springs
+from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +148,9 @@ def ideal(
     )
 
 
+_CONTROLLER = Controller()
+
+
 def closed_loop(
     lib: Library,
     trajectory: Trajectory,
@@ -154,7 +158,7 @@ def closed_loop(
     rng: np.random.Generator,
     rate_hz: float = 1000.0,
     progress: Callable[[float], None] | None = None,
-    controller: Controller = Controller(),
+    controller: Controller = _CONTROLLER,
 ) -> Recording:
     """Recording of the robot under its controller: q and dq with noise, τ behind the rotors.
 

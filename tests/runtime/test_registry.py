@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from runtime import entry_points, registry
+from runtime import registry
 from runtime.errors import RuntimeFault
 from runtime.registry import Registry
+from runtime.startup import entry_points
 from tests.plugins import install_toy
 
 

@@ -7,7 +7,6 @@ term of the prior the logarithm alone would have no minimiser. No cone solver is
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import ConvexProblem, Minimum, convex_problem, minimise
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
+from runtime.startup.data_classes import dataclass
 
 SMALLEST_GAP = 1e-7
 """Certificate at the end of the path, relative to the loss."""

@@ -6,11 +6,12 @@ non-linear least squares problems*, 2004, algorithm 3.16.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from runtime.estimators.optimizers.loop import Array, Status
+from runtime.startup.data_classes import dataclass
 
 _LARGEST_DAMPING = 1e200
 """μ beyond which no step is tried any more."""

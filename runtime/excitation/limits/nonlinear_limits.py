@@ -15,7 +15,6 @@ With a band of models the largest change of the torque, or of its rate, is added
 Constraints of places and distances are in `distance_limits`.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -24,6 +23,7 @@ from runtime.excitation.limits.interval_bounds import ROUNDING, IntervalBounds
 from runtime.excitation.limits.model_band import ModelBand
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
+from runtime.startup.data_classes import dataclass
 
 
 class Constraint(Protocol):

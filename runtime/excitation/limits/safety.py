@@ -5,8 +5,6 @@ rate, tip speed and the margins of its pairs of proxies. A table, a box of the t
 request.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +28,7 @@ from runtime.excitation.limits.nonlinear_limits import (
 )
 from runtime.excitation.limits.obstacles import Obstacle, ObstacleClearance, capsule_around
 from runtime.library import Array, Library
+from runtime.startup.data_classes import dataclass
 
 TABLE_MARGIN = 0.03
 """Margin between every moving proxy and the table or an obstacle, m."""

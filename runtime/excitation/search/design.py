@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Generator
 from contextlib import closing
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
+from runtime.startup.data_classes import dataclass
 
 Ended = dict[int, tuple[float, Array]]
 """Target and coefficients (n, M) of every start and variation that ended, by number."""

@@ -5,7 +5,6 @@ cond, the semidefinite programmes of `polish` end in its kink. Limits that are n
 elastic on the way and tightened in the last round, so that they hold between its samples.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import Objective, descend
 from runtime.excitation.search.varied import varied
 from runtime.library import Array, Library, load
+from runtime.startup.data_classes import dataclass
 
 START = 0.5
 """Limit use of a random start: far enough inside to choose its basin."""

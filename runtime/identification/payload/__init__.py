@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy_names import lazy_names
+from runtime.startup.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from runtime.identification.payload.body import Body, body_of, pi_of_body

@@ -4,7 +4,8 @@
 """
 
 import re
-from dataclasses import dataclass
+
+from runtime.startup.data_classes import dataclass
 
 KINDS: dict[str, tuple[str, ...]] = {
     "acceleration": ("ddq", "qdd", "acc", "acceleration", "accelerations"),

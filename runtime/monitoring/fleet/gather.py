@@ -11,7 +11,6 @@ import threading
 import zipfile
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from runtime.library import Library, load
 from runtime.monitoring.fleet.unit import Unit, unit_of
 from runtime.parallel import cores, on_cluster
 from runtime.recording.formats.npz import open_npz
+from runtime.startup.data_classes import dataclass
 
 PART = 32
 """Files of one part: some tenths of a second of work."""

@@ -8,7 +8,7 @@ compares the result with the compiled library.
 
 from typing import TYPE_CHECKING
 
-from runtime.lazy_names import lazy_names
+from runtime.startup.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from runtime.outputs.model_files.export import Exported, export_model, write_urdf

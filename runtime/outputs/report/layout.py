@@ -1,6 +1,6 @@
 """Parts of a page: tables, sections and tiles of text, figures as inline SVG."""
 
-from dataclasses import dataclass
+from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ R, p and q pass the same zero-phase low-pass as torques and wrenches, and R is t
 rotation. What the log states of velocities and accelerations is filtered and taken as it is.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import resample
 from runtime.recording.recording import FloatArray, Recording
+from runtime.startup.data_classes import dataclass
 
 _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""

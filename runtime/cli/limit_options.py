@@ -45,7 +45,7 @@ Obstacles = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="TOML of obstacles that the links keep away from: tables [[obstacle]] with name, "
+        help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with name, "
         "center, size (edges), rpy and radius, m and rad in the base frame.",
     ),
 ]

@@ -63,7 +63,7 @@ def _coupled(chain: Chain) -> list[str]:
         return []
     free = {joint.name for joint in chain.coordinates}
     names = [joint.name for joint in chain.single_joints if joint.name not in free]
-    notes = [f"joints that follow others: {', '.join(names)}; q holds the {len(free)} other joints"]
+    notes = [f"joints that follow others: {', '.join(names)}; q holds {', '.join(j.name for j in chain.coordinates)}"]
     friction = list(friction_coordinates(chain))
     if len(friction) > len(free):
         notes.append(

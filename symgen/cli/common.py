@@ -57,8 +57,8 @@ MechanismOption = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="TOML file of couplings ([[coupling]]), springs ([[spring]]), torque curves and "
-        "further friction of a mechanism.",
+        help="TOML file of a mechanism: couplings ([\\[coupling]]), loops ([\\[loop]]), springs "
+        "([\\[spring]]), torque curves and further friction.",
         dir_okay=False,
     ),
 ]

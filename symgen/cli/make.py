@@ -42,7 +42,7 @@ def build_command(
     urdf: Annotated[
         Path | None,
         typer.Option(
-            help="File of your own robot: URDF, xacro, MJCF or TOML of modified DH rows; "
+            help="File of your own robot: URDF, xacro, MJCF, SDF or TOML of modified DH rows; "
             "package://PACKAGE/path is searched in ROS packages. Needs --name.",
             dir_okay=False,
         ),

@@ -28,6 +28,8 @@ _DAMAGE = (
 )
 """Exceptions that a damaged manifest can raise."""
 
+_LIMITS = ("lower", "upper", "velocity", "effort")
+
 
 @app.command("list")
 def list_command(out: RootOption = DEFAULT_ROOT) -> None:
@@ -110,10 +112,12 @@ def describe_command(
 
 
 def _description(manifest: dict[str, Any]) -> dict[str, Any]:
-    names = [f"{j['link']}.{p}" for j in manifest["joints"] for p in manifest["pi_names"]]
+    bodies = manifest.get("all_joints", manifest["joints"])
+    names = [f"{j['link']}.{p}" for j in bodies for p in manifest["pi_names"]]
     base = manifest["base_parameters"]
     keys = ("robot", "base", "tip", "gravity", "joints", "home", "lumped", "removed", "kernels")
-    return {key: manifest[key] for key in keys} | {
+    some = [key for key in ("all_joints", "coupling", "loops") if key in manifest]
+    return {key: manifest[key] for key in (*keys, *some)} | {
         "base_parameters": [describe_combination(names, row) for row in base["matrix"]],
         "smallest_kept": base["smallest_kept"],
         "largest_dropped_below": base["largest_dropped_below"],
@@ -126,11 +130,38 @@ def _joint_table(manifest: dict[str, Any]) -> Table:
     table = Table(*heads, "kind", "lower", "upper", "velocity", "effort", "home")
     table.title = Text(f"{manifest['robot']}: joints (rad or m, rad/s or m/s, N·m or N)")
     for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
-        limits = [joint[key] for key in ("lower", "upper", "velocity", "effort")]
+        limits = [joint[key] for key in _LIMITS]
         shown = ["none" if x is None else f"{x:.4g}" for x in limits]
         names = [Text(str(joint[key])) for key in ("name", "link", "kind")]
         table.add_row(*names, *shown, f"{home:.3f}")
+    free = {joint["name"] for joint in manifest["joints"]}
+    for place, joint in enumerate(manifest.get("all_joints", [])):
+        if joint["name"] not in free:
+            shown = ["none" if joint[key] is None else f"{joint[key]:.4g}" for key in _LIMITS]
+            names = [Text(str(joint[key])) for key in ("name", "link", "kind")]
+            table.add_row(*names, *shown, Text(_follows(manifest, place)))
     return table
+
+
+def _follows(manifest: dict[str, Any], place: int) -> str:
+    """What moves a joint that is not independent.
+
+    Args:
+        manifest: of the robot.
+        place: of the joint in `all_joints`.
+
+    Returns:
+        "= -0.5 elbow + 0.1" of a coupling, "by the loops", or "free" of a free base.
+    """
+    if "loops" in manifest:
+        return "by the loops"
+    if "coupling" not in manifest:
+        return "free"
+    row, offset = (manifest["coupling"][key][place] for key in ("matrix", "offset"))
+    masters = zip(row, manifest["joints"], strict=True)
+    terms = [f"{factor:.4g} {joint['name']}" for factor, joint in masters if factor]
+    terms += [f"{offset:.4g}"] if offset or not terms else []
+    return f"= {' + '.join(terms)}".replace("+ -", "- ")
 
 
 def _base_table(manifest: dict[str, Any]) -> Table:

@@ -61,9 +61,9 @@ def _coupled(chain: Chain) -> list[str]:
     """Sentences about couplings and their friction."""
     if chain.coupling is None or chain.loops is not None:
         return []
-    free = {joint.name for joint in chain.coordinates}
+    free = [joint.name for joint in chain.coordinates]
     names = [joint.name for joint in chain.single_joints if joint.name not in free]
-    notes = [f"joints that follow others: {', '.join(names)}; q holds {', '.join(j.name for j in chain.coordinates)}"]
+    notes = [f"joints that follow others: {', '.join(names)}; q holds {', '.join(free)}"]
     friction = list(friction_coordinates(chain))
     if len(friction) > len(free):
         notes.append(

@@ -1,0 +1,126 @@
+"""Fits of an arm to one run, and their errors on another.
+
+τ and every column pass the same low-pass at 3 Hz (rows of momentum; q and dq at 20 Hz), friction
+has a memory (Dahl), and the joints are weighted by their residuals in `PASSES` passes of
+PC-IDIM-OLS.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.estimators.classical.pc_ols import fit_pc_ols
+from runtime.estimators.problem import best_friction
+from runtime.estimators.regression import compress_all
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.problem_setup import assemble
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recording
+
+RATE = 200.0
+"""Of the logs, Hz."""
+COLUMNS = ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb", "dahl")
+STROKE = 0.03
+"""Stroke of the Dahl column with the smallest error on `psm_one_no_weight` of 0.01 to 0.1, rad."""
+CUTOFF, MOTION = 3.0, 20.0
+"""Low-pass of the rows, which is that of the publication, and of q and dq in their columns, Hz."""
+PASSES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmFit:
+    """Parameters of a training run and the samples of a test run.
+
+    Attributes:
+        lib: library of the arm.
+        pi, phi: standard parameters (10 n,) and friction coefficients (n, k).
+        columns: names of the k columns.
+        test: samples of the test run, from 1 s after its beginning to 1 s before its end.
+    """
+
+    lib: Library
+    pi: Array
+    phi: Array
+    columns: tuple[str, ...]
+    test: Samples
+
+    def residual(self, phi: Array | None = None) -> Array:
+        """τ minus the torque of the model, (N, n), with other friction coefficients if given."""
+        friction = self.test.friction(self.phi if phi is None else phi)
+        return np.asarray(self.test.tau - self.test.rigid(self.lib, self.pi) - friction)
+
+    def errors(self, rest: Array, rows: slice = slice(None)) -> Array:
+        """Norm of the residual over that of the torque, known torques included, per joint.
+
+        Args:
+            rest: residuals (N, n) [N·m, N].
+            rows: of the test run.
+        """
+        torque = self.test.tau + self.lib.known_torque(self.test.q)
+        return np.asarray(np.linalg.norm(rest[rows], axis=0) / np.linalg.norm(torque[rows], axis=0))
+
+
+def log(data: Path, name: str) -> Recording:
+    """Recording of a run; ":0" and ":1" behind the name are its halves.
+
+    Args:
+        data: folder of the files.
+        name: of the run.
+    """
+    file, _, half = name.partition(":")
+    table = np.loadtxt(data / f"{file}.csv", delimiter=",")
+    if half:
+        table = np.array_split(table, 2)[int(half)]
+    t = np.arange(len(table)) / RATE
+    return Recording(t, table[:, :7], table[:, 7:14], None, table[:, 14:], name=name)
+
+
+def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTOFF) -> ArmFit:
+    """Fit to the run `train`, with the samples of the run `test`.
+
+    Args:
+        lib: library of the arm.
+        data: folder of the files.
+        train: name of the training run.
+        test: name of the test run.
+        cutoff: low-pass of the rows, Hz.
+    """
+    springs = tuple(f"spring:{name}" for name in lib.manifest.springs)
+    unseen = log(data, test)
+    assembly = assemble(
+        log(data, train),
+        lib,
+        friction_columns=Friction((*COLUMNS, *springs), dahl_stroke=STROKE),
+        preparation=Preparation(
+            filter="butterworth",
+            cutoff_hz=cutoff,
+            trim_s=1.0,
+            regressor="momentum",
+            motion_hz=MOTION,
+        ),
+        validation=unseen,
+        test=unseen,
+    )
+    problem = assembly.problem
+    weights = 1.0 / np.var(problem.train.tau, axis=0)
+    for _ in range(PASSES):
+        problem = replace(problem, weights=weights / weights.mean())
+        fit = fit_pc_ols(problem)
+        rest = problem.train.tau - problem.train.rigid(lib, fit.pi)
+        weights = 1.0 / np.var(rest - problem.train.friction(fit.phi), axis=0)
+    samples = samples_of(assembly.parts[2], lib)
+    return ArmFit(lib, fit.pi, fit.phi, (*COLUMNS, *springs), samples)
+
+
+def friction_of_start(fit: ArmFit, seconds: float) -> Array:
+    """Friction (n, k) of the first seconds of the test run by least squares, at the same links.
+
+    Args:
+        fit: links, and samples of the test run.
+        seconds: length of the start.
+    """
+    start = fit.test.rows(np.arange(round(seconds * RATE)))
+    weights = 1.0 / np.var(start.tau, axis=0)
+    statistics = compress_all(fit.lib, (start,), weights / weights.mean())
+    return best_friction(statistics, fit.pi, fit.phi.shape)

@@ -163,6 +163,24 @@ class Blocks:
             elif inside.any():
                 yield block.take(inside, "Cut to the part.")
 
+    def count(self, first: float) -> int:
+        """Number of prepared rows with t ≥ first.
+
+        Args:
+            first: s.
+
+        Returns:
+            The number.
+        """
+        count = 0
+        for index in self.within(first, np.inf):
+            if index not in self.kept:
+                self.prepared(index)
+            if (kept := self.kept[index]) is not None:
+                whole = first <= kept.first.t[0]
+                count += kept.count if whole else int(np.sum(kept.instants(self.spool) >= first))
+        return count
+
     def _ratio(self) -> int:
         """Rows of the log per prepared row."""
         rate = self.preparation.rate_hz
@@ -179,6 +197,9 @@ class _Kept:
     first: Recording
     start: int
     count: int
+
+    def instants(self, spool: Spool) -> FloatArray:
+        return spool.read(self.start, self.count)  # the clock is the first of the arrays
 
     def read(self, spool: Spool) -> Recording:
         arrays, at = {}, self.start

@@ -103,7 +103,7 @@ class StreamedAssembly:
 
     def counts(self) -> dict[str, int]:
         """Prepared rows of every part, by its name."""
-        return {name: sum(map(len, self.assembly.recordings(name))) for name in PARTS}
+        return {name: self.parts[name].count() for name in PARTS}
 
     def errors(self, result: Identification) -> tuple[TorqueError, ...]:
         """Torque errors over the whole test part: first guess, result, URDF with friction."""
@@ -174,7 +174,8 @@ def assemble_streamed(
     head = _head(log, lib)
     terms = chosen.friction_columns or default_terms(head) or Friction(columns=())
     terms = geared(terms, head, lib)
-    whole = parts_of_log(log, lib, preparation, terms, shares_of(log, chosen), is_joined)
+    shares = shares_of(log, chosen)
+    whole = parts_of_log(log, lib, preparation, terms, shares, is_joined, head.rate_hz)
     report("windows of the parts")
     parts = {name: _windows(part, name) for name, part in whole.items()}
     rounding = rounding_of(parts["train"], lib)

@@ -5,7 +5,8 @@ No block reaches beyond its part, so that no row of the test part has an effect 
 """
 
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 
 import numpy as np
 
@@ -35,6 +36,10 @@ class StreamedPart:
         """Prepared rows, one block at a time in the order of time."""
         return self.blocks.parts(self.first, np.inf)
 
+    def count(self) -> int:
+        """Number of prepared rows."""
+        return self.blocks.count(self.first)
+
 
 def parts_of_log(
     log: StreamedRecording,
@@ -43,6 +48,7 @@ def parts_of_log(
     terms: Friction,
     shares: Split,
     is_joined: bool = False,
+    rate_hz: float | None = None,
 ) -> dict[str, StreamedPart]:
     """Divide a streamed log into its parts.
 
@@ -53,6 +59,7 @@ def parts_of_log(
         terms: friction columns.
         shares: fractions of the duration.
         is_joined: the training part includes the validation part.
+        rate_hz: rate of the log [Hz]; None for that of its first rows.
 
     Returns:
         "train", "validation" and "test" → part; nothing is prepared yet.
@@ -63,14 +70,14 @@ def parts_of_log(
     start = float(log.instants([0], REACH)[0])
     end = float(log.block(max(log.rows - REACH, 0), log.rows).t[-1])
     duration = end - start or 1.0
-    rate = head_of(log).rate_hz
+    rate = head_of(log).rate_hz if rate_hz is None else rate_hz
 
+    def share_of(row: int) -> float:
+        return float(log.instants([row], REACH)[0] - start) / duration
+
+    @cache
     def row(share: float) -> int:
-        def share_of(row: int) -> float:
-            return float(log.instants([row], REACH)[0] - start) / duration
-
-        rows = range(log.rows)
-        return len(rows) if share == 1.0 else bisect_left(rows, share, key=share_of)
+        return log.rows if share == 1.0 else first_row(share_of, log.rows, share)
 
     def part(name: str, share: tuple[float, float]) -> StreamedPart:
         rows = row(share[0]), row(share[1])
@@ -97,3 +104,30 @@ def parts_of_log(
     else:
         validation = part("validation", shares.validation)
     return {"train": train, "validation": validation, "test": part("test", shares.test)}
+
+
+def first_row(share_of: Callable[[int], float], count: int, share: float) -> int:
+    """First row whose share of the duration is not below a bound.
+
+    The search begins where a uniform clock has that row and doubles its steps from there, since
+    every share is read from the file.
+
+    Args:
+        share_of: row → share, not decreasing.
+        count: number of rows.
+        share: bound.
+
+    Returns:
+        Index of the row; `count` where all shares are below the bound.
+    """
+    place = min(max(int(np.ceil(share * (count - 1))), 0), count - 1)
+    is_later = share_of(place) < share
+    low, high, step = (place + 1, count, 1) if is_later else (0, place, 1)
+    while low < high:
+        probe = min(low + step, high) - 1 if is_later else max(high - step, low)
+        is_below = share_of(probe) < share
+        low, high = (probe + 1, high) if is_below else (low, probe)
+        if is_below != is_later:
+            break
+        step *= 2
+    return bisect_left(range(count), share, low, high, key=share_of)

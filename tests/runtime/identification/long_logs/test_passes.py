@@ -1,6 +1,7 @@
 """One pass over the file: every row is decoded once, in order, and compressed on all cores."""
 
 import threading
+from bisect import bisect_left
 from itertools import pairwise
 
 import numpy as np
@@ -12,8 +13,10 @@ from runtime.estimators.regression import compress, compress_all, compression
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
-from runtime.recording import Friction, Preparation, open_streamed
+from runtime.identification.long_logs.parts import first_row
+from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import parquet
+from runtime.recording.formats.spool import Spool
 from tests.runtime.motions import moving
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
@@ -75,3 +78,37 @@ def test_pieces_are_compressed_beside_each_other(lib, monkeypatch):
     assert result.factor == pytest.approx(expected.factor, abs=0.0)
     assert threading.main_thread() not in threads
     assert most[0] <= 7
+
+
+def test_samples_are_not_read_again_to_be_counted(lib, tmp_path, monkeypatch):
+    """Property: the numbers of samples are those of the parts, and at most clocks are read."""
+    monkeypatch.setattr(blocks, "BLOCK", 1024)
+    write_recording(moving(lib, 12_000), tmp_path / "x.npz")
+    log = open_streamed(tmp_path / "x.npz")
+    whole = passes.assemble_streamed(
+        log, lib, preparation=PREPARATION, friction_columns=Friction(), is_joined=True
+    )
+    held = {name: sum(map(len, whole.assembly.recordings(name))) for name in whole.parts}
+    read, numbers = Spool.read, []
+
+    def counted(spool, start, count):
+        numbers.append(count)
+        return read(spool, start, count)
+
+    monkeypatch.setattr(Spool, "read", counted)
+    assert whole.counts() == held
+    assert 0 < held["validation"] < held["train"]
+    assert sum(numbers) <= held["train"]
+
+
+def test_the_first_row_of_a_part_takes_few_reads():
+    """Oracle: bisection over all rows; with a uniform clock two shares are read, not eighteen."""
+    rng = np.random.default_rng(5)
+    uneven = np.sort(np.round(rng.uniform(0.0, 1.0, 1000), 2))
+    for shares in (uneven, np.zeros(3), np.ones(1), np.linspace(0.0, 1.0, 200_001)):
+        for bound in (0.0, 0.3, 0.55, 0.999, 1.5):
+            assert first_row(shares.__getitem__, len(shares), bound) == bisect_left(shares, bound)
+    rows = []
+    clock = np.linspace(0.0, 1.0, 200_001)
+    assert first_row(lambda row: rows.append(row) or clock[row], 200_001, 0.7) == 140_000
+    assert len(rows) == 2

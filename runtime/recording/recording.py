@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
 from runtime.numerics.order import median
+from runtime.recording.clock import require_clock
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.recipes.control_law import ControlLaw
@@ -27,8 +28,6 @@ FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
 ALL = (*SIGNALS, "columns", "rows")
 """Names of all arrays with one entry per instant."""
-SHORTEST_STEP, LATEST = 1e-12, 1e12
-"""Bounds of a clock in any unit of time [s]; beyond them derivatives overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +78,7 @@ class Recording(Framed):
 
     def __post_init__(self) -> None:
         self._check_signals()
-        self._check_time()
+        require_clock(self.t)
 
     def _check_signals(self) -> None:
         def put(key: str, value: Any) -> None:
@@ -128,23 +127,6 @@ class Recording(Framed):
             raise RecordingError(
                 f"expected {self.n_joints} joint names, got {len(self.joint_names)}; "
                 "name every joint or none"
-            )
-
-    def _check_time(self) -> None:
-        steps = np.diff(self.t)
-        backward = np.flatnonzero(~(steps > 0.0))
-        if backward.size:
-            i = int(backward[0])
-            raise RecordingError(
-                f"expected time that increases, but it goes from {self.t[i]:.9g} s to "
-                f"{self.t[i + 1]:.9g} s at row {i + 1} (and at {backward.size - 1} more); "
-                "sort the log or cut it into runs"
-            )
-        far, near = float(np.abs(self.t[[0, -1]]).max()), float(steps.min(initial=np.inf))
-        if not (near >= SHORTEST_STEP and far <= LATEST):
-            raise RecordingError(
-                f"expected time in s, up to {LATEST:g} s in steps from {SHORTEST_STEP:g} s, got "
-                f"{far:.3g} s and a step of {near:.3g} s; state the unit of time in a recipe"
             )
 
     def __len__(self) -> int:
@@ -301,7 +283,13 @@ class Recording(Framed):
 
 
 def _locked(values: ArrayLike) -> FloatArray:
-    """A read-only float64 view; the array of the caller stays writeable."""
+    """A read-only float64 view, row by row; the array of the caller stays writeable.
+
+    A read-only array is taken as it lies, column by column too, where a reader gives it that way.
+    """
+    if isinstance(values, np.ndarray) and not values.flags.writeable:
+        if values.dtype == np.float64 and (values.flags.c_contiguous or values.flags.f_contiguous):
+            return values
     view = np.ascontiguousarray(values, dtype=np.float64).view()
     view.setflags(write=False)
     return view

@@ -95,7 +95,7 @@ def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]
     for kind, table in raw.items():
         limit, values = HUGE_TIME if kind == "time" else HUGE, table.values[:rows]
         # One pass over the rows: no number is larger than the norm of all, and NaN is not less.
-        flat = values.ravel()
+        flat = values.ravel(order="K")  # as it lies in memory, without a copy
         with np.errstate(over="ignore", invalid="ignore"):
             square = np.dot(flat, flat)
         if not (values.size and square < limit**2):

@@ -75,14 +75,13 @@ class ParquetLog:
             raise self._other_rows()
         return LogTable(values, np.arange(self.rows, dtype=np.int64))
 
-    def joined(self, parts: list[list[FloatArray]]) -> FloatArray:
-        """Columns side by side and batches below each other.
-
-        Every number is copied once, some rows of all columns after another, so that what is
-        written stays in the cache.
+    def joined(self, parts: list[list[FloatArray]], by_columns: bool = False) -> FloatArray:
+        """Columns side by side and batches below each other; every number is copied once.
 
         Args:
             parts: for every batch its blocks (N, m), column by column.
+            by_columns: columns of one number are laid out one after the other, as they are decoded,
+                and read-only, so that a recording holds them without a copy.
 
         Returns:
             (Σ N, Σ m).
@@ -91,16 +90,22 @@ class ParquetLog:
             RecordingError: a column of lists has another width in another batch.
         """
         widths = [block.shape[1] for block in parts[0]]
-        values, at = np.empty((sum(len(blocks[0]) for blocks in parts), sum(widths))), 0
+        shape = sum(len(blocks[0]) for blocks in parts), sum(widths)
+        by_columns = by_columns and max(widths) == 1
+        # Row by row, some rows of all columns are copied together: what is written stays in the
+        # cache.
+        step, order = (max(shape), "F") if by_columns else (CHUNK, "C")
+        values, at = np.empty(shape, order=order), 0
         for blocks in parts:
             if [block.shape[1] for block in blocks] != widths:
                 raise self._other_rows()
-            for first in range(0, len(blocks[0]), CHUNK):
-                last, column = min(first + CHUNK, len(blocks[0])), 0
+            for first in range(0, len(blocks[0]), step):
+                last, column = min(first + step, len(blocks[0])), 0
                 for block, width in zip(blocks, widths, strict=True):
                     values[at + first : at + last, column : column + width] = block[first:last]
                     column += width
             at += len(blocks[0])
+        values.setflags(write=not by_columns)
         return values
 
     def _other_rows(self) -> RecordingError:

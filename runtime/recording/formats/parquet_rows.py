@@ -27,7 +27,7 @@ class ParquetRows:
             stop: one past the last row.
 
         Returns:
-            kind → (stop − start, m).
+            kind → (stop − start, m), column by column where a column holds one number per row.
         """
         group = self._log.group_start(start)
         if start < self._first or group > self._next:
@@ -48,7 +48,7 @@ class ParquetRows:
                 parts.append(batch.rows(max(start - at, 0), min(stop - at, len(batch))))
             at += len(batch)
         return {
-            kind: self._log.joined([part.blocks(columns) for part in parts])
+            kind: self._log.joined([part.blocks(columns) for part in parts], by_columns=True)
             for kind, columns in self._kinds.items()
         }
 

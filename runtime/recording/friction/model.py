@@ -123,6 +123,8 @@ def add_columns(
     listed = "; ".join(str(each) for each in terms)
     motors = None if gear is None else directions(gear)
     values = columns(motion, *now) if names or not linear_later else None
+    if values is not None:
+        values.setflags(write=False)  # the recording holds it as it lies
     return recording.replace(columns=values, column_names=names, motors=motors).noted(
         f"Added the friction columns {listed}."
     )

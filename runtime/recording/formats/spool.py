@@ -34,7 +34,7 @@ class Spool:
         start = self.size
         try:
             self._file.seek(8 * start)
-            self._file.write(np.ascontiguousarray(values).tobytes())
+            self._file.write(np.ascontiguousarray(values).data)
         except OSError as error:
             raise RecordingError(
                 f"the numbers of {self._name} do not fit into {tempfile.gettempdir()} "

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from runtime.numerics.order import median
 from runtime.recording import Preparation, Recording
-from runtime.recording.preprocessing.derivatives import differentiate
+from runtime.recording.preprocessing.derivatives import SENTENCES, slopes
 from runtime.recording.preprocessing.filters import (
     ALL,
     butterworth,
@@ -39,7 +39,7 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
         return None
     design = butterworth(recording, cutoff, preparation.order)
     data = without_short(recording, design.minimum)
-    marked = Recording(t=data.t, q=np.arange(len(data), dtype=float)[:, None])
+    marked = _numbered(data)
     if preparation.trim_s is not None:
         marked = trim(marked, preparation.trim_s)
     marked = decimate(marked, rate)
@@ -48,7 +48,6 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
         return None
     period = int(median(np.diff(stay))) if len(stay) > 1 else 1
     missing = [key for key in ("dq", "ddq") if getattr(data, key) is None]
-    measured = {"dq", "ddq"} - set(missing)
     others: tuple[str, ...] = ALL
     history: tuple[str, ...] = ()
     derived: dict[str, FloatArray] = {}
@@ -57,16 +56,26 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
         others = tuple(key for key in ALL if key != source)
         rows = _with_neighbours(data, stay, len(missing))
         values = low_passed(data, design, (source,), rows, period)[source]
-        near = Recording(t=data.t[rows], q=values)
-        slopes = differentiate(near.replace(**dict.fromkeys(measured, values)))
-        kept = np.searchsorted(rows, stay)
-        derived = {key: getattr(slopes, key).take(kept, axis=0) for key in missing}
-        derived[source], history = values.take(kept, axis=0), slopes.history
+        # The last derivative is needed at the remaining rows only.
+        near, kept = data.t[rows], np.searchsorted(rows, stay)
+        derived[source], below = values.take(kept, axis=0), values
+        for key in missing[:-1]:
+            below = slopes(near, below)
+            derived[key] = below.take(kept, axis=0)
+        derived[missing[-1]] = slopes(near, below, kept)
+        history = tuple(SENTENCES[key] for key in missing)
     derived |= low_passed(data, design, others, stay, period)
     sentence = low_pass_sentence(cutoff, preparation.order)
     return data.replace(
         t=marked.t, **derived, history=(*data.history, sentence, *history, *marked.history)
     )
+
+
+def _numbered(recording: Recording) -> Recording:
+    """Numbers of the rows as a signal on the same clock, whose rate stays known."""
+    others = dict.fromkeys(("dq", "ddq", "tau", "columns", "rows", "motors"))
+    numbers = np.arange(len(recording), dtype=float)[:, None]
+    return recording.replace(q=numbers, **others, column_names=(), joint_names=(), history=())
 
 
 def _with_neighbours(

@@ -1,11 +1,18 @@
 """Derivatives of q and dq by central differences, segment by segment: none crosses a hole."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import without_short
 from runtime.recording.preprocessing.segments import holes
 from runtime.recording.recording import FloatArray
+
+SENTENCES = {
+    "dq": "Differentiated q to dq by central differences.",
+    "ddq": "Differentiated dq to ddq by central differences.",
+}
+"""Derivative → sentence of the history."""
 
 
 def differentiate(recording: Recording, from_position: bool = False) -> Recording:
@@ -22,27 +29,37 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     result = recording
     if from_position or recording.dq is None:
         result = without_short(result, 3)
-        result = result.replace(dq=_gradient(result.t, result.q)).noted(
-            "Differentiated q to dq by central differences."
-        )
+        result = result.replace(dq=slopes(result.t, result.q)).noted(SENTENCES["dq"])
     if from_position or recording.ddq is None:
         result = without_short(result, 3)
-        result = result.replace(ddq=_gradient(result.t, result.required("dq"))).noted(
-            "Differentiated dq to ddq by central differences."
-        )
+        result = result.replace(ddq=slopes(result.t, result.required("dq"))).noted(SENTENCES["ddq"])
     return result
 
 
-def _gradient(t: FloatArray, values: FloatArray) -> FloatArray:
-    """The slope of the parabola through three neighbours: the row itself, or next to an edge."""
+def slopes(t: FloatArray, values: FloatArray, rows: NDArray[np.int64] | None = None) -> FloatArray:
+    """Derivative by central differences: the slope of the parabola through three neighbours.
+
+    The middle one is the row itself, or next to an edge the neighbour inside.
+
+    Args:
+        t: (N,) s, in segments of three rows or more.
+        values: (N, m).
+        rows: (M,) indices of the rows that are needed; None for all.
+
+    Returns:
+        (M, m) per s.
+    """
     hole = holes(t)
     centre = np.arange(len(t))
     centre[0] += 1
     centre[1:] += hole
     centre[:-1] -= hole
     centre[-1] -= 1
+    if rows is not None:
+        centre = centre[rows]
+    instants = t if rows is None else t[rows]
     before, after = t[centre] - t[centre - 1], t[centre + 1] - t[centre]
-    off = 2.0 * (t - t[centre])  # 0 but at edges
+    off = 2.0 * (instants - t[centre])  # 0 but at edges
     left = (off - after) / (before * (before + after))
     right = (off + before) / (after * (before + after))
     here = values.take(centre, axis=0)

@@ -8,6 +8,8 @@ from hypothesis.extra.numpy import arrays
 
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.recording import Recording, check_consistency, read_recording, write_recording
+from runtime.recording import recording as recordings
+from runtime.recording.clock import require_clock
 from tests.runtime.logs import motion
 
 finite = st.floats(-1e8, 1e8, allow_subnormal=True)
@@ -143,8 +145,7 @@ def test_consistency_warns_of_other_factors_and_ignores_noise():
 def test_a_clock_is_checked_once(monkeypatch):
     """Property: fields beside t change without another look at the clock, shapes are checked."""
     checks = []
-    checked = Recording._check_time
-    monkeypatch.setattr(Recording, "_check_time", lambda self: checks.append(checked(self)))
+    monkeypatch.setattr(recordings, "require_clock", lambda t: checks.append(require_clock(t)))
     one = Recording(t=np.arange(5.0), q=np.zeros((5, 2)), name="x")
     two = one.replace(dq=np.ones((5, 2))).noted("Noted.")
     assert len(checks) == 1

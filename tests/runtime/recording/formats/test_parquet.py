@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.errors import RecordingError
-from runtime.recording import Recording, read_recording, write_recording
+from runtime.recording import Recording, open_streamed, read_recording, write_recording
 from runtime.recording.formats import parquet
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.runtime.logs import motion
@@ -41,6 +41,25 @@ def test_columns_and_lists_give_the_same_bits(tmp_path):
         assert np.array_equal(recording.q, q)
         assert np.array_equal(recording.dq, dq)
     assert recording.tau is None
+
+
+def test_streamed_columns_are_copied_once(tmp_path):
+    """Oracle: the bits of the log in memory; a recording holds the columns where they were put."""
+    table = pa.table(columns())
+    pq.write_table(table, tmp_path / "x.parquet", row_group_size=77)
+    whole, log = read_recording(tmp_path / "x.parquet"), open_streamed(tmp_path / "x.parquet")
+    raw = log.numbers(30, 330)
+    part = log.recording_of(raw)
+    for kind, key in (("position", "q"), ("velocity", "dq"), ("torque", "tau")):
+        values = getattr(part, key)
+        assert np.array_equal(values, getattr(whole, key)[30:330])
+        assert np.shares_memory(values, raw.values[kind])
+        assert values.flags.f_contiguous
+        assert not values.flags.writeable
+    pq.write_table(pa.table(lists()), tmp_path / "lists.parquet", row_group_size=77)
+    held = open_streamed(tmp_path / "lists.parquet").block(30, 330)
+    assert np.array_equal(held.q, whole.q[30:330])
+    assert held.q.flags.c_contiguous
 
 
 def test_round_trip_and_what_pyarrow_sees(tmp_path):

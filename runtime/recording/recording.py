@@ -287,9 +287,9 @@ def _locked(values: ArrayLike) -> FloatArray:
 
     A read-only array is taken as it lies, column by column too, where a reader gives it that way.
     """
-    if isinstance(values, np.ndarray) and not values.flags.writeable:
-        if values.dtype == np.float64 and (values.flags.c_contiguous or values.flags.f_contiguous):
-            return values
+    flags = values.flags if isinstance(values, np.ndarray) and values.dtype == np.float64 else None
+    if flags is not None and not flags.writeable and (flags.c_contiguous or flags.f_contiguous):
+        return np.asarray(values)
     view = np.ascontiguousarray(values, dtype=np.float64).view()
     view.setflags(write=False)
     return view

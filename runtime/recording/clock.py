@@ -1,4 +1,4 @@
-"""Check of the clock of a recording: instants that increase, in steps that can be differentiated."""
+"""Check of the clock of a recording: instants that increase, in steps that allow derivatives."""
 
 import numpy as np
 from numpy.typing import NDArray

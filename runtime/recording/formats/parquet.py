@@ -94,8 +94,8 @@ class ParquetLog:
         by_columns = by_columns and max(widths) == 1
         # Row by row, some rows of all columns are copied together: what is written stays in the
         # cache.
-        step, order = (max(shape), "F") if by_columns else (CHUNK, "C")
-        values, at = np.empty(shape, order=order), 0
+        step = max(shape) if by_columns else CHUNK
+        values, at = np.empty(shape, order="F" if by_columns else "C"), 0
         for blocks in parts:
             if [block.shape[1] for block in blocks] != widths:
                 raise self._other_rows()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from runtime.cli.common import command_line, console, say
+from runtime.cli.common import command_line, console, numbers_option, say
 from runtime.cli.overwriting import ResultFolder, require_result_folder
 from runtime.errors import IdentificationError
 from runtime.library import Library
@@ -62,7 +62,7 @@ def identify_free_base_log(
         logs: paths of the logs; one is expected.
         rows: value of --rows.
         cutoff: value of --cutoff [Hz].
-        split: value of --split, "A" or "A,B": training from 0 to A, test from B.
+        split: value of --split, "B" or "A,B": training from 0 to B, test from B.
         prior: file of inertial priors.
         out: folder of the result.
         overwrite: value of --overwrite.
@@ -94,8 +94,8 @@ def identify_free_base_log(
         recording,
         lib,
         choice,
-        cutoff_hz=_number(cutoff, "--cutoff"),
-        share=SHARE if split is None else float(_number(split.split(",")[0], "--split") or SHARE),
+        cutoff_hz=None if cutoff is None else _number(cutoff, "--cutoff"),
+        share=SHARE if split is None else _share(split),
         prior=prior,
     )
     facts = write_free_base(result, folder, command_line())
@@ -132,9 +132,17 @@ def identify_free_base_log(
     say(f"result: {folder / 'result.json'}")
 
 
-def _number(text: str | None, option: str) -> float | None:
-    if text is None:
-        return None
+def _share(text: str) -> float:
+    """Share of the training: B of "A,B", since map trains on the validation part as well."""
+    if "," not in text:
+        return _number(text, "--split")
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return b
+
+
+def _number(text: str, option: str) -> float:
     try:
         value = float(text)
     except ValueError:

@@ -15,7 +15,7 @@ from runtime.estimators.problem import Fit, NoiseFloor, Problem
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
-from runtime.identification.free_base.rows import FreeBaseRows, rows_of
+from runtime.identification.free_base.rows import FreeBaseRows, require_forces_on_robot, rows_of
 from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
 from runtime.identification.free_base.vertical_sensors import error_names, sensor_prior
 from runtime.library import Array, Library
@@ -139,6 +139,7 @@ def identify_free_base(
         raise IdentificationError("no row is left for training or test; record for longer")
     train, test = motion.rows(first), motion.rows(second)
     trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
+    require_forces_on_robot(lib, trained, recording.name)
     unknowns = len(lib.base_columns)
     floor = _noise_floor(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
     weights = thesis_weights(trained.samples.tau) if floor is None else floor.sigma**-2
@@ -170,10 +171,11 @@ def identify_free_base(
             "total mass by as much, and its interval does not contain it; state their standard "
             "deviation in N by contact_force_z_sigma"
         )
-    left = trained.samples.equations
-    if left < len(trained.names):
+    fewest, left = np.sort(trained.left)[[0, -1]]
+    if fewest < len(trained.names):
+        counts = f"{left}" if fewest == left else f"{fewest} to {left}"
         notes.append(
-            f"contact wrenches are not measured completely: {left} of {len(trained.names)} "
+            f"contact wrenches are not measured completely: {counts} of {len(trained.names)} "
             "equations per instant are left"
         )
     names, measured = _shown(tested)

@@ -4,6 +4,9 @@
 
 R, p and q pass the same zero-phase low-pass as torques and wrenches, and R is turned back into a
 rotation. What the log states of velocities and accelerations is filtered and taken as it is.
+Torques and wrenches are filtered piece by piece, where a piece ends with a change of what is
+unknown of the contacts: the force of a foot without a sensor enters the torques, and a filter
+across its lift-off would bring it into rows whose equations do not contain it.
 """
 
 from dataclasses import replace
@@ -15,10 +18,15 @@ from runtime.errors import RecordingError
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import low_pass
-from runtime.recording.preprocessing.segments import resample
+from runtime.recording.preprocessing.free_base_conventions import (
+    require_acceleration,
+    require_twist,
+)
+from runtime.recording.preprocessing.segments import holes, resample
 from runtime.recording.recording import FloatArray, Recording
 from runtime.startup.data_classes import dataclass
 
+BoolArray = NDArray[np.bool_]
 _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""
 _GAP_S = 0.1
@@ -79,45 +87,46 @@ def motion_of(
         Motion at the instants of the recording, or of a uniform clock of the same rate.
 
     Raises:
-        RecordingError: a joint is missing, or the low-pass does not fit the clock.
+        RecordingError: a joint is missing, the low-pass does not fit the clock, or twist or
+            acceleration of the base are in another convention.
     """
     from scipy.spatial.transform import Rotation
 
     places = _places(recording, joints)
     count = len(recording.t)
     wrench = recording.contacts.wrench.reshape(count, -1)
-    filled = np.where(np.isnan(wrench), 0.0, wrench)
     blocks: dict[str, FloatArray] = {
         "position": recording.position,
         "rotation": recording.rotation.reshape(count, 9),
         "q": recording.q[:, places],
-        "wrench": filled,
     }
+    for key, columns in (("dq", places), ("ddq", places), ("twist", None), ("acceleration", None)):
+        values = getattr(recording, key)
+        if values is not None:
+            blocks[key] = values if columns is None else values[:, columns]
+    moved = len(blocks)
+    blocks["wrench"] = np.where(np.isnan(wrench), 0.0, wrench)
     if recording.contacts.sensed is not None:
         blocks["sensed"] = recording.contacts.sensed
-    for key in ("dq", "ddq", "tau"):
-        values = getattr(recording, key)
-        if values is not None:
-            blocks[key] = values[:, places]
-    for key in ("twist", "acceleration"):
-        values = getattr(recording, key)
-        if values is not None:
-            blocks[key] = values
+    if recording.tau is not None:
+        blocks["tau"] = recording.tau[:, places]
     whole = Recording(recording.t, np.hstack(list(blocks.values())), name=recording.name)
-    steps = np.diff(recording.t)
-    unknown = np.isnan(wrench)
-    if np.abs(steps / np.median(steps) - 1).max() > _JITTER:
-        whole = resample(whole, (count - 1) / whole.duration, _GAP_S)
-        nearest = np.abs(recording.t[None, :] - whole.t[:, None]).argmin(axis=1)
-        unknown = unknown[nearest]
+    whole, unknown = _on_uniform_clock(whole, np.isnan(wrench))
+    width = sum(block.shape[1] for block in list(blocks.values())[:moved])
+    motion = Recording(whole.t, whole.q[:, :width], name=recording.name)
+    forces, inside = whole.q[:, width:], np.arange(len(whole))
     if cutoff_hz is not None:
-        whole = low_pass(whole, cutoff_hz)
-    whole = differentiate(whole, from_position=True)
-    if len(whole) != len(unknown):
+        motion = low_pass(motion, cutoff_hz)
+        forces, inside = _low_pass_of_forces(whole.t, forces, unknown, cutoff_hz)
+    motion = differentiate(motion, from_position=True)
+    kept = np.intersect1d(inside, np.searchsorted(whole.t, motion.t))
+    if not kept.size:
         raise RecordingError(
-            f"{recording.name} has gaps with stretches too short for the low-pass; give a log in "
-            "one piece"
+            f"{recording.name} has only stretches that are too short for the low-pass, between "
+            "gaps or changes of contact; raise --cutoff, or give a log with longer ones"
         )
+    motion = motion.take(np.isin(motion.t, whole.t[kept]), "Took the rows with forces.")
+    forces, unknown = forces[np.isin(inside, kept)], unknown[kept]
 
     def of(signals: FloatArray, key: str) -> FloatArray:
         first = 0
@@ -127,35 +136,85 @@ def motion_of(
             first += block.shape[1]
         raise KeyError(key)
 
-    x, dx, ddx = whole.q, whole.required("dq"), whole.required("ddq")
+    x, dx, ddx = (
+        np.hstack([part, forces])
+        for part in (motion.q, motion.required("dq"), motion.required("ddq"))
+    )
     turned = Rotation.from_matrix(of(x, "rotation").reshape(-1, 3, 3))
     twist, acceleration = _base_rates(
         turned.as_matrix(),
         *(of(each, "rotation").reshape(-1, 3, 3) for each in (dx, ddx)),
         *(of(each, "position") for each in (dx, ddx)),
     )
+    rotation = turned.as_matrix()
     if "twist" in blocks:
+        require_twist(of(x, "twist"), twist, rotation, recording.name)
         twist, acceleration = of(x, "twist"), of(dx, "twist")
     if "acceleration" in blocks:
-        acceleration = of(x, "acceleration")
+        given = of(x, "acceleration")
+        require_acceleration(given, acceleration, twist, rotation, recording.name)
+        acceleration = given
     dq = of(x, "dq") if "dq" in blocks else of(dx, "q")
     second = of(dx, "dq") if "dq" in blocks else of(ddx, "q")
     ddq = of(x, "ddq") if "ddq" in blocks else second
     known = np.where(unknown, np.nan, of(x, "wrench"))
     contacts = recording.contacts
     return FreeBaseMotion(
-        whole.t,
+        motion.t,
         np.hstack([of(x, "position"), turned.as_rotvec(), of(x, "q")]),
         np.hstack([twist, dq]),
         np.hstack([acceleration, ddq]),
         of(x, "tau") if "tau" in blocks else None,
         replace(
             contacts,
-            wrench=known.reshape(len(whole), len(contacts.links), 6),
+            wrench=known.reshape(len(motion), len(contacts.links), 6),
             sensed=of(x, "sensed") if "sensed" in blocks else None,
         ),
         turned.as_matrix(),
     )
+
+
+def _on_uniform_clock(log: Recording, unknown: BoolArray) -> tuple[Recording, BoolArray]:
+    """A log on a uniform clock of its own rate, and what is unknown there.
+
+    Gaps do not count into the rate.
+    """
+    steps = np.diff(log.t)
+    if np.abs(steps / np.median(steps) - 1).max() <= _JITTER:
+        return log, unknown
+    rate = 1.0 / float(steps[~holes(log.t)].mean())
+    whole = resample(log, rate, max(_GAP_S, 2.0 / rate))
+    return whole, _unknown_between(log.t, unknown, whole.t)
+
+
+def _unknown_between(t: FloatArray, unknown: BoolArray, grid: FloatArray) -> BoolArray:
+    """Components that are unknown on a grid: those of either row beside an instant."""
+    after = np.searchsorted(t, grid).clip(1, len(t) - 1)
+    near = 1e-6 * np.diff(t)[after - 1]
+    at_before, at_after = np.abs(grid - t[after - 1]) <= near, np.abs(grid - t[after]) <= near
+    before = unknown[after - 1] & ~at_after[:, None]
+    return np.asarray(before | (unknown[after] & ~at_before[:, None]))
+
+
+def _low_pass_of_forces(
+    t: FloatArray, forces: FloatArray, unknown: BoolArray, cutoff_hz: float
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Low-pass of torques and wrenches between changes of what is unknown.
+
+    Args:
+        t: (N,) uniform clock, maybe with holes [s].
+        forces: (N, k).
+        unknown: (N, 6 C).
+        cutoff_hz: of the low-pass [Hz].
+
+    Returns:
+        Filtered rows, and their places; short pieces are left out.
+    """
+    changed = np.concatenate([[False], (unknown[1:] != unknown[:-1]).any(axis=1)])
+    # A clock that stands still for ten steps at every change has a hole there for the filter.
+    clock = t + 10.0 * np.median(np.diff(t)) * np.cumsum(changed)
+    filtered = low_pass(Recording(clock, forces), cutoff_hz)
+    return filtered.q, np.searchsorted(clock, filtered.t)
 
 
 def _base_rates(

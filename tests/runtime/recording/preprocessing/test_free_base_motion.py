@@ -1,5 +1,8 @@
 """Motion of a free base: rows of an uneven clock come onto a uniform one, others stay."""
 
+import tracemalloc
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,3 +50,63 @@ def test_a_uniform_clock_stays():
     np.testing.assert_array_equal(motion.t, t)
     np.testing.assert_array_equal(motion.q[:, :3], log.position)
     np.testing.assert_array_equal(motion.contacts.wrench, log.contacts.wrench)
+
+
+def stepping(t: np.ndarray, lifted: slice | np.ndarray) -> FreeBaseRecording:
+    """A base that stands on a foot without a sensor; its torque is 1, and −1 while it is lifted."""
+    log = swaying(t)
+    wrench = np.full((len(t), 1, 6), np.nan)
+    wrench[lifted] = 0.0
+    tau = np.ones((len(t), 1))
+    tau[lifted] = -1.0
+    contacts = replace(log.contacts, wrench=wrench, sensed=np.ones((len(t), 1)))
+    return replace(log, contacts=contacts, tau=tau)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_no_filter_crosses_a_change_of_what_is_unknown(uneven):
+    """Oracle: a force that the equations do not contain stays out of rows of another contact state.
+
+    Tolerance: constants pass the zero-phase filter to rounding.
+    """
+    t = np.arange(601) / 100.0
+    if uneven:
+        t[1:-1] += np.random.default_rng(1).uniform(-2e-3, 2e-3, 599)
+    motion = motion_of(stepping(t, (t > 2.0) & (t < 4.0)), ("joint",), 10.0)
+    unknown = np.isnan(motion.contacts.wrench[:, 0, 0])
+    assert len(motion) == 601
+    np.testing.assert_allclose(motion.tau[~unknown], -1.0, atol=1e-9)
+    if not uneven:  # rows interpolated between two states count as unknown
+        np.testing.assert_allclose(motion.tau[unknown], 1.0, atol=1e-9)
+    known = swaying(np.arange(601) / 100.0)
+    motion = motion_of(known, ("joint",), 10.0)
+    kept = ~np.isnan(motion.contacts.wrench[:, 0, 0])
+    # A sine of 0.5 Hz passes 10 Hz unchanged; odd extension at the border keeps value and slope.
+    np.testing.assert_allclose(
+        motion.contacts.wrench[kept, 0, 0], np.sin(np.pi * motion.t[kept]), atol=2e-3
+    )
+
+
+def test_short_stretches_between_gaps_are_left_out():
+    """Oracle: the log without the three rows between two gaps."""
+    whole = np.arange(601) / 100.0
+    t = np.concatenate([whole[:250], whole[300:303], whole[350:]])
+    lone = np.concatenate([whole[:250], whole[350:]])
+    motion = motion_of(swaying(t), ("joint",), 10.0)
+    expected = motion_of(swaying(lone), ("joint",), 10.0)
+    np.testing.assert_allclose(motion.t, expected.t, atol=1e-9)
+    np.testing.assert_allclose(motion.q, expected.q, atol=1e-9)
+    np.testing.assert_array_equal(motion.contacts.wrench, expected.contacts.wrench)
+
+
+def test_an_uneven_clock_needs_memory_of_the_log_only():
+    """Property: 6000 rows take less than 2 kB each; a table of all pairs of rows takes 288 MB."""
+    t = np.arange(6000) / 100.0
+    t[1:-1] += np.random.default_rng(1).uniform(-2e-3, 2e-3, 5998)
+    log = swaying(t)
+    tracemalloc.start()
+    try:
+        motion_of(log, ("joint",))
+        assert tracemalloc.get_traced_memory()[1] < 2000 * 6000
+    finally:
+        tracemalloc.stop()

@@ -1,0 +1,74 @@
+"""Arrays of an NPZ, checked: numbers of a shape, words of a choice."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording.recording import FloatArray
+
+
+def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:
+    """A word of a choice; the first where the file has none.
+
+    Args:
+        arrays: by key.
+        key: of the word.
+        name: of the file, for messages.
+        known: words of the choice.
+
+    Returns:
+        The word.
+
+    Raises:
+        RecordingError: it is not one of the choice.
+    """
+    word = str(arrays.get(key, known[0]))
+    if word not in known:
+        raise RecordingError(f"{name}: {key} is '{word}', expected one of {', '.join(known)}")
+    return word
+
+
+def numbers_of(
+    arrays: dict[str, NDArray],
+    key: str,
+    name: str,
+    shape: tuple[int | str, ...],
+    finite: bool = True,
+) -> FloatArray:
+    """Numbers of a shape, in which a text is any size.
+
+    Args:
+        arrays: by key.
+        key: of the numbers.
+        name: of the file, for messages.
+        shape: expected.
+        finite: whether NaN is refused; infinite values always are.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        RecordingError: missing, of another shape or type, or not finite.
+    """
+    if key not in arrays:
+        raise RecordingError(f"{name} has no array {key}; save it with numpy.savez({key}=…)")
+    array = arrays[key]
+    fits = array.ndim == len(shape) and all(
+        isinstance(wanted, str) or wanted == size
+        for wanted, size in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype.kind not in "fiub" or not fits:
+        raise RecordingError(
+            f"{name}: {key} needs real numbers of shape ({', '.join(map(str, shape))}), got "
+            f"{array.dtype} of shape {array.shape}"
+        )
+    values = np.ascontiguousarray(array, dtype=float)
+    bad = ~np.isfinite(values) if finite else np.isinf(values)
+    if bad.any():
+        row = int(np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[0]) if values.ndim else 0
+        remedy = "remove these rows" if finite else "state what was not measured as NaN"
+        raise RecordingError(
+            f"{name}: {key} has {'NaN or infinite' if finite else 'infinite'} values, the first in "
+            f"row {row}; {remedy}"
+        )
+    return values

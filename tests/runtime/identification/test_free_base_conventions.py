@@ -1,0 +1,151 @@
+"""Logs of free bases in another convention get a sentence that names it; statements must agree."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from runtime.errors import RuntimeFault
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.library import Library
+from runtime.recording.free_base import free_base_of
+from tests.free_base_logs import Experiment, virtual_log
+from tests.robots import DATA
+from tests.runtime.conftest import Command
+
+Arrays = dict[str, Any]
+FEET = ("left_foot", "right_thigh")
+
+
+@pytest.fixture(scope="module")
+def arrays() -> Arrays:
+    text = (DATA / "hopper.urdf").read_text()
+    return virtual_log(text, FEET, 0, Experiment(count=200)).arrays
+
+
+def turned(log: Arrays, vectors: np.ndarray, inverse: bool = False) -> np.ndarray:
+    return Rotation.from_quat(log["base_pose"][:, 3:]).apply(vectors, inverse)
+
+
+def origin(log: Arrays) -> np.ndarray:
+    """Acceleration of the origin of the base in its axes."""
+    twist = log["base_twist"]
+    return np.asarray(log["base_acceleration"][:, :3] + np.cross(twist[:, 3:], twist[:, :3]))
+
+
+def half(log: Arrays, key: str, values: np.ndarray, first: int = 0) -> Arrays:
+    changed = log[key].copy()
+    changed[:, first : first + 3] = values
+    return {key: changed}
+
+
+def swapped(log: Arrays, key: str) -> Arrays:
+    return {key: np.roll(log[key], 3, axis=1)}
+
+
+def up(log: Arrays) -> np.ndarray:
+    return turned(log, np.tile([0, 0, 9.81], (len(log["t"]), 1)), inverse=True)
+
+
+def flags(log: Arrays) -> Arrays:
+    """A foot that is lifted for the first half, with inverted flags."""
+    touching, wrench = np.ones((len(log["t"]), 2)), log["contact_wrench"].copy()
+    touching[:100, 1] = 0
+    wrench[:100, 1] = 0.0
+    return {"contact_flags": 1 - touching, "contact_wrench": wrench}
+
+
+def infinite(log: Arrays) -> Arrays:
+    wrench = log["contact_wrench"].copy()
+    wrench[7, 1, 2] = np.inf
+    return {"contact_wrench": wrench}
+
+
+CASES: dict[str, tuple[Callable[[Arrays], Arrays], str]] = {
+    "velocity": (
+        lambda log: half(log, "base_twist", turned(log, log["base_twist"][:, :3])),
+        r"base_twist\[:, :3\] is in axes of the world, .* by Rᵀ",
+    ),
+    "angular": (
+        lambda log: half(log, "base_twist", turned(log, log["base_twist"][:, 3:]), 3),
+        r"base_twist\[:, 3:\] is in axes of the world",
+    ),
+    "order": (lambda log: swapped(log, "base_twist"), r"base_twist\[:, :3\] holds the other half"),
+    "origin": (
+        lambda log: half(log, "base_acceleration", origin(log)),
+        "is the acceleration of the origin, .* subtract ω × v",
+    ),
+    "sensor": (
+        lambda log: half(log, "base_acceleration", origin(log) + up(log)),
+        "is what an accelerometer reads",
+    ),
+    "world": (
+        lambda log: half(log, "base_acceleration", turned(log, origin(log))),
+        "is the acceleration of the origin in axes of the world",
+    ),
+    "sign": (
+        lambda log: {"contact_wrench": -log["contact_wrench"]},
+        "opposite to those that hold the URDF",
+    ),
+    "rpy": (
+        lambda log: {"base_rpy": np.zeros((len(log["t"]), 3))},
+        "base_pose and base_rpy differ by up to",
+    ),
+    "position": (
+        lambda log: {"base_position": log["base_pose"][:, :3] + 0.1},
+        "base_pose and base_position differ by up to 0.1; keep the right one",
+    ),
+    "reflection": (
+        lambda log: {"base_pose": np.tile(np.diag([1.0, 1, -1, 1]), (len(log["t"]), 1, 1))},
+        "base_pose is no rotation",
+    ),
+    "flags": (flags, "contact_flags state 0, no contact, where the forces are"),
+    "infinite": (infinite, "contact_wrench has infinite values, the first in row 7; state"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_another_convention_gets_a_sentence(hopper: Library, arrays: Arrays, case: str) -> None:
+    """Property: what came, what is expected, and how to convert it."""
+    change, sentence = CASES[case]
+    with pytest.raises(RuntimeFault, match=sentence):
+        identify_free_base(free_base_of(arrays | change(arrays), "log"), hopper, "base")
+
+
+def test_statements_of_one_pose_agree(hopper: Library, arrays: Arrays) -> None:
+    """Property: signs of quaternions and turns of 2π change no digit but those of rounding."""
+    pose = arrays["base_pose"].copy()
+    pose[::2, 3:] *= -1
+    rpy = Rotation.from_quat(pose[:, 3:]).as_euler("xyz")
+    rpy[::3] += 2 * np.pi * np.array([1, 0, -1])
+    both = {"base_pose": pose, "base_rpy": rpy, "base_position": pose[:, :3]}
+    plain = {key: value for key, value in arrays.items() if key not in {"base_twist"}}
+    results = [
+        identify_free_base(free_base_of(log, "log"), hopper, "base")
+        for log in (plain, plain | both)
+    ]
+    # Euler angles at 1e-16 by the squared rate of 1e4 / s² and the condition of the fit, 1e3.
+    np.testing.assert_allclose(results[1].pi, results[0].pi, rtol=0, atol=1e-8)
+
+
+def test_unknown_rows_and_split(
+    hopper: Library, arrays: Arrays, tmp_path: Path, command: Command
+) -> None:
+    """Property: --split A,B trains to B; the note states the fewest equations of an instant."""
+    wrench = arrays["contact_wrench"].copy()
+    wrench[50:100, 0] = np.nan
+    path, out = tmp_path / "walk.npz", tmp_path / "out"
+    np.savez(path, **(arrays | {"contact_wrench": wrench}))
+    words = ("identify", path, "--robot", hopper.folder, "--rows", "all", "--out", out)
+    done = command(*words, "--split", "0.5,0.8")
+    assert done.code == 0, done.err
+    facts = json.loads((out / "result.json").read_text())
+    assert (facts["n_train"], facts["n_test"]) == (160, 40)
+    assert any("3 to 9 of 9 equations" in note for note in facts["notes"])
+    for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
+        done = command(*words, "--split", wrong)
+        assert (done.code, "--split needs" in done.err) == (2, True)

@@ -4,12 +4,12 @@ Only text in which every line has as many cells, and every wanted cell is a numb
 parsed here. Anything else is left to `text_tables`, which looks at each line and names a bad one.
 """
 
-from array import array
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import numpy as np
 
+from runtime.recording.formats.decimals import decimal_rows
 from runtime.recording.formats.tables import FloatArray
 
 LONG = 2**22
@@ -31,15 +31,23 @@ def plain_numbers(text: str) -> FloatArray | None:
     """
     if "_" in text:  # float reads 1_0 as 10
         return None
-    numbers, start = array("d"), 0
-    try:
-        while start < len(text):
-            end = text.find("\n", start + PIECE) + 1 or len(text)
-            numbers.extend(map(float, text[start:end].splitlines()))
-            start = end
-    except ValueError:
-        return None
-    return np.frombuffer(numbers, dtype=np.float64)
+    blocks = []
+    for piece in _pieces(text):
+        rows = decimal_rows(piece, "\n", 1, (0,))
+        try:
+            blocks.append(np.array(list(map(float, piece.splitlines()))) if rows is None else rows)
+        except ValueError:
+            return None
+    return np.concatenate(blocks, axis=None) if blocks else np.empty(0)
+
+
+def _pieces(text: str) -> Iterator[str]:
+    """Whole lines, about `PIECE` characters at a time."""
+    start = 0
+    while start < len(text):
+        end = text.find("\n", start + PIECE) + 1 or len(text)
+        yield text[start:end]
+        start = end
 
 
 def plain_rows(
@@ -61,6 +69,13 @@ def plain_rows(
         return None
     if len(text) >= LONG and (parsed := _by_pyarrow(text, separator, width, picks)) is not None:
         return parsed
+    tables = []
+    for piece in _pieces(text):
+        if (rows := decimal_rows(piece, separator, width, picks)) is None:
+            break
+        tables.append(rows)
+    else:
+        return np.concatenate(tables) if tables else None
     tables = []
     while part := list(islice(lines, LINES)):
         if any(line.count(separator) != width - 1 for line in part):

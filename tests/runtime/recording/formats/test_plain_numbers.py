@@ -5,6 +5,7 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import plain_numbers, text_tables
+from runtime.recording.formats.decimals import decimal_rows
 from runtime.recording.formats.text_tables import csv_table, flat_table
 
 ROWS = "t,a,b\n0.1,-1e-3,nan\n0.2, 4 ,1e400\n0.30000000000000004,5,6\n"
@@ -66,3 +67,39 @@ def test_flat_text_is_that_of_single_lines(odd: str, monkeypatch) -> None:
     by_line = flat_table(text, 2, "log.txt")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert at_once.remarks == by_line.remarks
+
+
+def test_decimal_numbers_are_those_of_python() -> None:
+    """Oracle: `float`, to the bit, for numbers with up to twelve digits around a point."""
+    rng = np.random.default_rng(3)
+    digits = ["".join(map(str, row)) for row in rng.integers(0, 10, (4000, 14))]
+    cells = [f"{'-' * (k % 2)}{d[: 1 + k % 6]}.{d[6 : 7 + k % 8]}" for k, d in enumerate(digits)]
+    cells[::500] = ["-0.0", "-7.25e-12", "12", "1e3", "-.5", "3.", "1234567.00000009", "9e400"]
+    expected = np.array(list(map(float, cells)))
+    flat = decimal_rows("\n".join(cells), "\n", 1, (0,))
+    assert flat is not None
+    assert flat.tobytes() == expected.tobytes()
+    lines = [";".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
+    table = decimal_rows("\r\n".join(lines) + "\r\n", ";", 4, (3, 1, 1))
+    assert table is not None
+    assert table.tobytes() == expected.reshape(-1, 4)[:, [3, 1, 1]].tobytes()
+
+
+ROUND = "1.5,2.5\n" * 40
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(ROUND + row for row in ("1.5\n", "1.5,2.5,3.5\n1.5\n", "1.5,2 5\n", "1.5,--2.5\n")),
+        *(
+            ROUND + row
+            for row in ("1.5,2.5x\n", "1.5,\n", "\n", "1.5,2:5\n", "1.5,٢.5\n", "1.5,2.5\x0c")
+        ),
+        "1e3,2e3\n" * 40,
+    ],
+)
+def test_other_cells_are_left_to_the_reader_of_lines(text: str) -> None:
+    """Property: another width, another character or another form than digits around a point."""
+    assert decimal_rows(ROUND, ",", 2, (0, 1)) is not None
+    assert decimal_rows(text, ",", 2, (0, 1)) is None

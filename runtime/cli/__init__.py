@@ -15,6 +15,7 @@ from runtime.cli.common import INTERRUPTED, flowing, program
 from runtime.cli.plain_values import PlainGroup
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
+from runtime.startup.leaving import leave
 
 COMMANDS = (
     *(
@@ -97,6 +98,15 @@ def __getattr__(name: str) -> Any:
 
 def main() -> None:
     """Run the command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    try:
+        _run()
+    except SystemExit as end:
+        leave(end.code)
+        raise
+
+
+def _run() -> None:
+    """Run the command of `sys.argv`."""
     # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
     # a command's processor time. NumPy and worker processes read this when they start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -21,6 +21,7 @@ from runtime.numerics.sections import butterworth_sections, response
 from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
+from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.startup.data_classes import dataclass
 
 NOISY, BENT = 0.01, 0.005
@@ -86,10 +87,12 @@ def differentiation_of(
         columns=None, column_names=(), motors=None
     )
     full = replace(preparation, rate_hz=None, rest_speed=None)
+    later = replace(full, clock_tick=None, max_gap_s=None, torque_delay_s=None)
     try:
-        done = DifferentiatedRecording.of(prepare(head, full))
-        smooth = momentum_torque(head, full, lib, lib.base_matrix @ lib.pi0)
-        bare = prepare(head, replace(full, filter="none", cutoff_hz=None, trim_s=None))
+        head = on_grid(head, full)
+        done = DifferentiatedRecording.of(prepare(head, later))
+        smooth = momentum_torque(head, later, lib, lib.base_matrix @ lib.pi0)
+        bare = prepare(head, replace(later, filter="none", cutoff_hz=None, trim_s=None))
         torque, speeds = smooth.required("tau"), bare.required("dq")
     except RuntimeFault:  # the preparation of the whole log states the reason
         return None

@@ -24,8 +24,9 @@ from runtime.recording.recording import FloatArray
 
 HELD = 16_000_000
 """Largest number of entries of the regressor that are held at a time (128 MB)."""
-CHUNK = 2048
-"""Number of instants whose whole regressor is evaluated at a time."""
+CHUNK = 256
+"""Number of instants whose whole regressor is evaluated at a time, so that it stays in the cache.
+"""
 
 
 def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:

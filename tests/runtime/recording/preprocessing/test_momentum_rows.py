@@ -99,6 +99,22 @@ def test_nothing_looks_across_a_hole(lib, pi_true, rubbing, regressor, monkeypat
     assert misfit(samples, lib, pi_true, phi) < SIMPSON
 
 
+def test_regressors_of_a_long_log_stay_in_the_cache(lib, pi_true, rubbing, monkeypatch):
+    """Property: at most 2 MiB at a time; fresh memory for each took seven times the kernel."""
+    sizes = []
+    whole = Library.momentum_regressor
+
+    def measured(self, q, dq):
+        pair = whole(self, q, dq)
+        sizes.append(sum(rows.nbytes for rows in pair))
+        return pair
+
+    monkeypatch.setattr(Library, "momentum_regressor", measured)
+    log = rubbing[0]
+    momentum_rows.torque_of_rows(log, lib, lib.base_matrix @ pi_true)
+    assert max(sizes) <= 2**21 < sum(sizes)
+
+
 def test_velocity_from_positions(lib, pi_true, ideal_runs):
     """Oracle as above without dq: splines of the low-passed q, whose band is the motion's.
 

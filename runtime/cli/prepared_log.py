@@ -9,7 +9,7 @@ from runtime.cli.common import console, numbers_option
 from runtime.cli.log_options import AUTO
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
-from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY
+from runtime.inspection.candidate_columns import MEMORY, USABLE
 from runtime.library import Library
 from runtime.recording import (
     EVERYTHING,
@@ -209,9 +209,7 @@ def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
     if any(record.default_columns for record in records) and len(records) == 1:
         return ()
     limits = [set(record.columns) for record in records if record.columns is not None]
-    return tuple(
-        name for name in (*DEFAULT_COLUMNS, MEMORY) if all(name in limit for limit in limits)
-    )
+    return tuple(name for name in USABLE if all(name in limit for limit in limits))
 
 
 def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:

@@ -17,13 +17,14 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY
+from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY, SPRINGS, USABLE
 from runtime.inspection.column_trial import Trial, trial_on
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
 from runtime.library import Array, Library
 from runtime.numerics.geometric_grid import minimum_on_grid
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction import spring_names
 from runtime.recording.preprocessing import before_test, prepare
 from runtime.startup.data_classes import dataclass
 
@@ -65,12 +66,13 @@ def choose_default_friction(
     preparation: Preparation | None = None,
     splitting: Split | None = None,
     coulomb_speed: float | None = None,
-    allowed: Sequence[str] = (*DEFAULT_COLUMNS, MEMORY),
+    allowed: Sequence[str] = USABLE,
     robust: bool = False,
 ) -> DefaultFriction:
     """Choose offset, viscous, Coulomb or Dahl, and rotor columns by cross-validation on blocks.
 
-    The training and validation parts are used; the test part is cut off before any filter.
+    The training and validation parts are used; the test part is cut off before any filter. Springs
+    of unknown stiffness, which the mechanism of the robot states, are columns of every candidate.
 
     Args:
         recording: as read; friction columns that it holds are not used.
@@ -79,7 +81,7 @@ def choose_default_friction(
         splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
         coulomb_speed: ε [rad/s] of the Coulomb column, with which "dahl" is not tried; None
             searches it.
-        allowed: columns that the method can use.
+        allowed: columns that the method can use, `SPRINGS` for those of springs.
         robust: weight the rows as `identify` does with `robust`.
 
     Returns:
@@ -91,7 +93,8 @@ def choose_default_friction(
     """
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
     bare = before_test(recording, parts).replace(columns=None, column_names=())
-    shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed)
+    springs = spring_names(lib) if SPRINGS in allowed else ()
+    shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed) + springs
 
     def trial_of(*terms: Friction) -> Trial:
         return trial_on(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
@@ -113,8 +116,8 @@ def choose_default_friction(
     rotors: list[tuple[str, ...]] = [()]
     if "rotor" in allowed:
         rotors.append(("rotor",))
-    candidates = [(*stage, *rotor) for stage in stages for rotor in rotors]
-    places = {name: width if name == "coulomb" else names.index(name) for name in kinds}
+    candidates = [(*stage, *rotor, *springs) for stage in stages for rotor in rotors]
+    places = {name: width if name == "coulomb" else names.index(name) for name in (*kinds, *springs)}
     places |= {"rotor": names.index("rotor")} if "rotor" in allowed else {}
     scores = [trial.scores(tuple(places[name] for name in each)) for each in candidates]
     chosen = _simplest(scores)

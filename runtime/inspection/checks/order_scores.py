@@ -47,7 +47,34 @@ def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) ->
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)
     gravity = lib.inverse_dynamics(placed.reshape(still.shape), still, still, lib.pi0)
     measured = np.moveaxis(tau[:, orders], 1, 0).reshape(len(orders), -1)
+    if lib.manifest.springs or "known_torque" in lib.manifest.kernels:
+        places = placed.reshape(still.shape)
+        static = gravity + lib.known_torque(places)
+        return _with_springs(measured, static, lib.spring_columns(places))
     model = gravity.reshape(len(orders), -1)
     size = np.linalg.norm(model, axis=1) * np.linalg.norm(measured, axis=1)
     cosine = np.sum(model * measured, axis=1) / np.where(size > 0, size, np.inf)
     return np.asarray(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))
+
+
+def _with_springs(measured: Array, model: Array, springs: Array) -> Array:
+    """E of torques that springs of unknown stiffness explain as well.
+
+    Args:
+        measured: (P, N n) torques in P orders.
+        model: (P N, n) gravity torque, and that of known springs and curves.
+        springs: (P N, n, s) torques of the springs for k = 1.
+
+    Returns:
+        (P,) share of the torque outside of the span of the columns.
+    """
+    columns = np.concatenate([model[..., None], springs], axis=2)
+    columns = columns.reshape(*measured.shape, -1)
+    errors = []
+    for matrix, tau in zip(columns, measured, strict=True):
+        lengths = np.linalg.norm(matrix, axis=0)
+        basis, sizes, _ = np.linalg.svd(matrix / np.where(lengths > 0, lengths, 1.0), False)
+        basis = basis[:, sizes > 1e-9 * max(float(sizes[0]), 1e-300)]
+        rest = tau - basis @ (basis.T @ tau)
+        errors.append(np.linalg.norm(rest) / max(float(np.linalg.norm(tau)), 1e-300))
+    return np.array(errors)

@@ -82,10 +82,36 @@ def torque_rows_of(
             f"got {len(whole)} rows at {whole.rate_hz:.3g} Hz; record for longer or faster"
         )
     samples = samples_of(whole, lib)
+    if lib.manifest.springs or "known_torque" in lib.manifest.kernels:
+        samples = _without_springs(samples, lib) if lib.manifest.springs else samples
+        whole = whole.replace(tau=samples.tau)
     moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
     rows = rows[:: max(1, len(rows) // ROWS)]
     return TorqueRows(lib, whole, rows, samples.rows(rows))
+
+
+def _without_springs(samples: Samples, lib: Library) -> Samples:
+    """Samples less the torque of springs of unknown stiffness, τ − S k.
+
+    k is that of least squares over [β; φ; k]; the checks compare the rest with the URDF's links.
+
+    Args:
+        samples: known curves and springs are subtracted already.
+        lib: library of the robot.
+
+    Returns:
+        The samples.
+    """
+    springs = lib.spring_columns(samples.q)
+    take = slice(None, None, max(1, len(samples) // ROWS))
+    few = samples.rows(take)
+    others = np.concatenate([few.base_rows(lib), few.friction_rows()], axis=2)
+    others = others.reshape(-1, others.shape[2])
+    target = np.concatenate([springs, samples.tau[..., None]], axis=2)[take]
+    _, rest = least_squares(others, target.reshape(len(others), -1))
+    k, _ = least_squares(rest[:, :-1], rest[:, -1])
+    return replace(samples, tau=samples.tau - springs @ k)
 
 
 def rough(recording: Recording, preparation: Preparation) -> Preparation:

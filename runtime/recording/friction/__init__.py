@@ -19,6 +19,7 @@ from runtime.recording.friction.model import (
     torque,
 )
 from runtime.recording.friction.resolution import left_out_note, unresolved, without_columns
+from runtime.recording.friction.springs import spring_names
 from runtime.recording.friction_column import (
     COLUMNS,
     FrictionColumn,
@@ -48,6 +49,7 @@ __all__ = [
     "names_where",
     "renewed_rotor",
     "spread",
+    "spring_names",
     "torque",
     "unresolved",
     "without_columns",

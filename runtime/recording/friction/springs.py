@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Library
 from runtime.recording.friction_column import SPRING, FrictionColumn, JointMotion
 from runtime.recording.settings import Friction
 
@@ -20,6 +21,11 @@ def spring_column(name: str) -> FrictionColumn:
         is_passive=False,
         is_shared=True,
     )
+
+
+def spring_names(lib: Library) -> tuple[str, ...]:
+    """Names of the columns of all springs of unknown stiffness of a robot, `spring:NAME`."""
+    return tuple(f"{SPRING}{name}" for name in lib.manifest.springs)
 
 
 def _torque(spring: str, motion: JointMotion, _: Friction) -> NDArray[np.float64]:

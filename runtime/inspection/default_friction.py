@@ -117,7 +117,9 @@ def choose_default_friction(
     if "rotor" in allowed:
         rotors.append(("rotor",))
     candidates = [(*stage, *rotor, *springs) for stage in stages for rotor in rotors]
-    places = {name: width if name == "coulomb" else names.index(name) for name in (*kinds, *springs)}
+    places = {
+        name: width if name == "coulomb" else names.index(name) for name in (*kinds, *springs)
+    }
     places |= {"rotor": names.index("rotor")} if "rotor" in allowed else {}
     scores = [trial.scores(tuple(places[name] for name in each)) for each in candidates]
     chosen = _simplest(scores)

@@ -12,6 +12,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
+from runtime.inspection.candidate_columns import SPRINGS
 from runtime.inspection.column_trial import DEFAULT_COLUMNS
 from runtime.inspection.default_friction import choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
@@ -127,7 +128,7 @@ def test_a_short_log_gets_none_and_the_reason(lib, noisy):
 
 def test_the_choice_is_among_the_columns_of_the_method():
     """Property: filters know no rotor; nets have their own inputs."""
-    assert usable_columns(["map"]) == ("offset", "viscous", "coulomb", "rotor", "dahl")
+    assert usable_columns(["map"]) == ("offset", "viscous", "coulomb", "rotor", "dahl", SPRINGS)
     assert usable_columns(["map", "ekf"]) == ("offset", "viscous", "coulomb")
     assert usable_columns(["nn"]) == ()
 

@@ -15,7 +15,12 @@ from runtime.estimators.problem import Fit, NoiseFloor, Problem
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
-from runtime.identification.free_base.rows import FreeBaseRows, require_forces_on_robot, rows_of
+from runtime.identification.free_base.plausibility import (
+    notes_on_errors,
+    require_forces_on_robot,
+    require_joint_units,
+)
+from runtime.identification.free_base.rows import FreeBaseRows, rows_of
 from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
 from runtime.identification.free_base.vertical_sensors import error_names, sensor_prior
 from runtime.library import Array, Library
@@ -130,6 +135,7 @@ def identify_free_base(
             f"expected a training share of 0.1 to 0.95 of the log, got {share:g}; use --split"
         )
     motion = motion_of(recording, lib.joint_names, cutoff_hz)
+    require_joint_units(lib, motion, recording.name)
     inside = np.flatnonzero(
         (motion.t >= motion.t[0] + trim_s) & (motion.t <= motion.t[-1] - trim_s)
     )
@@ -178,7 +184,17 @@ def identify_free_base(
             f"contact wrenches are not measured completely: {counts} of {len(trained.names)} "
             "equations per instant are left"
         )
+    if recording.unread:
+        notes.append(
+            f"arrays that are not read: {', '.join(recording.unread)}; expected names are listed "
+            "in docs/howto/free-base.md"
+        )
     names, measured = _shown(tested)
+    level = rms(measured)
+    after = rms(tested.samples.rigid(lib, fit.pi) + tested.samples.friction(fit.phi) - measured)
+    sensors = dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True))
+    stated = problem.friction_prior
+    notes += notes_on_errors(level, after, sensors, None if stated is None else stated.sigma[0])
     return FreeBaseIdentification(
         lib=lib,
         pi=fit.pi,
@@ -186,9 +202,9 @@ def identify_free_base(
         share=shares,
         rows=rows,
         row_names=names,
-        rms=rms(measured),
+        rms=level,
         before=rms(tested.samples.rigid(lib, lib.pi0) - measured),
-        after=rms(tested.samples.rigid(lib, fit.pi) + tested.samples.friction(fit.phi) - measured),
+        after=after,
         n_train=len(train),
         n_test=len(test),
         n_eff=float(fit.n_eff or len(train)),
@@ -196,7 +212,7 @@ def identify_free_base(
         status=fit.status,
         notes=(*fit.notes, *notes),
         offset_mass=offset_mass,
-        sensors=dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True)),
+        sensors=sensors,
         vertical=vertical_force(lib, test, fit.pi, fit.phi),
     )
 

@@ -24,8 +24,6 @@ ROWS = ("all", "base", "joints")
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
 _BLOCK = 512
-_OPPOSITE = 3.0
-"""Residual of the URDF over that with the opposite sign from which signs count as wrong."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,35 +142,6 @@ def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
             j = np.concatenate([back @ j[:, :3], back @ j[:, 3:]], axis=1)
         parts.append(j)
     return np.concatenate(parts, axis=1)
-
-
-def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None:
-    """Refuse contact wrenches of the opposite sign, such as forces on the ground.
-
-    Compared are the equations of the base, whose right side is that of the wrenches alone.
-
-    Args:
-        lib: library of the robot.
-        rows: equations of the base, or of base and joints with wrenches that are all known.
-        name: of the file, for messages.
-
-    Raises:
-        IdentificationError: the URDF predicts the opposite of the wrenches.
-    """
-    alone = not any(row in rows.names for row in lib.joint_names)
-    complete = rows.samples.equations == len(rows.names) >= FREEDOM
-    if not (alone or complete):
-        return
-    kept = slice(None) if alone else slice(FREEDOM)
-    predicted = rows.samples.rigid(lib, lib.pi0)[:, kept]
-    measured = rows.samples.tau[:, kept]
-    if float(np.linalg.norm(predicted - measured)) > _OPPOSITE * float(
-        np.linalg.norm(predicted + measured)
-    ):
-        raise IdentificationError(
-            f"{name}: the contact wrenches are opposite to those that hold the URDF, expected "
-            "forces on the robot; change their sign, or give quaternions of base_pose as x y z w"
-        )
 
 
 def _samples(base: Array, right: Array, errors: Array) -> Samples:

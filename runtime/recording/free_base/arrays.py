@@ -22,7 +22,9 @@ def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, .
     Raises:
         RecordingError: it is not one of the choice.
     """
-    word = str(arrays.get(key, known[0]))
+    value = np.asarray(arrays.get(key, known[0]))
+    value = value.reshape(()) if value.size == 1 else value
+    word = str(value.astype(str) if value.dtype.kind == "S" else value)
     if word not in known:
         raise RecordingError(f"{name}: {key} is '{word}', expected one of {', '.join(known)}")
     return word
@@ -53,6 +55,8 @@ def numbers_of(
     if key not in arrays:
         raise RecordingError(f"{name} has no array {key}; save it with numpy.savez({key}=…)")
     array = arrays[key]
+    if not shape and array.size == 1:
+        array = array.reshape(())
     fits = array.ndim == len(shape) and all(
         isinstance(wanted, str) or wanted == size
         for wanted, size in zip(shape, array.shape, strict=True)

@@ -37,6 +37,7 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
     position = np.zeros((size, 3))
     if "contact_position" in arrays:
         position = numbers_of(arrays, "contact_position", name, (size, 3))
+    _require_distinct(links, position, name)
     kind = word_of(arrays, "contact_kind", name, _KINDS)
     axes = word_of(arrays, "contact_axes", name, _AXES)
     wrench = np.full((count, size, 6), UNKNOWN)
@@ -76,6 +77,16 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
     return Contacts(
         links, position, wrench, axes, sigma, None if sharing is None else sharing.item(), sensed
     )
+
+
+def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -> None:
+    """Refuse a contact that is listed twice."""
+    for k, (link, point) in enumerate(zip(links, position, strict=True)):
+        if any(link == links[j] and (point == position[j]).all() for j in range(k)):
+            raise RecordingError(
+                f"{name}: contact_links names '{link}' twice at the same point; correct the name, "
+                "or give contact_position"
+            )
 
 
 def _sigma(

@@ -106,4 +106,5 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         tau=optional("tau", *shape),
         twist=optional("base_twist", count, 6),
         acceleration=optional("base_acceleration", count, 6),
+        unread=tuple(sorted(set(arrays) - set(_KEYS))),
     )

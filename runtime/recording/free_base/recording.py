@@ -44,6 +44,7 @@ class FreeBaseRecording:
         contacts: of the robot with the world.
         dq, ddq, tau: (N, n), None where they were not measured.
         twist, acceleration: (N, 6) of the base, None where they were not measured.
+        unread: names of arrays of the file that are not part of the layout.
     """
 
     name: str
@@ -58,3 +59,4 @@ class FreeBaseRecording:
     tau: FloatArray | None = None
     twist: FloatArray | None = None
     acceleration: FloatArray | None = None
+    unread: tuple[str, ...] = ()

@@ -20,19 +20,24 @@ _UP = np.array([0.0, 0.0, 9.81])
 """What an accelerometer at rest reads, in axes of the world [m/s²]."""
 
 
-def require_twist(given: FloatArray, expected: FloatArray, turn: FloatArray, name: str) -> None:
+def require_twist(
+    given: FloatArray, expected: FloatArray, turn: FloatArray, t: FloatArray, name: str
+) -> None:
     """Refuse a twist in another convention.
 
     Args:
         given: (N, 6) of the log.
         expected: (N, 6) from the pose.
         turn: (N, 3, 3) R of the base in the world.
+        t: (N,) [s].
         name: of the file, for messages.
 
     Raises:
         RecordingError: names the convention and what to do.
     """
     linear, angular = expected[:, :3], expected[:, 3:]
+    reordered = "has a quaternion w, x, y, z, expected x, y, z, w; reorder its columns"
+    _require(given[:, 3:], angular, {reordered: _reordered(turn, t)}, f"{name}: base_pose")
     swapped = "holds the other half, expected velocity, then angular velocity; swap the halves"
     _require(
         given[:, :3],
@@ -86,6 +91,15 @@ def require_acceleration(
 
 
 _WORLD = "is in axes of the world, expected those of the base; multiply it by Rᵀ"
+
+
+def _reordered(turn: FloatArray, t: FloatArray) -> FloatArray:
+    """Angular velocity of the base if its quaternions w, x, y, z were read as x, y, z, w."""
+    from scipy.spatial.transform import Rotation
+
+    right = Rotation.from_quat(Rotation.from_matrix(turn).as_quat()[:, [1, 2, 3, 0]]).as_matrix()
+    spin = np.swapaxes(right, 1, 2) @ np.gradient(right, t, axis=0)
+    return np.asarray(np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1))
 
 
 def _require(

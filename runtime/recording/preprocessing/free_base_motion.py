@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import low_pass
@@ -98,7 +99,7 @@ def motion_of(
     blocks: dict[str, FloatArray] = {
         "position": recording.position,
         "rotation": recording.rotation.reshape(count, 9),
-        "q": recording.q[:, places],
+        "q": unwrap(recording.q[:, places])[0],
     }
     for key, columns in (("dq", places), ("ddq", places), ("twist", None), ("acceleration", None)):
         values = getattr(recording, key)
@@ -148,7 +149,7 @@ def motion_of(
     )
     rotation = turned.as_matrix()
     if "twist" in blocks:
-        require_twist(of(x, "twist"), twist, rotation, recording.name)
+        require_twist(of(x, "twist"), twist, rotation, motion.t, recording.name)
         twist, acceleration = of(x, "twist"), of(dx, "twist")
     if "acceleration" in blocks:
         given = of(x, "acceleration")

@@ -126,6 +126,10 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     assert wrong > 4 * sigma
     assert total_error < 0.25 * wrong
     assert total_error < 4 * shifted.mass[1] < 0.5
+    assert not any(note.startswith("sensors:") for note in shifted.notes)
+    arrays["contact_force_z_sigma"] = np.array([0.5, 0.5])
+    notes = identified(lib, arrays, "base").notes
+    assert any("the error of left_foot is" in note for note in notes)
 
 
 def test_offsets_count_only_while_the_sensor_is_read(lib: Library, log: VirtualLog) -> None:

@@ -1,0 +1,114 @@
+"""Agreement of a log with the robot: units of joints, sign of wrenches, errors that stay."""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.identification.free_base.rows import FreeBaseRows
+from runtime.library import Array, Library
+from runtime.library.free_base import FREEDOM
+from runtime.recording.consistency import DEGREE, slopes_of
+from runtime.recording.plausibility import OUTSIDE
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
+from runtime.recording.recording import Recording
+
+_OPPOSITE = 3.0
+"""Residual of the URDF over that with the opposite sign from which signs count as wrong."""
+_SLOPE = 0.15
+"""Relative distance of a ratio of units that names it."""
+_UNEXPLAINED = 0.5
+"""Error over RMS of half of the rows from which a note states it."""
+_FAR = 3.0
+"""Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
+
+
+def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None:
+    """Refuse joint positions far outside the limits, and velocities in degrees.
+
+    Args:
+        lib: library of the robot.
+        motion: prepared rows.
+        name: of the file, for messages.
+
+    Raises:
+        IdentificationError: names the joint and what to do.
+    """
+    q, dq = motion.q[:, FREEDOM:], motion.dq[:, FREEDOM:]
+    limits = lib.limits()
+    low, high = q.min(axis=0), q.max(axis=0)
+    beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > OUTSIDE:
+        joint = lib.manifest.joints[worst]
+        raise IdentificationError(
+            f"{name}: joint '{joint.name}' moves from {low[worst]:.3g} to {high[worst]:.3g}, its "
+            f"limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "
+            f"{joint.unit}; give q in this unit, and the names of its columns by joints"
+        )
+    slopes = slopes_of(Recording(motion.t, q, dq=dq))
+    for factor, unit in ((1 / DEGREE, "degrees per second"), (DEGREE, "radians for q in degrees")):
+        wrong = np.flatnonzero(np.abs(slopes / factor - 1.0) < _SLOPE)
+        if wrong.size:
+            raise IdentificationError(
+                f"{name}: the velocity of joint '{lib.joint_names[wrong[0]]}' looks like {unit}, "
+                "expected the derivative of q; convert q to rad and dq to rad/s"
+            )
+
+
+def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None:
+    """Refuse contact wrenches of the opposite sign, such as forces on the ground.
+
+    Compared are the equations of the base, whose right side is that of the wrenches alone.
+
+    Args:
+        lib: library of the robot.
+        rows: equations of the base, or of base and joints with wrenches that are all known.
+        name: of the file, for messages.
+
+    Raises:
+        IdentificationError: the URDF predicts the opposite of the wrenches.
+    """
+    alone = not any(row in rows.names for row in lib.joint_names)
+    complete = rows.samples.equations == len(rows.names) >= FREEDOM
+    if not (alone or complete):
+        return
+    kept = slice(None) if alone else slice(FREEDOM)
+    predicted = rows.samples.rigid(lib, lib.pi0)[:, kept]
+    measured = rows.samples.tau[:, kept]
+    if float(np.linalg.norm(predicted - measured)) > _OPPOSITE * float(
+        np.linalg.norm(predicted + measured)
+    ):
+        raise IdentificationError(
+            f"{name}: the contact wrenches are opposite to those that hold the URDF, expected "
+            "forces on the robot; change their sign, or give quaternions of base_pose as x y z w"
+        )
+
+
+def notes_on_errors(
+    rms: Array, after: Array, sensors: dict[str, float], sigma: Array | None
+) -> tuple[str, ...]:
+    """Notes on rows that the result does not explain, and on sensors far from what was stated.
+
+    Args:
+        rms: of the right side on the test part, (k,).
+        after: RMS errors of the result there, (k,).
+        sensors: their errors by name, (K,).
+        sigma: stated standard deviations of these errors, (K,); None without sensors' errors.
+
+    Returns:
+        Sentences.
+    """
+    notes = []
+    share = float(np.median(after / np.maximum(rms, np.finfo(float).tiny)))
+    if share > _UNEXPLAINED:
+        notes.append(
+            f"half of the rows keep an error of {100 * share:.0f} % of their RMS or more: torques "
+            "and wrenches do not fit this robot and motion; check names and order of joints and "
+            "contacts, contact_position, contact_kind, contact_axes and units"
+        )
+    for (name, value), spread in zip(sensors.items(), () if sigma is None else sigma, strict=True):
+        if abs(value) > _FAR * spread:
+            notes.append(
+                f"sensors: the error of {name} is {abs(value) / spread:.1f} times its stated "
+                "standard deviation; check the contact forces, or state a larger one"
+            )
+    return tuple(notes)

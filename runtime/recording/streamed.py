@@ -1,6 +1,6 @@
 """A log that stays in its file; any rows of it become a `Recording` without the others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from pathlib import Path
 from threading import Lock
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import format_of_folder, format_of_suffix
+from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.log_format import Rows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
@@ -60,7 +61,7 @@ class StreamedRecording:
     rows: int
     plan: Recipe
     recipe: Recipe | None
-    source: Mapping[str, str]
+    source: Digests
     joint_names: tuple[str, ...]
     origin: float | None
     files: tuple[Rows, ...]

@@ -167,9 +167,9 @@ def child(robot: str, path: str) -> None:
     """Identify, then time the steps; prints a `Row` as JSON."""
     lib = load(robot)
     start = time.perf_counter()
-    result = identify_streamed(
-        open_streamed(path), lib, preparation=PREPARATION, friction_columns=FRICTION
-    )
+    log = open_streamed(path)
+    result = identify_streamed(log, lib, preparation=PREPARATION, friction_columns=FRICTION)
+    dict(log.source)  # waits until the file is hashed
     wall = time.perf_counter() - start
     rss = _peak()
     start = time.process_time()
@@ -245,7 +245,7 @@ HEADS = (
     ("compress, CPU s", lambda r: f"{r.compress:.2f}"),
     ("samples/s per core", lambda r: f"{r.friction / 1e6:.2f} M"),
     ("without friction", lambda r: f"{r.plain / 1e6:.2f} M"),
-    ("identify, wall s", lambda r: f"{r.wall:.0f}"),
+    ("identify, wall s", lambda r: f"{r.wall:.2f}"),
     ("peak RSS, MB", lambda r: f"{r.rss / 1e6:.0f}"),
     ("error %, before → after", lambda r: f"{r.before:.2f} → {r.after:.3f}"),
 )

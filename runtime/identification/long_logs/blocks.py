@@ -8,6 +8,7 @@ once; its rows are then stored in a temporary file.
 
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import field, replace
 from itertools import islice
 
@@ -98,7 +99,10 @@ class Blocks:
             return
         _keep_freed_memory()
         rest = iter(new)
-        with ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
+        # Threads that read and prepare keep so many cores busy; the passes that follow leave some
+        # idle, on which the file is hashed.
+        paused = self.log.source.paused() if cores() <= AHEAD + 1 else nullcontext()
+        with paused, ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
 
             def submit(index: int) -> Future[Recording | None]:
                 return pool.submit(self._prepare, index, self._read(index))

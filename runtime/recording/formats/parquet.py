@@ -190,11 +190,11 @@ class Batch:
         Raises:
             RecordingError: lists of several lengths, or a damaged page.
         """
-        with _sentences(self.name):
-            return [self._block(column) for column in columns]
-
-    def _block(self, column: str) -> FloatArray:
         types = imported("pyarrow.types", "Parquet")
+        with _sentences(self.name):
+            return [self._block(column, types) for column in columns]
+
+    def _block(self, column: str, types: Any) -> FloatArray:
         cells = self.cells.column(column)
         if not _is_list(cells.type, types):
             return _floats(cells).reshape(-1, 1)

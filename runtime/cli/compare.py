@@ -23,8 +23,9 @@ from runtime.cli.log_options import (
     Run,
     Stream,
 )
+from runtime.cli.option_values import listed
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log, usable_columns
+from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
 from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.methods import METHODS, methods_from_statistics

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import say
-from runtime.cli.prepared_log import listed
+from runtime.cli.option_values import listed
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model

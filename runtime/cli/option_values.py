@@ -1,7 +1,9 @@
-"""Names that options take, for the completion of shells."""
+"""Names that options take: those that a shell completes, and lists of them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import import_module
+
+from runtime.errors import IdentificationError
 
 _REGISTRIES = {
     "--method": "runtime.estimators.methods:METHODS",
@@ -28,3 +30,25 @@ def values_of(option: str) -> Iterable[str]:
         return ()
     module, _, name = _REGISTRIES[option].partition(":")
     return tuple(getattr(import_module(module), name))
+
+
+def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
+    """Names separated by commas.
+
+    Args:
+        text: value of the option.
+        known: names to choose from.
+        option: name of the option, for the message.
+
+    Returns:
+        The names, each once.
+
+    Raises:
+        IdentificationError: a name is unknown.
+    """
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    if any(name not in known for name in names):
+        raise IdentificationError(
+            f"{option} needs names with commas of {', '.join(known)}; got '{text}'"
+        )
+    return names

@@ -7,6 +7,7 @@ from contextlib import suppress
 from runtime.cli.choice_tables import cutoff_table, friction_table
 from runtime.cli.common import console, numbers_option
 from runtime.cli.log_options import AUTO
+from runtime.cli.progress import waiting
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
 from runtime.inspection.candidate_columns import MEMORY, USABLE
@@ -143,7 +144,7 @@ def read_prepared_log(
         from runtime.inspection.cutoff_choice import choose_cutoff
 
         base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
-        with console.status("choosing a cut-off"):
+        with waiting("choosing a cut-off"):
             cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
@@ -153,7 +154,7 @@ def read_prepared_log(
         recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
     from runtime.inspection.regressor_choice import choose_regressor
 
-    with console.status("checking the accelerations"):
+    with waiting("checking the accelerations"):
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
@@ -167,7 +168,7 @@ def read_prepared_log(
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
     from runtime.inspection.friction_choice import choose_friction
 
-    with console.status("choosing a friction model"):
+    with waiting("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, options.coulomb_speed, extra=terms.columns[1:]
         )
@@ -189,7 +190,7 @@ def _chosen_terms(
         return of_type, f"the friction model is that of the fleet: {of_type}"
     from runtime.inspection.default_friction import choose_default_friction
 
-    with console.status("choosing a friction model"):
+    with waiting("choosing a friction model"):
         chosen = choose_default_friction(
             recording, lib, *steps, options.coulomb_speed, tuple(usable), robust
         )
@@ -261,28 +262,6 @@ def preparation_of(
         if base.max_gap_s is None:
             base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
     return dataclasses.replace(base, rate_hz=rate) if rate is not None else base
-
-
-def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
-    """Names separated by commas.
-
-    Args:
-        text: value of the option.
-        known: names to choose from.
-        option: name of the option, for the message.
-
-    Returns:
-        The names, each once.
-
-    Raises:
-        IdentificationError: a name is unknown.
-    """
-    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
-    if any(name not in known for name in names):
-        raise IdentificationError(
-            f"{option} needs names with commas of {', '.join(known)}; got '{text}'"
-        )
-    return names
 
 
 def _streamed(lib: Library, log: str, options: LogOptions) -> StreamedRecording | None:

@@ -1,7 +1,7 @@
 """Progress bars."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any, Protocol
 
 from runtime.cli.common import console
@@ -67,6 +67,18 @@ def counting(*columns: "Callable[[], ProgressColumn]") -> AbstractContextManager
         console=console,
         transient=True,
     )
+
+
+def waiting(text: str) -> AbstractContextManager[Any]:
+    """Sign that a command works.
+
+    Args:
+        text: what it does.
+
+    Returns:
+        The sign; where the output is no terminal it is nothing, as of rich, without its thread.
+    """
+    return console.status(text) if console.is_terminal or console.is_jupyter else nullcontext()
 
 
 class _Unseen:

@@ -7,8 +7,8 @@ import numpy as np
 import typer
 
 from runtime.cli.common import Seed, console, say
+from runtime.cli.option_values import listed
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.prepared_log import listed
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior

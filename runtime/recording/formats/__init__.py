@@ -22,15 +22,24 @@ FORMATS = Registry(
 """All log formats; a package adds one by an entry point of the group "symgen.log_formats"."""
 
 
+FOLDERS = {"lerobot": "meta/info.json", "bag": "metadata.yaml"}
+"""File that makes a folder one log, by the format of this package; known without its import."""
+
+
 def format_of_suffix(name: str) -> LogFormat | None:
     """Format of a file by its suffix, None where no format has it."""
     name = name.lower()
-    return next((f for f in FORMATS.records() if f.suffixes and name.endswith(f.suffixes)), None)
+    each = (FORMATS[known] for known in FORMATS)  # those behind the first match stay unimported
+    return next((f for f in each if f.suffixes and name.endswith(f.suffixes)), None)
 
 
 def format_of_folder(place: Path) -> LogFormat | None:
     """Format of a folder that is one log, such as a ROS 2 bag; None for any other place."""
-    marked = (each for each in FORMATS.records() if each.marker)
+    present = (name for name in FOLDERS if (place / FOLDERS[name]).is_file())
+    of_plugins = (FORMATS[name] for name in FORMATS if name not in FORMATS.builtin)
+    if (name := next(present, None)) is not None:
+        return FORMATS[name]
+    marked = (each for each in of_plugins if each.marker)
     return next((each for each in marked if (place / each.marker).is_file()), None)
 
 

@@ -7,6 +7,7 @@ messages, `joints` picks and orders the joints by name, and `key` is a field of 
 from collections.abc import Mapping
 from typing import Any
 
+from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.joint_states import JointLog, read_joint_states
 from runtime.recording.formats.log_format import (
     Extras,
@@ -83,6 +84,6 @@ BAG = LogFormat(
     sentence="messages of sensor_msgs/JointState in MCAP, a ROS 1 bag or a ROS 2 bag",
     suffixes=(".mcap", ".bag", ".db3"),
     reader=BagReader,
-    marker="metadata.yaml",
+    marker=FOLDERS["bag"],
     is_one_file=True,
 )

@@ -14,6 +14,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.files import json_of, require_file
+from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile
 from runtime.recording.formats.parquet import ParquetLog
 from runtime.recording.formats.tables import FloatArray, LogTable, common_count
@@ -154,6 +155,6 @@ LEROBOT = LogFormat(
     sentence="LeRobot data set v2.1 or v3: meta/info.json and data/*/*.parquet, with a recipe",
     suffixes=(),
     reader=LerobotReader,
-    marker="meta/info.json",
+    marker=FOLDERS["lerobot"],
     is_one_file=True,
 )

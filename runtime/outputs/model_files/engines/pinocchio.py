@@ -82,22 +82,22 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any], count:
     """τ of the reloaded model for the independent joints, (N, n); all joints matched by name."""
     data = model.createData()
     velocity = [joint.idx_v for joint in joints]
-    position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
     states = random_states(lib, count)
     base = FREEDOM if lib.manifest.floating else 0  # the free flyer has the first six velocities
     q, dq, ddq = lib.all_motion(*(each[:, base:] for each in states))
-    tau, wrench = np.empty_like(q), np.empty((len(q), base))
-    for k in range(len(q)):
-        if base:
-            turn = pinocchio.Quaternion(pinocchio.exp3(states[0][k, 3:base])).coeffs()
-            position[: base + 1] = np.concatenate([states[0][k, :3], turn])
-            v[:base], a[:base] = states[1][k, :base], states[2][k, :base]
-        for joint, angle in zip(joints, q[k], strict=True):
-            # Trap: pinocchio describes a continuous joint by cos q and sin q.
-            circle = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else (angle,)
-            position[joint.idx_q : joint.idx_q + joint.nq] = circle
-        v[velocity], a[velocity] = dq[k], ddq[k]
-        every = pinocchio.rnea(model, data, position, v, a)
-        tau[k], wrench[k] = every[velocity], every[:base]
+    position = np.tile(pinocchio.neutral(model), (count, 1))
+    v, a = np.zeros((2, count, model.nv))
+    for k in range(count if base else 0):
+        turn = pinocchio.Quaternion(pinocchio.exp3(states[0][k, 3:base])).coeffs()
+        position[k, : base + 1] = np.concatenate([states[0][k, :3], turn])
+    v[:, :base], a[:, :base] = states[1][:, :base], states[2][:, :base]
+    v[:, velocity], a[:, velocity] = dq, ddq
+    for joint, angle in zip(joints, q.T, strict=True):
+        # Trap: pinocchio describes a continuous joint by cos q and sin q.
+        circle = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else (angle,)
+        position[:, joint.idx_q : joint.idx_q + joint.nq] = np.stack(circle, axis=1)
+    rows = zip(position, v, a, strict=True)
+    every = np.array([pinocchio.rnea(model, data, *row) for row in rows])
+    tau, wrench = every[:, velocity], every[:, :base]
     jacobian = lib.joint_jacobian(states[0][:, base:])
     return np.hstack([wrench, np.einsum("tk,tkn->tn", tau, jacobian)])

@@ -4,18 +4,21 @@ Only text in which every line has as many cells, and every wanted cell is a numb
 parsed here. Anything else is left to `text_tables`, which looks at each line and names a bad one.
 """
 
+import warnings
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import numpy as np
 
-from runtime.recording.formats.decimals import decimal_rows
 from runtime.recording.formats.tables import FloatArray
 
 LONG = 2**22
 """Number of characters from which pyarrow, where it is installed, repays its import."""
 PIECE = 2**16
 """Number of characters that are divided into lines at once."""
+MANY = 4
+"""A row of up to so many times the wanted cells is parsed as a whole."""
+_BLANKS = frozenset(" \t\n\v\f\r")
 LINES = 512
 """Number of lines whose cells are held at once; a cell takes five times its text."""
 
@@ -29,16 +32,18 @@ def plain_numbers(text: str) -> FloatArray | None:
     Returns:
         (N,); None where a line is something else.
     """
-    if "_" in text:  # float reads 1_0 as 10
-        return None
     blocks = []
     for piece in _pieces(text):
-        rows = decimal_rows(piece, "\n", 1, (0,))
-        try:
-            blocks.append(np.array(list(map(float, piece.splitlines()))) if rows is None else rows)
-        except ValueError:
-            return None
-    return np.concatenate(blocks, axis=None) if blocks else np.empty(0)
+        numbers = _parsed(piece, "\n", piece.count("\n") + (not piece.endswith("\n")))
+        if numbers is None:
+            if "_" in piece:  # float reads 1_0 as 10
+                return None
+            try:
+                numbers = np.array(list(map(float, piece.splitlines())))
+            except ValueError:
+                return None
+        blocks.append(numbers)
+    return np.concatenate(blocks) if blocks else np.empty(0)
 
 
 def _pieces(text: str) -> Iterator[str]:
@@ -48,6 +53,30 @@ def _pieces(text: str) -> Iterator[str]:
         end = text.find("\n", start + PIECE) + 1 or len(text)
         yield text[start:end]
         start = end
+
+
+def _parsed(text: str, separator: str, count: int) -> FloatArray | None:
+    """Cells by NumPy's parser, to the bit as by `float` in two thirds of its time.
+
+    Args:
+        text: cells between separators.
+        separator: one character.
+        count: number of cells.
+
+    Returns:
+        (count,); None where a cell is not a number for this parser.
+    """
+    # NumPy takes any white space, or none, for a separator that is white space. Without other
+    # white space and empty cells, as many numbers as cells means one number in each.
+    if any(mark in text for mark in _BLANKS - {separator}) or 2 * separator in text:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # of NumPy, for text that is no number
+        try:
+            numbers = np.fromstring(text, sep=separator)
+        except (ValueError, DeprecationWarning):
+            return None
+    return numbers if len(numbers) == count and text[:1] != separator else None
 
 
 def plain_rows(
@@ -70,17 +99,16 @@ def plain_rows(
     if len(text) >= LONG and (parsed := _by_pyarrow(text, separator, width, picks)) is not None:
         return parsed
     tables = []
-    for piece in _pieces(text):
-        if (rows := decimal_rows(piece, separator, width, picks)) is None:
-            break
-        tables.append(rows)
-    else:
-        return np.concatenate(tables) if tables else None
-    tables = []
     while part := list(islice(lines, LINES)):
         if any(line.count(separator) != width - 1 for line in part):
             return None
-        cells = separator.join(part).split(separator)
+        whole = separator.join(part)
+        if MANY * len(picks) >= width:
+            numbers = _parsed(whole, separator, len(part) * width)
+            if numbers is not None:
+                tables.append(numbers.reshape(-1, width)[:, picks])
+                continue
+        cells = whole.split(separator)
         try:
             columns = [np.array(list(map(float, cells[pick::width]))) for pick in picks]
         except ValueError:

@@ -39,3 +39,16 @@ def test_command_in_a_pipe_loads_no_bar() -> None:
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert run.stderr.strip() == "[]"
+
+
+def test_sign_in_a_pipe_is_that_of_rich(monkeypatch) -> None:
+    """Oracle: what rich writes to a file; its thread and its spinners are left out."""
+    texts = []
+    signs = (lambda: progress.waiting("working"), lambda: progress.console.status("working"))
+    for make in signs:
+        file = io.StringIO()
+        monkeypatch.setattr(progress, "console", Console(file=file, width=80))
+        with make():
+            progress.console.print("result")
+        texts.append(file.getvalue())
+    assert texts[0] == texts[1] == "result\n"

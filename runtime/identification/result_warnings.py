@@ -1,5 +1,8 @@
 """Warnings about a result: sentences on its limits, each with what to do."""
 
+import re
+from collections.abc import Iterable
+
 import numpy as np
 
 from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
@@ -70,7 +73,7 @@ def warnings_of(
     Returns:
         The notes of the result, then one sentence per warning.
     """
-    warnings = [*still_joints(result), *result.notes]
+    warnings = [*still_joints(result), *result.notes, *of_the_log(result.train.history)]
     if result.train.torque_source == COMMANDED:
         warnings.append(
             "the torque is commanded by a control law, not measured: errors are shares of the "
@@ -125,6 +128,23 @@ def warnings_of(
     if len(result.train) * result.lib.n_joints < 3 * unknowns:
         warnings.append("there are fewer than three equations per unknown; record for longer")
     return warnings
+
+
+def of_the_log(history: Iterable[str]) -> list[str]:
+    """Steps of reading a log that its user should know: corrupt rows, and warnings.
+
+    Args:
+        history: sentences on the steps; those of joined logs begin with the name of their log.
+
+    Returns:
+        Sentences as warnings have them.
+    """
+    matches = (re.search(r"(^|: )(Warning: |(?=Dropped .* as corrupt))", step) for step in history)
+    return [
+        f"{match.string[: match.start()]}{match[1]}{match.string[match.end() :].rstrip('.')}"
+        for match in matches
+        if match
+    ]
 
 
 def _unexplained(result: Identification, after: metrics.TorqueError) -> str:

@@ -80,3 +80,21 @@ def test_an_answer_shown_in_a_notebook_is_a_line(panda_adam: Identification) -> 
     assert repr(panda_adam.uncertainty) == f"Uncertainty({panda_adam.uncertainty.advice()})"
     assert repr(panda_adam.train).endswith(" s at 100 Hz; q dq ddq tau)")
     assert max(map(len, (shown, repr(panda_adam.train)))) < 300
+
+
+def test_what_was_wrong_with_the_log(panda_adam: Identification) -> None:
+    """Property: corrupt rows with their lines, and warnings of the reader, also of joined logs."""
+    history = (
+        "Read 4500 rows.",
+        "Dropped 1 of 9 rows as corrupt (cut short): lines 4.",
+        "a: Warning: a rate of 1 Hz is unusual.",
+        "Dropped 3 segments with fewer than 15 samples (9 rows).",
+    )
+    noted = replace(panda_adam, train=panda_adam.train.replace(history=history))
+    error = TorqueError(JOINTS, 2.0, JOINTS)
+    sentences = set(warnings_of(noted, error, error))
+    assert sentences - set(warnings_of(panda_adam, error, error)) >= {
+        "Dropped 1 of 9 rows as corrupt (cut short): lines 4",
+        "a: a rate of 1 Hz is unusual",
+    }
+    assert not any("segments" in sentence for sentence in sentences)

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from runtime import __version__
-from runtime.cli.common import INTERRUPTED, flowing, program
+from runtime.cli.common import INTERRUPTED, as_typed, flowing, program
 from runtime.cli.plain_values import PlainGroup
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
@@ -118,7 +118,7 @@ def _run() -> None:
     try:
         _imported(wanted if set(wanted) & set(COMMANDS) else COMMANDS)()
     except RuntimeFault as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:
         if error.filename is None:

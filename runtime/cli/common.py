@@ -34,8 +34,8 @@ Seed = Annotated[
 
 
 def say(text: str) -> None:
-    """Print one line to the terminal without markup."""
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
+    """Print one line to the terminal without markup, with commands as the user types them."""
+    console.print(as_typed(text), highlight=False, soft_wrap=True, markup=False)
 
 
 def flowing(doc: str) -> str:
@@ -75,6 +75,13 @@ def sentences_of(registry: Registry[Any]) -> str:
 def program() -> str:
     """Name by which the user started the program, `symgen` or `python -m runtime`."""
     return "symgen" if Path(sys.argv[0]).stem == "symgen" else "python -m runtime"
+
+
+def as_typed(text: str) -> str:
+    """A sentence whose commands begin with `symgen` where the user started that."""
+    if program() != "symgen":
+        return text
+    return text.replace("python -m runtime ", "symgen ").replace("python -m symgen ", "symgen ")
 
 
 def command_line() -> str:

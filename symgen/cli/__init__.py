@@ -10,7 +10,7 @@ from inspect import getdoc
 
 from symgen import __version__
 from symgen.cli import inspect, make, proxies, show
-from symgen.cli.common import app, flowing
+from symgen.cli.common import app, as_typed, flowing
 from symgen.errors import SymgenError
 
 INTERRUPTED = 130
@@ -33,7 +33,7 @@ def main() -> None:
     try:
         app()
     except SymgenError as error:
-        print(f"symgen: {error}", file=sys.stderr)
+        print(f"symgen: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:
         if error.filename is None:

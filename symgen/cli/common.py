@@ -1,5 +1,6 @@
 """Parts that the commands share: application, console, options and folders."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -71,9 +72,16 @@ ConfigOption = Annotated[
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
 
+def as_typed(text: str) -> str:
+    """A sentence whose commands begin with `symgen` where the user started that."""
+    if Path(sys.argv[0]).stem != "symgen":
+        return text
+    return text.replace("python -m runtime ", "symgen ").replace("python -m symgen ", "symgen ")
+
+
 def say(sentence: str) -> None:
-    """Print one line to the terminal as it is: no wrapping, highlighting or markup."""
-    console.print(sentence, highlight=False, soft_wrap=True, markup=False)
+    """Print one line: no wrapping, highlighting or markup, commands as the user types them."""
+    console.print(as_typed(sentence), highlight=False, soft_wrap=True, markup=False)
 
 
 def flowing(doc: str) -> str:

@@ -28,6 +28,8 @@ STRETCH = 1.2
 """Factor by which a body may exceed its shapes, since hulls are coarse."""
 TREE_STRETCH = 3.0
 """The same factor where the size of a link is known from the distances of its joints only."""
+FLAT = 1e-6
+"""Smallest over largest spread of a mass below which it has no thickness: rounding of a file."""
 STUB = 0.1
 """Smallest length of a link relative to the sum of all (joints of a wrist coincide)."""
 
@@ -173,11 +175,15 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     reach = extent.reach(body.com) if extent else _kinematic_reach(model, group)
     slip = _slipped(body, reach)
     if density > OSMIUM:
-        thin = np.sqrt(max(np.linalg.eigvalsh(body.sigma)[0], 0.0) / body.mass)
-        text = (
-            f"mass and inertia require a density of at least {density:.3g} kg/m³ (the mass spreads "
-            f"only {1e3 * thin:.2g} mm along its thinnest axis)"
-        )
+        spread = np.sqrt(np.maximum(np.linalg.eigvalsh(body.sigma), 0.0) / body.mass)
+        if spread[0] > FLAT * spread[-1]:
+            text = (
+                f"mass and inertia require a density of at least {density:.3g} kg/m³ (the mass "
+                f"spreads only {1e3 * spread[0]:.2g} mm along its thinnest axis)"
+            )
+        else:
+            place = "on a line" if spread[1] <= FLAT * spread[-1] else "in a plane"
+            text = f"by its inertia the mass lies {place}, without any thickness"
         wanted = f"expected less than osmium, {OSMIUM:g} kg/m³{slip}"
         findings.append(Finding(WARNING, "dense", where, text, wanted))
     bound = (STRETCH if extent else TREE_STRETCH) * reach

@@ -76,6 +76,18 @@ FLAGS = {
         "dense",
         "require a density of at",
     ),
+    "rod": (
+        arm([block(2.0, POINT, np.diag([0.0, 0.05, 0.05]))]),
+        "warning",
+        "dense",
+        "the mass lies on a line, without any thickness; expected less than osmium",
+    ),
+    "disc": (
+        arm([block(2.0, POINT, np.diag([0.02, 0.03, 0.05]))]),
+        "warning",
+        "dense",
+        "the mass lies in a plane, without any thickness",
+    ),
     "airy": (
         arm([block(0.01, POINT, BRICK / 20)]),
         "warning",

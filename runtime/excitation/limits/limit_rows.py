@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.limits.distance_limits import TipSpeed
-from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Torque, TorqueRate
+from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
+from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.library import Array
 
 NEAR = -0.35

@@ -17,16 +17,16 @@ from runtime.excitation.limits.distance_limits import (
     TipBox,
     TipSpeed,
 )
+from runtime.excitation.limits.known_torque import known_torque_of
 from runtime.excitation.limits.model_band import ModelBand
 from runtime.excitation.limits.nonlinear_limits import (
     Braking,
     Constraint,
     Side,
     TimedConstraint,
-    Torque,
-    TorqueRate,
 )
 from runtime.excitation.limits.obstacles import Obstacle, ObstacleClearance, capsule_around
+from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.library import Array, Library
 from runtime.startup.data_classes import dataclass
 
@@ -151,6 +151,7 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
     coulomb = (1 + safety.friction_band) * coulomb
     pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
+    rest = viscous, lib.joint_names, band, known_torque_of(lib)
     chosen: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
@@ -161,10 +162,10 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
                 f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
             )
-        chosen.append(Torque(lib, pi, limit, viscous, lib.joint_names, band))
+        chosen.append(Torque(lib, pi, limit, *rest))
     if np.isfinite(limits["torque_rate"]).any():
         rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueRate(lib, pi, rate, viscous, lib.joint_names, band))
+        chosen.append(TorqueRate(lib, pi, rate, *rest))
     return tuple(chosen)
 
 

@@ -10,7 +10,8 @@ from runtime.library import Library
 
 TORQUE, BRAKING, RATE, TIP = "torque", "position-dependent velocity", "torque rate", "tip speed"
 SELF_COLLISION, TABLE, CARRIED = "self-collision", "table", "carried body"
-UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED)
+SPRINGS = "springs of unknown stiffness"
+UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED, SPRINGS)
 """Kinds of limits that a certificate may leave out."""
 EVERYTHING = "all"
 """Word that accepts all of them."""
@@ -18,6 +19,7 @@ _REMEDIES = {
     TABLE: "--table Z for a table at this height or --table none",
     SELF_COLLISION: "a library with collision proxies (python -m symgen proxies)",
     CARRIED: "a box in --carry",
+    SPRINGS: "a library with their stiffness, which identify estimates",
 }
 
 
@@ -46,6 +48,10 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
         missing.append(TABLE)
     if safety.carried is not None and safety.carried.box is None:
         missing.append(CARRIED)
+    if lib.manifest.springs and any(
+        np.isfinite(limits[key]).any() for key in ("effort", "torque_rate")
+    ):
+        missing.append(SPRINGS)
     return tuple(missing)
 
 

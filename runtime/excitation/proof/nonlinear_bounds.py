@@ -6,8 +6,9 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
   + |ddq|, and each factor is bounded on the interval by its ends and the next derivative.
 - torque, torque rate, tip box and speed, self-collision, table: PROVEN by `division`, where the
   robot has kernels of bounds.
-- the same limits of robots with closed loops: MEASURED, not proven. ġ is exact at
-  every sample (by kernels along the motion's derivatives); g'' on an interval is taken
+- the same limits of robots with closed loops, and torque and torque rate of robots with springs of
+  known stiffness or torque curves: MEASURED, not proven. ġ is exact at every sample (by kernels
+  along the motion's derivatives, of springs by differences); g'' on an interval is taken
   as `SAFETY` times the largest change of ġ over δ there and on both neighbouring intervals. The
   fastest wave of a motion, M / t_f, has hundreds of samples per period, so that neighbours suffice.
   Where the closest points of two links jump, ġ jumps too and the bound grows, never shrinks.
@@ -20,6 +21,7 @@ import numpy as np
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.nonlinear_limits import Braking, TimedConstraint
 from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.excitation.proof.division import see_proven
 from runtime.excitation.proof.motion_grid import ORDERS, ROUNDING, MotionGrid
 from runtime.excitation.proof.peaks import ConstraintBound, Peaks
@@ -48,24 +50,28 @@ def constraint_bounds(
         One bound per row of each constraint.
     """
     grid = MotionGrid(trajectory)
-    peaks = [
-        Peaks(constraint, isinstance(constraint, Braking) or lib.bounds_motions)
-        for constraint in constraints
-    ]
+    peaks = [Peaks(constraint, _is_proven(lib, constraint)) for constraint in constraints]
     mirrored = trajectory.basis.is_symmetric
     middle = grid.count // 2 if mirrored else grid.count
     half = [peak for peak in peaks if mirrored and peak.constraint.even]
     whole = [peak for peak in peaks if peak not in half]
     with np.errstate(all="ignore"):  # what is not a number becomes an infinite bound
-        see = see_proven if lib.bounds_motions else _see_measured
-        see(half, lib, grid, middle)
-        see(whole, lib, grid, grid.count)
+        for part, end in ((half, middle), (whole, grid.count)):
+            see_proven([peak for peak in part if peak.is_proven], lib, grid, end)
+            _see_measured([peak for peak in part if not peak.is_proven], lib, grid, end)
         for peak in peaks:
             if isinstance(peak.constraint, Braking):
                 _see_braking(peak, peak.constraint, grid, middle, forwards=True)
                 if mirrored:
                     _see_braking(peak, peak.constraint, grid, middle, forwards=False)
     return tuple(bound for peak in peaks for bound in peak.bounds())
+
+
+def _is_proven(lib: Library, constraint: Braking | TimedConstraint) -> bool:
+    """Whether the rise of a constraint is bounded by a theorem."""
+    if isinstance(constraint, Torque | TorqueRate) and constraint.springs is not None:
+        return False
+    return isinstance(constraint, Braking) or lib.bounds_motions
 
 
 def _see_measured(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) -> None:

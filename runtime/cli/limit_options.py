@@ -21,8 +21,8 @@ Unchecked = Annotated[
     typer.Option(
         metavar="LIMIT",
         help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
-        "carried-body; with --document torque, position-dependent-velocity, torque-rate and "
-        "tip-speed too; all for every one.",
+        "carried-body, springs-of-unknown-stiffness; with --document torque, "
+        "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
     ),
 ]
 Box = Annotated[

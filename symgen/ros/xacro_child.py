@@ -21,6 +21,8 @@ from symgen.ros.xacro_expressions import BUILTINS, evaluate
 
 _SECRET = re.compile(r"TOKEN|SECRET|PASSW|CREDENTIAL|KEY", re.IGNORECASE)
 """Environment variables that no robot description needs."""
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_ARGUMENT = re.compile(r"""<xacro:arg\s[^<>]*?name\s*=\s*["']([^"']*)["']""")
 _MOST_MESSAGES = 20
 _LONGEST = 400
 """Largest length of a message [characters]."""
@@ -73,6 +75,13 @@ def _expand(job: dict[str, Any]) -> dict[str, Any]:
         text = str(xacro.process_file(job["path"], mappings=job["arguments"]).toxml())
     except Exception as error:  # xacro raises what the expressions of the file raise
         return _refusal(error)
+    unknown = sorted(job["arguments"].keys() - files.words)
+    if unknown:
+        known = ", ".join(_one_line(name) for name in files.arguments) or "none"
+        return {
+            "refused": f"--arg names '{unknown[0]}', which '{job['path']}' and its includes do not "
+            f"contain; their arguments are: {known}"
+        }
     if len(text) > LARGEST:
         return {"reason": f"the URDF has more than {LARGEST >> 20} MiB"}
     return {"text": text, "messages": messages.lines}
@@ -127,6 +136,8 @@ class Files:
     Attributes:
         packages: where $(find PACKAGE) searches.
         folders: the folders whose files may be read.
+        words: names that occur in the files that were read.
+        arguments: names of their <xacro:arg>, in the order of reading.
     """
 
     def __init__(self, path: Path, packages: Packages) -> None:
@@ -140,6 +151,8 @@ class Files:
         self.packages = packages
         self.folders = [_package_of(real) or real.parent]
         self.folders += [folder.resolve() for folder in packages.folders]
+        self.words: set[str] = set()
+        self.arguments: dict[str, None] = {}
         self._names: set[str] = set()
 
     def find(self, name: str) -> str:
@@ -163,9 +176,12 @@ class Files:
                 "names; allow its folder with --package DIR"
             )
         try:
-            return io.StringIO(text_of(path))
+            text = text_of(path)
         except ValueError as error:
             raise ValueError(f"'{path}': {error}") from None
+        self.words.update(_WORD.findall(text))
+        self.arguments |= dict.fromkeys(_ARGUMENT.findall(text))
+        return io.StringIO(text)
 
     def _may_read(self, real: Path) -> bool:
         if any(real.is_relative_to(folder) for folder in self.folders):

@@ -260,3 +260,18 @@ def test_two_mechanisms_and_stray_arguments_are_refused(tmp_path: Path) -> None:
         read_source(Source(path), mechanism_from_table({"coupling": [row]}, "M"))
     with pytest.raises(BuildError, match="--arg belongs to xacro files"):
         read_source(Source(path, {"a": "1"}), Mechanism())
+
+
+def test_an_argument_that_a_xacro_file_lacks_is_refused(tmp_path: Path) -> None:
+    """Property: a misspelt --arg, which xacro ignores, is named with the arguments that there are;
+    an argument of a branch that is not taken is accepted.
+    """
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="gripper" default="false"/><xacro:if value="$(arg gripper)">'
+        '<xacro:arg name="width" default="1"/></xacro:if><link name="a"/></robot>'
+    )
+    with pytest.raises(BuildError, match=r"'griper', which .* their arguments are: gripper, width"):
+        read_source(Source(path, {"griper": "true"}), Mechanism())
+    assert "<link" in read_source(Source(path, {"width": "2"}), Mechanism())[0]

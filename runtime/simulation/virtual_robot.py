@@ -37,6 +37,8 @@ from runtime.startup.data_classes import dataclass
 ASTRAY = 0.5
 """Distance from the reference at which the simulation is stopped, rad or m."""
 
+_THINNEST = 1e-12
+"""Least eigenvalue of a drawn pseudo-inertia over the largest."""
 _CHUNK = 500
 """Ticks between two reports of progress, at which Ctrl-C is handled too."""
 
@@ -173,6 +175,8 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
     draws = rng.normal(size=(lib.n_links, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
     values, vectors = np.linalg.eigh(lib.pseudo_inertia(pi))
+    # A plate without thickness has an eigenvalue 0, which rounding may make negative.
+    values = np.maximum(values, _THINNEST * values.max(axis=1, keepdims=True))
     root = vectors * np.sqrt(values)[:, None] @ np.swapaxes(vectors, 1, 2)
     changed = root @ np.stack([expm(each) for each in S]) @ root
     return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)

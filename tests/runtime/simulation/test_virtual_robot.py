@@ -18,6 +18,7 @@ from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare
 from runtime.simulation import Box, VirtualLog, VirtualRobotSettings, record, settings_of
 from runtime.simulation.settings import Sensors
+from runtime.simulation.virtual_robot import perturbed
 from tests.runtime.conftest import Command
 from tests.virtual_settings import frictionless
 
@@ -261,3 +262,15 @@ def test_ctrl_c_leaves_nothing(
     assert ran.code == 130
     assert "interrupted" in ran.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.json"]
+
+
+def test_a_plate_without_thickness_is_drawn(lib: Library) -> None:
+    """Property: I_xx + I_yy = I_zz is a body, whose pseudo-inertia has an eigenvalue 0 or, by
+    rounding, below it.
+    """
+    plate = np.array([0.5, 0.005, 0, -0.01, 0.0009, 0.00085, 0.00135, 0, 0.0001, 0])
+    pi = np.tile(plate, lib.n_links)
+    least = np.linalg.eigvalsh(lib.pseudo_inertia(pi))[:, 0]
+    assert np.abs(least).max() < 1e-18
+    drawn = perturbed(lib, pi, 0.05, np.random.default_rng(0))
+    assert (lib.relative_eigenvalues(drawn) > 0).all()

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model d2d34f8345045532fef7724515eba7b060ad90ba087375a0b3820b11e2bc6219.
+ * Model e91ef20b42c9388dfebd0bf18098f1d138c36c6ee9ea326b50fdb402f78a0054.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "d2d34f8345045532fef7724515eba7b060ad90ba087375a0b3820b11e2bc6219";
+    return "e91ef20b42c9388dfebd0bf18098f1d138c36c6ee9ea326b50fdb402f78a0054";
 }
 
 #if defined(__x86_64__)

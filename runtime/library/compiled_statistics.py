@@ -25,7 +25,8 @@ class CompiledStatistics:
         self._work = _typed(of_level("statistics_work"), _LONG, _LONG)
         self._join_work = _typed(of_level("statistics_join_work"), _LONG, _LONG, _LONG)
         state = (_POINTER,) * 4
-        self._run = _typed(of_level("statistics"), None, _LONG, *state, _LONG, *(_POINTER,) * 5)
+        ends = (*(_POINTER,) * 5, _LONG)
+        self._run = _typed(of_level("statistics"), _LONG, _LONG, *state, _LONG, *ends)
         self._join = _typed(of_level("statistics_join"), None, _LONG, _LONG, *(_POINTER,) * 3)
 
     def triangle(
@@ -37,7 +38,8 @@ class CompiledStatistics:
         columns: Array,
         weights: Array,
         sample_weights: Array | None,
-    ) -> Array:
+        products: bool = True,
+    ) -> tuple[Array, int]:
         """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ] and a diagonal ≥ 0, of contiguous
         arrays.
 
@@ -49,9 +51,11 @@ class CompiledStatistics:
             columns: (N, n, k) friction columns.
             weights: (n,) diagonal of W.
             sample_weights: (N,) s, or None for ones.
+            products: whether rows may be multiplied where that rounds no worse than eliminating
+                them; it is faster.
 
         Returns:
-            (n k + n_b + 1, n k + n_b + 1).
+            R, (n k + n_b + 1, n k + n_b + 1), and the number of samples that were multiplied.
         """
         k = columns.shape[2]
         size = self._joints * k + self._base + 1
@@ -59,8 +63,8 @@ class CompiledStatistics:
         state = (a.ctypes.data for a in (q, dq, ddq, tau))
         extra = None if sample_weights is None else sample_weights.ctypes.data
         ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
-        self._run(len(q), *state, k, columns.ctypes.data, *ends)
-        return triangle
+        multiplied = self._run(len(q), *state, k, columns.ctypes.data, *ends, int(products))
+        return triangle, int(multiplied)
 
     def update(
         self,

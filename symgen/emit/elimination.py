@@ -7,7 +7,7 @@ transformation mixes the rows that it touches, so each of them is filled where a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 PANEL = 8
 """Largest number of columns of a panel: they stay in the first-level cache while applied."""
@@ -83,3 +83,56 @@ def fill_in(pattern: Sequence[Sequence[bool]], panels: Sequence[Panel]) -> list[
         for c in (*range(panel.first, panel.first + panel.width), *panel.columns)
     }
     return sorted((i, c) for i, c in touched if not pattern[i][c])
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Neighbouring columns, `first` to before `end`, that have the same rows in common with others."""
+
+    first: int
+    end: int
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Neighbouring columns with the same rows.
+
+    Attributes:
+        first: the leftmost column.
+        width: number of columns.
+        ranges: columns from `first` on that share rows with them, ascending.
+    """
+
+    first: int
+    width: int
+    ranges: tuple[Range, ...]
+
+
+def shared_columns(pattern: Sequence[Sequence[bool]]) -> tuple[Run, ...]:
+    """Columns of a 0/1 pattern whose products with later columns are not zero.
+
+    Args:
+        pattern: rows of flags, one per column.
+
+    Returns:
+        Runs, left to right; empty columns are in none.
+    """
+    count = len(pattern[0])
+    rows = [tuple(i for i, row in enumerate(pattern) if row[c]) for c in range(count)]
+    runs: list[Run] = []
+    for c in range(count):
+        if not rows[c]:
+            continue
+        if runs and runs[-1].first + runs[-1].width == c and rows[c] == rows[c - 1]:
+            runs[-1] = replace(runs[-1], width=runs[-1].width + 1)
+            continue
+        ranges: list[Range] = []
+        for j in range(c, count):
+            common = tuple(i for i in rows[c] if i in rows[j])
+            if ranges and ranges[-1].end == j and ranges[-1].rows == common:
+                ranges[-1] = replace(ranges[-1], end=j + 1)
+            elif common:
+                ranges.append(Range(j, j + 1, common))
+        runs.append(Run(c, 1, tuple(ranges)))
+    return tuple(runs)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
 
-from symgen.emit.elimination import eliminate, fill_in
+from symgen.emit.elimination import Run, eliminate, fill_in, shared_columns
 from symgen.emit.sample import c_body
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Argument, Kernel
@@ -52,7 +52,8 @@ def programs(
     vectors = tiles.keys()
     if vectors >= _STATISTICS:
         tables = _statistics(by_name, tiles)
-        chosen += [Program("statistics.c", tables), Program("update.c", tables)]
+        chosen += [Program("statistics.c", tables, ("fold.h", "gram.h"))]
+        chosen.append(Program("update.c", tables))
     if by_name.keys() >= _DESCENT and "loss_gradient" in vectors:
         chosen.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _CONVEX:
@@ -125,7 +126,19 @@ def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "cleared": fill_in(pattern, panels),
         "joint_table": [c for row in per_joint for c in row],
         "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
+        **_products(shared_columns(pattern)),
     }
+
+
+def _products(runs: tuple[Run, ...]) -> dict[str, Any]:
+    """Tables of the columns whose products are summed."""
+    placed, ranges, rows = [], list[dict[str, Any]](), list[int]()
+    for run in runs:
+        placed.append({"first": run.first, "width": run.width, "range_at": len(ranges), "ranges": run.ranges})
+        for item in run.ranges:
+            ranges.append({"first": item.first, "end": item.end, "row_at": len(rows), "rows": item.rows})
+            rows += item.rows
+    return {"runs": placed, "range_table": ranges, "range_row_table": rows}
 
 
 def _placed(line: str, output: str, columns: int) -> str:

@@ -19,9 +19,9 @@ static double *numbers(long n)
 DECLARED = """
 long NAME_LEVEL_statistics_work(long k);
 long NAME_LEVEL_statistics_join_work(long size, long count);
-void NAME_LEVEL_statistics(long n, const double *q, const double *dq, const double *ddq,
+long NAME_LEVEL_statistics(long n, const double *q, const double *dq, const double *ddq,
     const double *tau, long k, const double *columns, const double *weight,
-    const double *sample_weight, double *work, double *triangle);
+    const double *sample_weight, double *work, double *triangle, long products);
 void NAME_LEVEL_statistics_join(long size, long count, const double *triangles, double *work,
     double *triangle);
 void NAME_LEVEL_adam(NAME_adam_job *jobs, long count, long iterations);
@@ -39,7 +39,20 @@ PROGRAMS = """
             double *work = numbers(NAME_LEVEL_statistics_work(1));
             NAME_LEVEL_statistics(9, numbers(9 * N), numbers(9 * N), numbers(9 * N), numbers(9 * N),
                 1, numbers(9 * N), numbers(N), part ? numbers(9) : 0, work,
-                triangles + part * SIZE * SIZE);
+                triangles + part * SIZE * SIZE, 1);
+        }
+        {   /* a log that is long and slow enough for products, and one that is only long */
+            enum { LONG = 4113 };
+            double *slow = numbers(LONG * N), *work = numbers(NAME_LEVEL_statistics_work(1));
+            for (int i = 0; i < LONG * N; ++i) {
+                slow[i] = sin(1e-3 * (i % N + 1) * (i / N)) + 1e-2 * sin((double)(i % 97) * i);
+            }
+            for (int part = 0; part < 2; ++part) {
+                const double *x = part ? numbers(LONG * N) : slow;
+                long products = NAME_LEVEL_statistics(LONG, x, x, slow, numbers(LONG * N), 1, x,
+                    numbers(N), part ? numbers(LONG) : 0, work, triangles, 1);
+                printf("%d %d\\n", products >= 0, isfinite(triangles[0]));
+            }
         }
         double *work = numbers(NAME_LEVEL_statistics_join_work(SIZE, 2));
         NAME_LEVEL_statistics_join(SIZE, 2, triangles, work, joint);

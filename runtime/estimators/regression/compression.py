@@ -22,6 +22,9 @@ TOGETHER = 16
 BLOCK = 8192
 """Samples per factor: fixed, so that the number of threads changes nothing, and some milliseconds
 of work, against which joining factors and starting threads are negligible."""
+TRIED = 8
+"""Blocks that find out by themselves whether rows may be multiplied; if none may, no later one
+tries, which takes a tenth of its time. Fixed, as `BLOCK`."""
 
 
 def compress(
@@ -54,25 +57,32 @@ def compress(
     compiled = lib.compiled_statistics
     join: Callable[[Array], Array] = compiled.join if compiled else joined
 
-    def block(start: int) -> Array:
+    def block(start: int, products: bool = True) -> tuple[Array, int]:
         part = slice(start, start + BLOCK)
         s = samples.rows(part)
         counts = None if sample_weights is None else sample_weights[part]
         # The C code evaluates Y_b itself and takes columns of one joint each.
         if compiled is None or s.coupling is not None or s.base is not None:
-            return reference_triangle(lib, s, weights, counts)
-        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, counts)
+            return reference_triangle(lib, s, weights, counts), 0
+        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, counts, products)
 
     # One factor per block, on threads, then the factor of all factors.
     starts = range(0, max(len(samples), 1), BLOCK)
     workers = min(len(starts), threads or cores())
+
+    def all_blocks(each: Callable[..., Iterable[tuple[Array, int]]]) -> list[Array]:
+        done = list(each(block, starts[:TRIED]))
+        products = any(multiplied for _, multiplied in done)
+        done += each(lambda start: block(start, products), starts[TRIED:])
+        return [triangle for triangle, _ in done]
+
     if workers > 1:
         from concurrent.futures import ThreadPoolExecutor
 
         with ThreadPoolExecutor(workers) as pool:
-            triangles = list(pool.map(block, starts))
+            triangles = all_blocks(pool.map)
     else:
-        triangles = [block(start) for start in starts]
+        triangles = all_blocks(map)
     triangle = triangles[0] if len(triangles) == 1 else join(np.stack(triangles))
     if not np.isfinite(triangle).all():
         raise IdentificationError(

@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 372850320ed564d289e9f8bdf9a8937eb571008b55e7645ac4b18d70d295964f.
+ * Model e30c4257607cec3539b94a7559e9c749ca7b3fedfc89acc87414e0f43f72709e.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "372850320ed564d289e9f8bdf9a8937eb571008b55e7645ac4b18d70d295964f";
+    return "e30c4257607cec3539b94a7559e9c749ca7b3fedfc89acc87414e0f43f72709e";
 }
 
 #if defined(__x86_64__)

@@ -5,7 +5,13 @@
  * products, and are then forgotten. The k friction columns of a joint come first, since they touch
  * no other joint, then the base parameters from the root of the robot on: a row is zero before the
  * columns of its own joint. Each of the 8 lanes has a triangle and samples of its own, so that
- * nothing is shuffled; the triangles are joined at the end. The diagonal is never negative. */
+ * nothing is shuffled; the triangles are joined at the end. The diagonal is never negative.
+ *
+ * Products of rows take half of the multiply-adds of an elimination, but squares round to the square
+ * of the condition number. So the samples of a long log are turned by an orthogonal matrix into means
+ * of 16 or 64 neighbours, which are eliminated, and differences from them, which are multiplied and
+ * folded into the triangle: differences of a log are small. Bounds of rounding of a trial and of the
+ * result decide; where they say no, all rows are eliminated. */
 #include <stdint.h>
 
 #include "tiles.h"
@@ -21,7 +27,10 @@ enum {
     BASE = 36,
     DEPTH = 16, /* tiles that are eliminated together: R is read and written once for all of them */
     HEIGHT = (N * DEPTH) | 1, /* vectors from column to column, off the powers of two */
-    AHEAD = 4 * LANES, /* samples that are on their way from memory */
+    AHEAD = 4, /* tiles whose samples are on their way from memory */
+    TRIAL = 4, /* blocks of samples that show whether products are accurate enough */
+    WINDOW = 4, /* blocks whose mean is eliminated where what changes slowly stays small */
+    LEAST = 4096, /* samples below which all rows are eliminated */
     CACHED = 64 * 8, /* rows times lanes up to which a panel and the columns it changes stay in the first cache */
     TOGETHER = REGISTERS < 32 ? 3 : 4 /* columns that are changed together by four reflections */
 };
@@ -35,6 +44,9 @@ enum {
 #else
 #define HOLD(x) ((void)0)
 #endif
+
+#include "fold.h"
+#include "gram.h"
 
 /* Sums of squares up to here count as zero: below, their power 3/2, by which a reflection divides,
  * leaves the range of numbers. */
@@ -62,6 +74,38 @@ static const short panel_columns[] = {3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 1
 /* Columns of Y_b in the row of a joint, and tau. */
 static const short joint_columns[] = {0, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 29, 30, 31, 32, 33, 34, 35, 36};
 static const short joint_at[] = {0, 35, 71, 100, 122, 137, 145};
+
+/* Neighbouring columns of the same joints, and the columns from there on that share joints. */
+typedef struct {
+    short first, width, range, range_count;
+} run;
+
+typedef struct {
+    short from, to, rows, row_count;
+} sharing;
+
+static const run runs[] = {
+    {0, 1, 0, 2},
+    {1, 2, 2, 1},
+    {3, 5, 3, 1},
+    {8, 7, 4, 1},
+    {15, 7, 5, 1},
+    {22, 7, 6, 1},
+    {29, 8, 7, 1},
+};
+enum { RUNS = sizeof runs / sizeof runs[0] };
+
+static const sharing ranges[] = {
+    {0, 1, 0, 1},
+    {3, 37, 1, 1},
+    {1, 37, 2, 1},
+    {3, 37, 3, 2},
+    {8, 37, 5, 3},
+    {15, 37, 8, 4},
+    {22, 37, 12, 5},
+    {29, 37, 17, 6},
+};
+static const short range_rows[] = {0, 0, 1, 0, 1, 0, 1, 2, 0, 1, 2, 3, 0, 1, 2, 3, 4, 0, 1, 2, 3, 4, 5};
 
 static const short counting[] = {0, 1, 2, 3, 4, 5, 6, 7};
 
@@ -383,6 +427,96 @@ static APART void eliminate(vd *b, vd *r, long k)
     *last = vd_sqrt(sum);
 }
 
+/* Columns c, ..., c + tall - 1 from `column` on and their products with those from `from` to `to`, of
+ * which the first may be `column` itself; `at` is where columns begin in the triangle g. */
+static void add_products(product *p, const vd *b, vd *g, long size, long at, int column, int tall, long from, long to)
+{
+    long later = from;
+    p->a = b + column * HEIGHT;
+    for (int i = 0; i < tall; ++i) {
+        const long c = at + column + i;
+        p->g[i] = g + c * (2 * size - c - 1) / 2 + at + column;
+    }
+    if (from <= column) {
+        multiply_square(p, tall);
+        later = column + tall;
+    }
+    for (int i = 0; i < tall; ++i) {
+        p->g[i] += later - column;
+    }
+    p->b = b + later * HEIGHT;
+    multiply_range(p, tall, to - later);
+}
+
+/* Products of the differences of a block, added to the triangle g. */
+static APART void add_block(const vd *b, vd *g, long k)
+{
+    const long shift = N * k, size = shift + BASE + 1;
+    product p;
+    for (int joint = 0; joint < N; ++joint) {
+        p.joints = counting + joint;
+        p.joint_count = 1;
+        for (long m = 0; m < k; m += TALL) {
+            const int tall = k - m < TALL ? (int)(k - m) : TALL;
+            add_products(&p, b, g, size, joint * k, (int)m, tall, m, k);
+            for (int at = joint_at[joint], next; at < joint_at[joint + 1]; at = next) {
+                const int first = joint_columns[at];
+                for (next = at + 1; next < joint_at[joint + 1] && joint_columns[next] == first + next - at;) {
+                    ++next;
+                }
+                for (int i = 0; i < tall; ++i) {
+                    const long c = joint * k + m + i;
+                    p.g[i] = g + c * (2 * size - c - 1) / 2 + shift + first;
+                }
+                p.a = b + m * HEIGHT;
+                p.b = b + (k + first) * HEIGHT;
+                multiply_range(&p, tall, next - at);
+            }
+        }
+    }
+    b += k * HEIGHT;
+    for (int r = 0; r < RUNS; ++r) {
+        for (int i = 0; i < runs[r].width; i += TALL) {
+            const int tall = runs[r].width - i < TALL ? runs[r].width - i : TALL;
+            for (int n = 0; n < runs[r].range_count; ++n) {
+                const sharing *s = ranges + runs[r].range + n;
+                p.joints = range_rows + s->rows;
+                p.joint_count = s->row_count;
+                add_products(&p, b, g, size, shift, runs[r].first + i, tall, s->from, s->to);
+            }
+        }
+    }
+}
+
+/* Rows 2 pair and 2 pair + 1 of a block, pair number u of their window, into differences. `sums`
+ * holds a vector per column and joint. */
+static APART void turn_rows(vd *b, vd *sums, long k, int pair, int u)
+{
+    const double far = u ? sqrt(2.0 * u / (u + 1.0)) : 0.0, near = u ? sqrt(2.0 / (u * (u + 1.0))) : 0.0;
+    b += 2 * pair;
+    for (int joint = 0; joint < N; ++joint, b += DEPTH, sums += k + BASE + 1) {
+        for (long m = 0; m < k; ++m) {
+            differences(b + m * HEIGHT, sums + m, far, near);
+        }
+        for (int at = joint_at[joint]; at < joint_at[joint + 1]; ++at) {
+            const long c = k + joint_columns[at];
+            differences(b + c * HEIGHT, sums + c, far, near);
+        }
+    }
+}
+
+/* The means of windows become row `slot` of a block, and the sums zero. */
+static APART void keep_means(vd *sums, vd *up, long k, int slot, double scale)
+{
+    up += slot;
+    for (int joint = 0; joint < N; ++joint, up += DEPTH) {
+        for (long c = 0; c < k + BASE + 1; ++c, ++sums) {
+            up[c * HEIGHT] = scale * *sums;
+            *sums = vd_all(0.0);
+        }
+    }
+}
+
 enum { TEAM = 4 }; /* reflections that a join applies together */
 
 /* TEAM reflections of a join: number i has u = [-length; u] with `span` rows, h = length^2. */
@@ -544,9 +678,9 @@ long OWN(statistics_work)(long k);
 long OWN(statistics_work)(long k)
 {
     const long size = N * k + BASE + 1, step = step_of(size);
-    const long triangles = size * (size + 1) / 2 * LANES, block = (HEIGHT * (k + BASE + 1) + N * k) * LANES;
-    const long joined = size * (LANES + 1) * step + team_size(size, LANES);
-    return 8 + triangles + (block > joined ? block : joined);
+    const long triangles = size * (size + 1) / 2 * LANES, means = HEIGHT * (k + BASE + 1) * LANES;
+    const long block = means + N * k * LANES, joined = size * (LANES + 1) * step + team_size(size, LANES);
+    return 8 + 2 * triangles + means + N * (k + BASE + 1) * LANES + (block > joined ? block : joined);
 }
 
 long OWN(statistics_join_work)(long size, long count);
@@ -1378,20 +1512,22 @@ static APART void place(const vu *restrict sc, const vu *restrict q, const vu *r
 }
 #undef PUT
 
-/* The numbers of LANES samples, before they are needed. */
-static inline void fetch(const double *from, long size)
+/* The numbers of LANES samples, `apart` from one lane to the next, before they are needed. */
+static inline void fetch(const double *from, long size, long apart)
 {
-    for (long i = 0; i < size * LANES; i += 8) {
-        __builtin_prefetch(from + i);
+    for (long l = 0; l < LANES; ++l) {
+        for (long i = 0; i < size; i += 8) {
+            __builtin_prefetch(from + l * apart * size + i);
+        }
     }
 }
 
-/* Tile t of a block: W of the samples from i on, from lane h of their tiles on. */
-static void fill(const samples *s, long i, const double *sc, const double *q, const double *dq, const double *ddq, const double *tau, const double *columns, int h, vd *to)
+/* Tile t of a block: W of the samples that begin with i and are `apart`, from lane h of their tiles on. */
+static void fill(const samples *s, long i, long apart, const double *sc, const double *q, const double *dq, const double *ddq, const double *tau, const double *columns, int h, vd *to)
 {
     vd scale[N], own; /* root of the weight of each sample */
     for (int l = 0; l < W; ++l) {
-        const long at = i + h + l;
+        const long at = i + (h + l) * apart;
         own[l] = at >= s->n ? 0.0 : s->sample_weight ? sqrt(s->sample_weight[at]) : 1.0;
     }
 #define ROW(tile, index) (*(const vd *)((tile) + (index) * LANES + h))
@@ -1407,42 +1543,47 @@ static void fill(const samples *s, long i, const double *sc, const double *q, co
     place((const vu *)(sc + h), (const vu *)(q + h), (const vu *)(dq + h), (const vu *)(ddq + h), scale, to + s->k * HEIGHT);
 }
 
-/* The DEPTH LANES samples from `first` on into a block, of which each vector of lanes has a `part`;
- * zeros where there are no more. */
-static void fill_block(const samples *s, long first, double *b, long part, double *columns)
+/* DEPTH LANES samples into a block, of which each vector of lanes has a `part`: that of lane l in tile
+ * t is first + l apart + t further. Zeros where there are no more. With `sums`, rows are turned into
+ * differences; the first two are number u of their window. */
+static void fill_block(const samples *s, long first, long apart, long further, double *b, long part, double *columns, double *sums, int u)
 {
     TILE(q, DEPTH * N) = {0};
     TILE(sc, DEPTH * 2 * N);
-    const long end = first + DEPTH * LANES < s->n ? first + DEPTH * LANES : s->n;
-    const long tiles = (end - first + LANES - 1) / LANES, width = N * s->k;
+    const long left = (s->n - first + further - 1) / further, tiles = left < DEPTH ? left : DEPTH, width = N * s->k;
     for (long t = 0; t < tiles; ++t) {
-        const long i = first + t * LANES, left = s->n - i;
-        load(q + t * N * LANES, s->q + i * N, N, N, left, left * N);
+        const long i = first + t * further, rest = s->n - i;
+        load(q + t * N * LANES, s->q + i * N, apart * N, N, (rest + apart - 1) / apart, rest * N);
     }
     OWN(base_regressor_sines)(tiles, q, sc);
     for (long t = 0; t < tiles; ++t) {
-        const long i = first + t * LANES, left = s->n - i;
+        const long i = first + t * further, rest = s->n - i, have = (rest + apart - 1) / apart;
         TILE(dq, N);
         TILE(ddq, N);
         TILE(tau, N);
-        if (left > AHEAD + LANES) {
-            const long next = i + AHEAD;
-            fetch(s->q + next * N, N);
-            fetch(s->dq + next * N, N);
-            fetch(s->ddq + next * N, N);
-            fetch(s->tau + next * N, N);
+        if (rest > AHEAD * further + LANES * apart) {
+            const long next = i + AHEAD * further;
+            fetch(s->q + next * N, N, apart);
+            fetch(s->dq + next * N, N, apart);
+            fetch(s->ddq + next * N, N, apart);
+            fetch(s->tau + next * N, N, apart);
             if (width) {
-                fetch(s->columns + next * width, width);
+                fetch(s->columns + next * width, width, apart);
             }
         }
-        load(dq, s->dq + i * N, N, N, left, left * N);
-        load(ddq, s->ddq + i * N, N, N, left, left * N);
-        load(tau, s->tau + i * N, N, N, left, left * N);
+        load(dq, s->dq + i * N, apart * N, N, have, rest * N);
+        load(ddq, s->ddq + i * N, apart * N, N, have, rest * N);
+        load(tau, s->tau + i * N, apart * N, N, have, rest * N);
         if (width) {
-            load(columns, s->columns + i * width, width, (int)width, left, left * width);
+            load(columns, s->columns + i * width, apart * width, (int)width, have, rest * width);
         }
         for (int h = 0; h < LANES; h += W) {
-            fill(s, i, sc + t * 2 * N * LANES, q + t * N * LANES, dq, ddq, tau, columns, h, (vd *)(b + h * part) + t);
+            fill(s, i, apart, sc + t * 2 * N * LANES, q + t * N * LANES, dq, ddq, tau, columns, h, (vd *)(b + h * part) + t);
+        }
+        if (sums && t % 2 == 1) {
+            for (int h = 0; h < LANES; h += W) {
+                turn_rows((vd *)(b + h * part), (vd *)(sums + h * N * (s->k + BASE + 1)), s->k, (int)t / 2, u + (int)t / 2);
+            }
         }
     }
     for (long t = tiles; t < DEPTH; ++t) {
@@ -1456,45 +1597,162 @@ static void fill_block(const samples *s, long first, double *b, long part, doubl
     }
 }
 
-/* The triangle of n samples, size x size and row-major with size = N k + BASE + 1 columns
- * [F Y_b tau]. Samples follow one another; columns holds N x k numbers per sample and is not read
- * when k = 0; weight one number per joint; sample_weight one per sample, or NULL for ones. */
-void OWN(statistics)(long n, const double *q, const double *dq, const double *ddq, const double *tau, long k, const double *columns, const double *weight, const double *sample_weight, double *work, double *triangle);
-void OWN(statistics)(long n, const double *q, const double *dq, const double *ddq, const double *tau, long k, const double *columns, const double *weight, const double *sample_weight, double *work, double *triangle)
+/* What `statistics` works on: triangles r of rows and g of products, one per lane, a block b, a block
+ * `up` of means, and sums of rows. */
+typedef struct {
+    double *r, *g, *b, *up, *sums;
+    long k, size, step, packed, part;
+} workplace;
+
+static void clear(double *x, long count)
 {
-    const long shift = N * k, size = shift + BASE + 1, step = step_of(size);
-    const long packed = size * (size + 1) / 2, part = HEIGHT * (k + BASE + 1);
-    double *r = aligned(work), *b = r + packed * LANES;
-    samples given = {n, k, q, dq, ddq, tau, columns, sample_weight, {0.0}};
-    for (int i = 0; i < N; ++i) {
-        given.root[i] = sqrt(weight[i]);
+    for (long i = 0; i < count; ++i) {
+        x[i] = 0.0;
     }
-    for (long i = 0; i < packed * LANES; ++i) {
-        r[i] = 0.0;
-    }
-    for (long first = 0; first < n; first += DEPTH * LANES) {
-        fill_block(&given, first, b, part, b + part * LANES);
-        for (long h = 0; h < VECTORS; ++h) {
-            eliminate((vd *)(b + h * part * W), (vd *)(r + h * W * packed), k);
+}
+
+/* Samples from `first` to `end`, whose rows are eliminated as they are. */
+static void eliminate_samples(const workplace *w, const samples *s, long first, long end)
+{
+    samples until = *s;
+    until.n = end;
+    for (; first < end; first += DEPTH * LANES) {
+        fill_block(&until, first, 1, LANES, w->b, w->part, w->b + w->part * LANES, 0, 0);
+        for (long h = 0; h < LANES; h += W) {
+            eliminate((vd *)(w->b + h * w->part), (vd *)(w->r + h * w->packed), w->k);
         }
     }
-    double *joined = b, *rows = b + size * step;
-    for (long i = 0; i < size * LANES * step; ++i) {
-        rows[i] = 0.0;
+}
+
+/* TRIAL of the `blocks` blocks of each lane, `apart` from one another, or with `others` all but those.
+ * The samples of a lane follow one another in time. Means of `window` blocks are eliminated, the
+ * differences from them multiplied. */
+static void add_samples(const workplace *w, const samples *s, long blocks, long apart, int others, int window)
+{
+    int slot = 0, inside = 0;
+    long left = others ? blocks - TRIAL : TRIAL;
+    for (long i = 0; i < blocks; ++i) {
+        const int chosen = i % apart == 0 && i / apart < TRIAL;
+        if (chosen == others) {
+            continue;
+        }
+        fill_block(s, i * DEPTH, blocks * DEPTH, 1, w->b, w->part, w->b + w->part * LANES, w->sums, inside * DEPTH / 2);
+        for (long h = 0; h < LANES; h += W) {
+            add_block((const vd *)(w->b + h * w->part), (vd *)(w->g + h * w->packed), w->k);
+        }
+        --left;
+        if (++inside < window && left > 0) {
+            continue;
+        }
+        if (slot == 0) {
+            clear(w->up, w->part * LANES);
+        }
+        for (long h = 0; h < LANES; h += W) {
+            keep_means((vd *)(w->sums + h * N * (w->k + BASE + 1)), (vd *)(w->up + h * w->part), w->k, slot, 1.0 / sqrt((double)(inside * DEPTH)));
+        }
+        inside = 0;
+        slot = (slot + 1) % DEPTH;
+        if (slot == 0 || left == 0) {
+            for (long h = 0; h < LANES; h += W) {
+                eliminate((vd *)(w->up + h * w->part), (vd *)(w->r + h * w->packed), w->k);
+            }
+        }
     }
-    for (long h = 0; h < VECTORS; ++h) {
-        const double *from = r + h * W * packed;
-        for (long c = 0; c < size; ++c) {
-            double *to = rows + (c * LANES + h * W) * step;
-            for (long j = c; j < size; ++j, from += W) {
+}
+
+/* The triangles of all lanes as one, whose place is b. */
+static double *joined_lanes(const workplace *w)
+{
+    double *result = w->b, *rows = result + w->size * w->step;
+    clear(rows, w->size * LANES * w->step);
+    for (long h = 0; h < LANES; h += W) {
+        const double *from = w->r + h * w->packed;
+        for (long c = 0; c < w->size; ++c) {
+            double *to = rows + (c * LANES + h) * w->step;
+            for (long j = c; j < w->size; ++j, from += W) {
                 for (long l = 0; l < W; ++l) {
-                    to[l * step + j] = from[l];
+                    to[l * w->step + j] = from[l];
                 }
             }
         }
     }
-    join(joined, rows, size, LANES, step, rows + size * LANES * step);
-    for (long i = 0; i < size * size; ++i) {
-        triangle[i] = joined[i / size * step + i % size];
+    join(result, rows, w->size, LANES, w->step, rows + w->size * LANES * w->step);
+    return result;
+}
+
+/* The joined triangle with the products folded into it, or NULL where they are not accurate enough. */
+static double *folded(const workplace *w, double *margin)
+{
+    double *result = joined_lanes(w), *g = result + w->size * w->step;
+    clear(g, w->size * w->step);
+    for (long h = 0; h < LANES; h += W) {
+        const double *from = w->g + h * w->packed;
+        for (long c = 0; c < w->size; ++c) {
+            long j = c;
+            for (; j + W <= w->size; j += W) {
+                vd each[W];
+                UNROLL for (int i = 0; i < W; ++i, from += W) {
+                    each[i] = *(const vd *)from;
+                }
+                *(vu *)(g + c * w->step + j) += 0.25 * fold(each);
+            }
+            for (; j < w->size; ++j, from += W) {
+                g[c * w->step + j] += 0.25 * vd_sum(*(const vd *)from);
+            }
+        }
     }
+    for (long c = 0; c < w->size; ++c) {
+        for (long j = 0; j < c; ++j) {
+            g[c * w->step + j] = g[j * w->step + c];
+        }
+    }
+    *margin = fold_into(result, g, g + w->size * w->step, w->size, w->step);
+    return *margin >= 1.0 ? result : 0;
+}
+
+/* The triangle of n samples, size x size and row-major with size = N k + BASE + 1 columns
+ * [F Y_b tau]. Samples follow one another; columns holds N x k numbers per sample and is not read
+ * when k = 0; weight one number per joint; sample_weight one per sample, or NULL for ones. Returns how
+ * many samples were multiplied: with `products` those of long logs are, where that rounds no worse
+ * than eliminating them. */
+long OWN(statistics)(long n, const double *q, const double *dq, const double *ddq, const double *tau, long k, const double *columns, const double *weight, const double *sample_weight, double *work, double *triangle, long products);
+long OWN(statistics)(long n, const double *q, const double *dq, const double *ddq, const double *tau, long k, const double *columns, const double *weight, const double *sample_weight, double *work, double *triangle, long products)
+{
+    const long size = N * k + BASE + 1, packed = size * (size + 1) / 2, part = HEIGHT * (k + BASE + 1);
+    const long blocks = n / (DEPTH * LANES), apart = blocks / TRIAL;
+    workplace w = {.k = k, .size = size, .step = step_of(size), .packed = packed, .part = part};
+    w.r = aligned(work);
+    w.g = w.r + packed * LANES;
+    w.up = w.g + packed * LANES;
+    w.sums = w.up + part * LANES;
+    w.b = w.sums + N * (k + BASE + 1) * LANES;
+    samples given = {n, k, q, dq, ddq, tau, columns, sample_weight, {0.0}};
+    for (int i = 0; i < N; ++i) {
+        given.root[i] = sqrt(weight[i]);
+    }
+    double *result = 0, margin;
+    long multiplied = 0;
+    clear(w.r, 2 * packed * LANES);
+    clear(w.sums, N * (k + BASE + 1) * LANES);
+    if (products && n >= LEAST) {
+        add_samples(&w, &given, blocks, apart, 0, 1);
+        if (folded(&w, &margin)) {
+            multiplied = blocks * DEPTH * LANES;
+            add_samples(&w, &given, blocks, apart, 1, margin >= WINDOW * WINDOW ? WINDOW : 1);
+            eliminate_samples(&w, &given, multiplied, n);
+            result = folded(&w, &margin);
+        }
+        if (!result) {
+            clear(w.r, packed * LANES);
+        }
+    }
+    if (!result) {
+        multiplied = 0;
+        eliminate_samples(&w, &given, 0, n);
+        result = joined_lanes(&w);
+    }
+    for (long i = 0; i < size * size; ++i) {
+        triangle[i] = result[i / size * w.step + i % size];
+    }
+    return multiplied;
 }

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from bench import doors, estimators, grid
+from bench import doors, estimators, grid, passes
 from bench.clock import interleave, ratio
 from bench.doors import Setting
 from bench.machine import processor
+from bench.passes import Passes
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 
@@ -50,6 +51,13 @@ ENTRIES = (
         "statistics",
         doors.statistics,
         doors.numpy_statistics,
+    ),
+    Entry(
+        "statistics_of_exact",
+        "statistics, rows eliminated, per sample",
+        "statistics",
+        doors.statistics_of_exact,
+        None,
     ),
     Entry(
         "adam_full",
@@ -148,6 +156,7 @@ class Report:
 
     Attributes:
         skipped: label → why.
+        passes: the pass over the rows beside the limit of multiply-adds.
     """
 
     robot: str
@@ -157,6 +166,7 @@ class Report:
     samples: int
     rows: tuple[Row, ...]
     skipped: dict[str, str]
+    passes: Passes
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -186,7 +196,14 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
         else:
             skipped[entry.label] = why
     return Report(
-        lib.name, lib.level, processor(), rounds, len(setting.train), tuple(rows), skipped
+        lib.name,
+        lib.level,
+        processor(),
+        rounds,
+        len(setting.train),
+        tuple(rows),
+        skipped,
+        passes.measure(setting, rounds),
     )
 
 
@@ -242,8 +259,9 @@ def table(report: Report) -> Table:
 
 
 def footnotes(report: Report) -> list[str]:
-    """Skipped entries, one line each."""
-    return [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
+    """Skipped entries and the pass over the rows, one line each."""
+    skipped = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
+    return [*skipped, passes.sentence(report.passes)]
 
 
 def markdown(report: Report) -> str:

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from symgen.emit import tile_program
-from symgen.emit.elimination import PANEL, Panel, eliminate, fill_in
+from symgen.emit.elimination import (
+    PANEL,
+    Panel,
+    Range,
+    Run,
+    eliminate,
+    fill_in,
+    shared_columns,
+)
 from symgen.emit.programs import _statistics
 from symgen.kernel import Argument, make_kernel
 
@@ -92,3 +100,29 @@ def test_each_joint_lists_its_columns_and_the_torque():
     tables = _statistics({"base_regressor": regressor}, {"base_regressor": tile_program(regressor)})
     assert tables["joint_table"] == [0, 1, 2, 3, 4, 2, 3, 4, 3, 4]
     assert tables["joint_at"] == [0, 5, 8, 10]  # the last entry ends the list of the last joint
+
+
+def test_columns_that_share_rows():
+    """Oracle, by hand: the stairs and the fork; an empty column is in no run."""
+    assert shared_columns([[1, 1, 1, 1], [0, 1, 1, 1]]) == (
+        Run(0, 1, (Range(0, 4, (0,)),)),
+        Run(1, 3, (Range(1, 4, (0, 1)),)),
+    )
+    assert shared_columns([[1, 0, 0, 1], [0, 1, 0, 1]]) == (
+        Run(0, 1, (Range(0, 1, (0,)), Range(3, 4, (0,)))),
+        Run(1, 1, (Range(1, 2, (1,)), Range(3, 4, (1,)))),
+        Run(3, 1, (Range(3, 4, (0, 1)),)),
+    )
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_shared_columns_are_all_products(pattern):
+    """Oracle: the products of random numbers; every pair of columns is in one range, once."""
+    rows = np.where(pattern, np.random.default_rng(0).normal(size=np.shape(pattern)), 0.0)
+    gram = np.zeros((rows.shape[1],) * 2)
+    for run in shared_columns(pattern):
+        for c in range(run.first, run.first + run.width):
+            for item in run.ranges:
+                for j in range(max(item.first, c), item.end):
+                    gram[c, j] += rows[list(item.rows), c] @ rows[list(item.rows), j]
+    np.testing.assert_allclose(gram, np.triu(rows.T @ rows), rtol=0, atol=1e-14)

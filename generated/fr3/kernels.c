@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model e91ef20b42c9388dfebd0bf18098f1d138c36c6ee9ea326b50fdb402f78a0054.
+ * Model 968fb0f9da978ad4f2497232559a4fa1f7b0be4e03df8fa7b99d72e21af4cf6e.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "e91ef20b42c9388dfebd0bf18098f1d138c36c6ee9ea326b50fdb402f78a0054";
+    return "968fb0f9da978ad4f2497232559a4fa1f7b0be4e03df8fa7b99d72e21af4cf6e";
 }
 
 #if defined(__x86_64__)

@@ -116,16 +116,4 @@ static APART void multiply_square(const product *p, int tall)
     }
 }
 
-/* Two rows of a column and a joint, number u of their window, turned by an orthogonal matrix: their
- * difference, and that of their sum s from the sums before, (u s - sum) / sqrt(u (u + 1)), take their
- * place, both twice as long. `sum` gets s. What changes slowly is small in the differences, and with
- * it the rounding of their products. */
-INLINE void differences(vd *x, vd *sum, const double far, const double near)
-{
-    const vd a = x[0], b = x[1], s = a + b, before = *sum;
-    x[0] = 1.4142135623730951 * (a - b);
-    x[1] = far * s - near * before;
-    *sum = before + s;
-}
-
 #endif

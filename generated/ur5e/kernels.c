@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model e30c4257607cec3539b94a7559e9c749ca7b3fedfc89acc87414e0f43f72709e.
+ * Model 4fc6e41066935b291822431ec0fa7c610dc3edc0422e17e82442b7eed9ff07b3.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "e30c4257607cec3539b94a7559e9c749ca7b3fedfc89acc87414e0f43f72709e";
+    return "4fc6e41066935b291822431ec0fa7c610dc3edc0422e17e82442b7eed9ff07b3";
 }
 
 #if defined(__x86_64__)

@@ -488,31 +488,13 @@ static APART void add_block(const vd *b, vd *g, long k)
     }
 }
 
-/* Rows 2 pair and 2 pair + 1 of a block, pair number u of their window, into differences. `sums`
- * holds a vector per column and joint. */
-static APART void turn_rows(vd *b, vd *sums, long k, int pair, int u)
-{
-    const double far = u ? sqrt(2.0 * u / (u + 1.0)) : 0.0, near = u ? sqrt(2.0 / (u * (u + 1.0))) : 0.0;
-    b += 2 * pair;
-    for (int joint = 0; joint < N; ++joint, b += DEPTH, sums += k + BASE + 1) {
-        for (long m = 0; m < k; ++m) {
-            differences(b + m * HEIGHT, sums + m, far, near);
-        }
-        for (int at = joint_at[joint]; at < joint_at[joint + 1]; ++at) {
-            const long c = k + joint_columns[at];
-            differences(b + c * HEIGHT, sums + c, far, near);
-        }
-    }
-}
-
 /* The means of windows become row `slot` of a block, and the sums zero. */
 static APART void keep_means(vd *sums, vd *up, long k, int slot, double scale)
 {
-    up += slot;
-    for (int joint = 0; joint < N; ++joint, up += DEPTH) {
-        for (long c = 0; c < k + BASE + 1; ++c, ++sums) {
-            up[c * HEIGHT] = scale * *sums;
-            *sums = vd_all(0.0);
+    for (long c = 0; c < k + BASE + 1; ++c) {
+        for (int joint = 0; joint < N; ++joint) {
+            up[c * HEIGHT + joint * DEPTH + slot] = scale * sums[c * N + joint];
+            sums[c * N + joint] = vd_all(0.0);
         }
     }
 }
@@ -1509,6 +1491,813 @@ static APART void place(const vu *restrict sc, const vu *restrict q, const vu *r
     PUT(5, 33, t462);
     PUT(5, 34, t470);
     PUT(5, 35, t477);
+
+}
+#undef PUT
+
+/* Row x number t of a window in time is turned into its difference from the mean of those before,
+ * (t x - sum) / sqrt(t (t + 1)), and added to their sum. With the mean of all rows that is a product
+ * with an orthogonal matrix. What changes slowly is small in the differences, and with it the rounding
+ * of their products. `far` is the scale times t / sqrt(t (t + 1)), `near` is 1 / sqrt(t (t + 1)). */
+INLINE vd difference(vd x, vd *sum, vd scale, vd far, vd near)
+{
+    const vd before = *sum;
+    *sum = before + scale * x;
+    return far * x - near * before;
+}
+
+/* The same rows as differences. */
+#define PUT(joint, column, value) \
+    to[(joint) * DEPTH + (column) * HEIGHT] = difference(value, sums + (column) * N + (joint), scale[joint], far[joint], near)
+static APART void place_differences(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vd *restrict scale, const vd *restrict far, const vd near, vd *restrict sums, vd *restrict to)
+{
+    (void)q;
+    PUT(0, 0, ddq[0 * VS]);
+    const vd t9 = sc[2 * VS] * dq[0 * VS];
+    const vd t10 = dq[1 * VS] * t9;
+    const vd t12 = t10 * sc[3 * VS];
+    const vd t13 = sc[2 * VS] * ddq[0 * VS];
+    const vd t14 = sc[3 * VS] * dq[0 * VS];
+    const vd t15 = t14 * dq[1 * VS];
+    const vd t16 = t13 + t15;
+    const vd t17 = t16 * sc[2 * VS];
+    const vd t18 = t12 + t17;
+    PUT(0, 3, t18);
+    const vd t20 = t15 * sc[2 * VS];
+    const vd t21 = t20 - t12;
+    PUT(0, 4, t21);
+    const vd t23 = t15 + t16;
+    const vd t24 = t23 * sc[3 * VS];
+    const vd t25 = t9 * dq[1 * VS];
+    const vd t26 = sc[3 * VS] * ddq[0 * VS];
+    const vd t27 = t26 - t25;
+    const vd t28 = t25 - t27;
+    const vd t29 = t28 * sc[2 * VS];
+    const vd t30 = t24 - t29;
+    PUT(0, 5, t30);
+    const vd t32 = dq[1 * VS] * dq[1 * VS];
+    const vd t33 = t9 * t9;
+    const vd t34 = t32 - t33;
+    const vd t35 = t34 * sc[3 * VS];
+    const vd t36 = t9 * t14;
+    const vd t38 = t36 + ddq[1 * VS];
+    const vd t39 = t38 * sc[2 * VS];
+    const vd t40 = t35 + t39;
+    PUT(0, 6, t40);
+    const vd t42 = t14 * t14;
+    const vd t43 = t42 - t32;
+    const vd t44 = t43 * sc[2 * VS];
+    const vd t45 = t36 - ddq[1 * VS];
+    const vd t46 = t45 * sc[3 * VS];
+    const vd t47 = t44 - t46;
+    PUT(0, 7, t47);
+    const vd t51 = sc[5 * VS] * t9;
+    const vd t53 = sc[4 * VS] * t14;
+    const vd t54 = t51 + t53;
+    const vd t56 = dq[1 * VS] + dq[2 * VS];
+    const vd t57 = t54 * t56;
+    const vd t58 = sc[5 * VS] * t27;
+    const vd t59 = sc[4 * VS] * t16;
+    const vd t60 = t58 - t59;
+    const vd t61 = t54 * dq[2 * VS];
+    const vd t62 = t60 - t61;
+    const vd t63 = t57 - t62;
+    const vd t65 = (-0.42499999999999999) * sc[3 * VS];
+    const vd t66 = t63 * t65;
+    const vd t67 = (-0.42499999999999999) * t28;
+    const vd t68 = sc[5 * VS] * sc[3 * VS];
+    const vd t69 = sc[4 * VS] * sc[2 * VS];
+    const vd t70 = t68 - t69;
+    const vd t71 = t67 * t70;
+    const vd t72 = t66 + t71;
+    const vd t73 = -t72;
+    PUT(0, 8, t73);
+    const vd t75 = sc[4 * VS] * sc[3 * VS];
+    const vd t76 = sc[5 * VS] * sc[2 * VS];
+    const vd t77 = t75 + t76;
+    const vd t78 = t67 * t77;
+    const vd t79 = sc[5 * VS] * t14;
+    const vd t80 = sc[4 * VS] * t9;
+    const vd t81 = t79 - t80;
+    const vd t82 = t81 * t56;
+    const vd t83 = sc[5 * VS] * t16;
+    const vd t84 = sc[4 * VS] * t27;
+    const vd t85 = t83 + t84;
+    const vd t86 = t81 * dq[2 * VS];
+    const vd t87 = t85 + t86;
+    const vd t88 = t82 + t87;
+    const vd t89 = t88 * t65;
+    const vd t90 = t78 - t89;
+    PUT(0, 9, t90);
+    const vd t92 = t56 * t54;
+    const vd t93 = t92 * t70;
+    const vd t94 = t87 * t77;
+    const vd t95 = t93 + t94;
+    PUT(0, 10, t95);
+    const vd t97 = t82 * t77;
+    const vd t98 = t97 - t93;
+    PUT(0, 11, t98);
+    const vd t100 = t88 * t70;
+    const vd t101 = t63 * t77;
+    const vd t102 = t100 - t101;
+    PUT(0, 12, t102);
+    const vd t104 = t56 * t56;
+    const vd t105 = t54 * t54;
+    const vd t106 = t104 - t105;
+    const vd t107 = t106 * t70;
+    const vd t108 = t54 * t81;
+    const vd t110 = ddq[1 * VS] + ddq[2 * VS];
+    const vd t111 = t108 + t110;
+    const vd t112 = t111 * t77;
+    const vd t113 = t107 + t112;
+    PUT(0, 13, t113);
+    const vd t115 = t81 * t81;
+    const vd t116 = t115 - t104;
+    const vd t117 = t116 * t77;
+    const vd t118 = t108 - t110;
+    const vd t119 = t118 * t70;
+    const vd t120 = t117 - t119;
+    PUT(0, 14, t120);
+    const vd t124 = sc[7 * VS] * t54;
+    const vd t126 = sc[6 * VS] * t81;
+    const vd t127 = t124 + t126;
+    const vd t129 = t56 + dq[3 * VS];
+    const vd t130 = t127 * t129;
+    const vd t131 = sc[7 * VS] * t62;
+    const vd t132 = sc[6 * VS] * t87;
+    const vd t133 = t131 - t132;
+    const vd t134 = t127 * dq[3 * VS];
+    const vd t135 = t133 - t134;
+    const vd t136 = t130 - t135;
+    const vd t138 = (-0.39219999999999999) * t70;
+    const vd t139 = t65 + t138;
+    const vd t140 = t136 * t139;
+    const vd t141 = sc[7 * VS] * t81;
+    const vd t142 = sc[6 * VS] * t54;
+    const vd t143 = t141 - t142;
+    const vd t144 = t127 * t143;
+    const vd t146 = t110 + ddq[3 * VS];
+    const vd t147 = t144 + t146;
+    const vd t149 = 0.1333 * t70;
+    const vd t150 = sc[6 * VS] * t149;
+    const vd t151 = 0.1333 * t77;
+    const vd t152 = sc[7 * VS] * t151;
+    const vd t153 = t150 + t152;
+    const vd t154 = t147 * t153;
+    const vd t155 = t140 + t154;
+    const vd t156 = t143 * t143;
+    const vd t157 = t129 * t129;
+    const vd t158 = t156 + t157;
+    const vd t159 = sc[7 * VS] * t149;
+    const vd t160 = sc[6 * VS] * t151;
+    const vd t161 = t159 - t160;
+    const vd t162 = t158 * t161;
+    const vd t163 = t155 + t162;
+    const vd t164 = (-0.39219999999999999) * t63;
+    const vd t165 = t105 + t115;
+    const vd t166 = 0.1333 * t165;
+    const vd t167 = t164 - t166;
+    const vd t168 = t67 + t167;
+    const vd t169 = sc[7 * VS] * t70;
+    const vd t170 = sc[6 * VS] * t77;
+    const vd t171 = t169 - t170;
+    const vd t172 = t168 * t171;
+    const vd t173 = t163 + t172;
+    const vd t174 = -t173;
+    PUT(0, 15, t174);
+    const vd t176 = t127 * t127;
+    const vd t177 = t176 + t157;
+    const vd t178 = t177 * t153;
+    const vd t179 = t143 * t129;
+    const vd t180 = sc[7 * VS] * t87;
+    const vd t181 = sc[6 * VS] * t62;
+    const vd t182 = t180 + t181;
+    const vd t183 = t143 * dq[3 * VS];
+    const vd t184 = t182 + t183;
+    const vd t185 = t179 + t184;
+    const vd t186 = t185 * t139;
+    const vd t187 = t178 - t186;
+    const vd t188 = t144 - t146;
+    const vd t189 = t188 * t161;
+    const vd t190 = t187 + t189;
+    const vd t191 = sc[6 * VS] * t70;
+    const vd t192 = sc[7 * VS] * t77;
+    const vd t193 = t191 + t192;
+    const vd t194 = t168 * t193;
+    const vd t195 = t190 + t194;
+    PUT(0, 16, t195);
+    const vd t197 = t129 * t127;
+    const vd t198 = t197 * t171;
+    const vd t199 = t184 * t193;
+    const vd t200 = t198 + t199;
+    PUT(0, 17, t200);
+    const vd t202 = t179 * t193;
+    const vd t203 = t202 - t198;
+    PUT(0, 18, t203);
+    const vd t205 = t185 * t171;
+    const vd t206 = t136 * t193;
+    const vd t207 = t205 - t206;
+    PUT(0, 19, t207);
+    const vd t209 = t157 - t176;
+    const vd t210 = t209 * t171;
+    const vd t211 = t147 * t193;
+    const vd t212 = t210 + t211;
+    PUT(0, 20, t212);
+    const vd t214 = t156 - t157;
+    const vd t215 = t214 * t193;
+    const vd t216 = t188 * t171;
+    const vd t217 = t215 - t216;
+    PUT(0, 21, t217);
+    const vd t221 = sc[9 * VS] * t127;
+    const vd t223 = sc[8 * VS] * t129;
+    const vd t224 = t221 + t223;
+    const vd t226 = dq[4 * VS] - t143;
+    const vd t227 = t224 * t226;
+    const vd t228 = sc[9 * VS] * t146;
+    const vd t229 = sc[8 * VS] * t184;
+    const vd t230 = t228 - t229;
+    const vd t231 = t224 * dq[4 * VS];
+    const vd t232 = t230 - t231;
+    const vd t233 = t227 - t232;
+    const vd t234 = t233 * t153;
+    const vd t236 = (-0.099699999999999997) * t185;
+    const vd t237 = t168 + t236;
+    const vd t238 = sc[9 * VS] * t237;
+    const vd t240 = 9.8100000000000005 * sc[2 * VS];
+    const vd t241 = t42 + t32;
+    const vd t242 = (-0.42499999999999999) * t241;
+    const vd t243 = t240 - t242;
+    const vd t244 = sc[5 * VS] * t243;
+    const vd t245 = 9.8100000000000005 * sc[3 * VS];
+    const vd t246 = (-0.42499999999999999) * t38;
+    const vd t247 = t245 + t246;
+    const vd t248 = sc[4 * VS] * t247;
+    const vd t249 = t244 + t248;
+    const vd t250 = t57 + t62;
+    const vd t251 = 0.1333 * t250;
+    const vd t252 = t115 + t104;
+    const vd t253 = (-0.39219999999999999) * t252;
+    const vd t254 = t251 - t253;
+    const vd t255 = t249 + t254;
+    const vd t256 = sc[7 * VS] * t255;
+    const vd t257 = sc[5 * VS] * t247;
+    const vd t258 = sc[4 * VS] * t243;
+    const vd t259 = t257 - t258;
+    const vd t260 = (-0.39219999999999999) * t111;
+    const vd t261 = t82 - t87;
+    const vd t262 = 0.1333 * t261;
+    const vd t263 = t260 + t262;
+    const vd t264 = t259 + t263;
+    const vd t265 = sc[6 * VS] * t264;
+    const vd t266 = t256 + t265;
+    const vd t267 = (-0.099699999999999997) * t188;
+    const vd t268 = t266 + t267;
+    const vd t269 = sc[8 * VS] * t268;
+    const vd t270 = t238 - t269;
+    const vd t271 = t270 * t171;
+    const vd t272 = t234 - t271;
+    const vd t273 = sc[9 * VS] * t129;
+    const vd t274 = sc[8 * VS] * t127;
+    const vd t275 = t273 - t274;
+    const vd t276 = t224 * t275;
+    const vd t278 = ddq[4 * VS] - t135;
+    const vd t279 = t276 + t278;
+    const vd t280 = (-0.099699999999999997) * t193;
+    const vd t281 = t280 - t139;
+    const vd t282 = sc[9 * VS] * t281;
+    const vd t283 = sc[8 * VS] * t161;
+    const vd t284 = t282 - t283;
+    const vd t285 = t279 * t284;
+    const vd t286 = t272 + t285;
+    const vd t287 = t275 * t275;
+    const vd t288 = t226 * t226;
+    const vd t289 = t287 + t288;
+    const vd t290 = sc[9 * VS] * t161;
+    const vd t291 = sc[8 * VS] * t281;
+    const vd t292 = t290 + t291;
+    const vd t293 = t289 * t292;
+    const vd t294 = t286 - t293;
+    const vd t295 = sc[7 * VS] * t264;
+    const vd t296 = sc[6 * VS] * t255;
+    const vd t297 = t295 - t296;
+    const vd t298 = (-0.099699999999999997) * t177;
+    const vd t299 = t297 - t298;
+    const vd t300 = sc[8 * VS] * t193;
+    const vd t301 = t299 * t300;
+    const vd t302 = t294 - t301;
+    PUT(0, 22, t302);
+    const vd t304 = t275 * t226;
+    const vd t305 = sc[9 * VS] * t184;
+    const vd t306 = sc[8 * VS] * t146;
+    const vd t307 = t305 + t306;
+    const vd t308 = t275 * dq[4 * VS];
+    const vd t309 = t307 + t308;
+    const vd t310 = t304 + t309;
+    const vd t311 = t310 * t153;
+    const vd t312 = sc[9 * VS] * t268;
+    const vd t313 = sc[8 * VS] * t237;
+    const vd t314 = t312 + t313;
+    const vd t315 = t314 * t171;
+    const vd t316 = t311 + t315;
+    const vd t317 = t224 * t224;
+    const vd t318 = t317 + t288;
+    const vd t319 = t318 * t284;
+    const vd t320 = t316 - t319;
+    const vd t321 = t276 - t278;
+    const vd t322 = t321 * t292;
+    const vd t323 = t320 + t322;
+    const vd t324 = sc[9 * VS] * t193;
+    const vd t325 = t299 * t324;
+    const vd t326 = t323 - t325;
+    PUT(0, 23, t326);
+    const vd t328 = t276 * t171;
+    const vd t329 = t226 * t224;
+    const vd t330 = t329 * t300;
+    const vd t331 = t328 - t330;
+    const vd t332 = t309 * t324;
+    const vd t333 = t331 + t332;
+    PUT(0, 24, t333);
+    const vd t335 = t278 * t171;
+    const vd t336 = t330 - t335;
+    const vd t337 = t304 * t324;
+    const vd t338 = t336 + t337;
+    PUT(0, 25, t338);
+    const vd t340 = t317 - t287;
+    const vd t341 = t340 * t171;
+    const vd t342 = t310 * t300;
+    const vd t343 = t341 + t342;
+    const vd t344 = t233 * t324;
+    const vd t345 = t343 + t344;
+    const vd t346 = -t345;
+    PUT(0, 26, t346);
+    const vd t348 = t304 - t309;
+    const vd t349 = t348 * t171;
+    const vd t350 = t288 - t317;
+    const vd t351 = t350 * t300;
+    const vd t352 = t349 - t351;
+    const vd t353 = t279 * t324;
+    const vd t354 = t352 + t353;
+    PUT(0, 27, t354);
+    const vd t356 = t321 * t300;
+    const vd t357 = t227 + t232;
+    const vd t358 = t357 * t171;
+    const vd t359 = t356 - t358;
+    const vd t360 = t287 - t288;
+    const vd t361 = t360 * t324;
+    const vd t362 = t359 + t361;
+    PUT(0, 28, t362);
+    const vd t366 = sc[11 * VS] * t224;
+    const vd t368 = sc[10 * VS] * t226;
+    const vd t369 = t366 - t368;
+    const vd t371 = t275 + dq[5 * VS];
+    const vd t372 = t369 * t371;
+    const vd t373 = sc[10 * VS] * t309;
+    const vd t374 = sc[11 * VS] * t278;
+    const vd t375 = t373 + t374;
+    const vd t376 = t369 * dq[5 * VS];
+    const vd t377 = t375 + t376;
+    const vd t378 = t372 + t377;
+    const vd t379 = t378 * t284;
+    const vd t381 = 0.099599999999999994 * t321;
+    const vd t382 = t314 + t381;
+    const vd t383 = sc[10 * VS] * t382;
+    const vd t384 = 0.099599999999999994 * t310;
+    const vd t385 = t384 - t299;
+    const vd t386 = sc[11 * VS] * t385;
+    const vd t387 = t383 + t386;
+    const vd t388 = t387 * t300;
+    const vd t389 = t379 + t388;
+    const vd t391 = t232 + ddq[5 * VS];
+    const vd t392 = sc[10 * VS] * t224;
+    const vd t393 = sc[11 * VS] * t226;
+    const vd t394 = t392 + t393;
+    const vd t395 = t369 * t394;
+    const vd t396 = t391 - t395;
+    const vd t397 = 0.099599999999999994 * t171;
+    const vd t398 = t397 + t292;
+    const vd t399 = sc[10 * VS] * t398;
+    const vd t400 = 0.099599999999999994 * t324;
+    const vd t401 = t153 + t400;
+    const vd t402 = sc[11 * VS] * t401;
+    const vd t403 = t399 + t402;
+    const vd t404 = t396 * t403;
+    const vd t405 = t389 - t404;
+    const vd t406 = t394 * t394;
+    const vd t407 = t371 * t371;
+    const vd t408 = t406 + t407;
+    const vd t409 = sc[10 * VS] * t401;
+    const vd t410 = sc[11 * VS] * t398;
+    const vd t411 = t409 - t410;
+    const vd t412 = t408 * t411;
+    const vd t413 = t405 + t412;
+    const vd t414 = 0.099599999999999994 * t318;
+    const vd t415 = t270 - t414;
+    const vd t416 = sc[11 * VS] * t171;
+    const vd t417 = sc[10 * VS] * t324;
+    const vd t418 = t416 - t417;
+    const vd t419 = t415 * t418;
+    const vd t420 = t413 - t419;
+    PUT(0, 29, t420);
+    const vd t422 = sc[11 * VS] * t309;
+    const vd t423 = sc[10 * VS] * t278;
+    const vd t424 = t422 - t423;
+    const vd t425 = t394 * dq[5 * VS];
+    const vd t426 = t424 - t425;
+    const vd t427 = t394 * t371;
+    const vd t428 = t426 - t427;
+    const vd t429 = t428 * t284;
+    const vd t430 = sc[11 * VS] * t382;
+    const vd t431 = sc[10 * VS] * t385;
+    const vd t432 = t430 - t431;
+    const vd t433 = t432 * t300;
+    const vd t434 = t429 + t433;
+    const vd t435 = t369 * t369;
+    const vd t436 = t435 + t407;
+    const vd t437 = t436 * t403;
+    const vd t438 = t434 + t437;
+    const vd t439 = t395 + t391;
+    const vd t440 = t439 * t411;
+    const vd t441 = t438 + t440;
+    const vd t442 = sc[10 * VS] * t171;
+    const vd t443 = sc[11 * VS] * t324;
+    const vd t444 = t442 + t443;
+    const vd t445 = t415 * t444;
+    const vd t446 = t441 + t445;
+    PUT(0, 30, t446);
+    const vd t448 = t371 * t369;
+    const vd t449 = t448 * t418;
+    const vd t450 = t395 * t300;
+    const vd t451 = t449 - t450;
+    const vd t452 = t426 * t444;
+    const vd t453 = t451 + t452;
+    PUT(0, 31, t453);
+    const vd t455 = t391 * t300;
+    const vd t456 = t455 + t449;
+    const vd t457 = t427 * t444;
+    const vd t458 = t456 + t457;
+    const vd t459 = -t458;
+    PUT(0, 32, t459);
+    const vd t461 = t428 * t418;
+    const vd t462 = t435 - t406;
+    const vd t463 = t462 * t300;
+    const vd t464 = t461 - t463;
+    const vd t465 = t378 * t444;
+    const vd t466 = t464 - t465;
+    PUT(0, 33, t466);
+    const vd t468 = t407 - t435;
+    const vd t469 = t468 * t418;
+    const vd t470 = t427 + t426;
+    const vd t471 = t470 * t300;
+    const vd t472 = t469 - t471;
+    const vd t473 = t396 * t444;
+    const vd t474 = t472 + t473;
+    PUT(0, 34, t474);
+    const vd t476 = t439 * t418;
+    const vd t477 = t372 - t377;
+    const vd t478 = t477 * t300;
+    const vd t479 = t476 - t478;
+    const vd t480 = t406 - t407;
+    const vd t481 = t480 * t444;
+    const vd t482 = t479 + t481;
+    PUT(0, 35, t482);
+    PUT(1, 1, t245);
+    const vd t486 = -t240;
+    PUT(1, 2, t486);
+    const vd t488 = -t36;
+    PUT(1, 3, t488);
+    PUT(1, 4, ddq[1 * VS]);
+    const vd t491 = t33 - t42;
+    PUT(1, 5, t491);
+    PUT(1, 6, t13);
+    PUT(1, 7, t26);
+    const vd t495 = (-0.42499999999999999) * sc[5 * VS];
+    const vd t496 = t111 * t495;
+    const vd t497 = (-0.42499999999999999) * sc[4 * VS];
+    const vd t498 = t252 * t497;
+    const vd t499 = t496 - t498;
+    const vd t500 = t499 + t259;
+    PUT(1, 8, t500);
+    const vd t502 = t118 * t497;
+    const vd t503 = t105 + t104;
+    const vd t504 = t503 * t495;
+    const vd t505 = t502 - t504;
+    const vd t506 = t505 - t249;
+    PUT(1, 9, t506);
+    const vd t508 = -t108;
+    PUT(1, 10, t508);
+    PUT(1, 11, t110);
+    const vd t511 = t105 - t115;
+    PUT(1, 12, t511);
+    const vd t513 = -t261;
+    PUT(1, 13, t513);
+    PUT(1, 14, t250);
+    const vd t516 = t495 + (-0.39219999999999999);
+    const vd t517 = sc[7 * VS] * t516;
+    const vd t518 = sc[6 * VS] * t497;
+    const vd t519 = t517 - t518;
+    const vd t520 = t147 * t519;
+    const vd t521 = t297 + t520;
+    const vd t522 = sc[7 * VS] * t497;
+    const vd t523 = sc[6 * VS] * t516;
+    const vd t524 = t522 + t523;
+    const vd t525 = t158 * t524;
+    const vd t526 = t521 - t525;
+    PUT(1, 15, t526);
+    const vd t528 = t188 * t524;
+    const vd t529 = t177 * t519;
+    const vd t530 = t266 + t529;
+    const vd t531 = t528 - t530;
+    PUT(1, 16, t531);
+    const vd t533 = -t144;
+    PUT(1, 17, t533);
+    PUT(1, 18, t146);
+    const vd t536 = t176 - t156;
+    PUT(1, 19, t536);
+    const vd t538 = t179 - t184;
+    const vd t539 = -t538;
+    PUT(1, 20, t539);
+    const vd t541 = t130 + t135;
+    PUT(1, 21, t541);
+    const vd t543 = t299 * sc[9 * VS];
+    const vd t544 = t233 * t519;
+    const vd t546 = 0.099699999999999997 + t524;
+    const vd t547 = sc[8 * VS] * t546;
+    const vd t548 = t279 * t547;
+    const vd t549 = t544 + t548;
+    const vd t550 = sc[9 * VS] * t546;
+    const vd t551 = t289 * t550;
+    const vd t552 = t549 + t551;
+    const vd t553 = t543 - t552;
+    PUT(1, 22, t553);
+    const vd t555 = t318 * t547;
+    const vd t556 = t310 * t519;
+    const vd t557 = t555 - t556;
+    const vd t558 = t321 * t550;
+    const vd t559 = t557 + t558;
+    const vd t560 = t299 * sc[8 * VS];
+    const vd t561 = t559 - t560;
+    PUT(1, 23, t561);
+    const vd t563 = t329 * sc[9 * VS];
+    const vd t564 = t309 * sc[8 * VS];
+    const vd t565 = t563 + t564;
+    PUT(1, 24, t565);
+    const vd t567 = t304 * sc[8 * VS];
+    const vd t568 = t567 - t563;
+    PUT(1, 25, t568);
+    const vd t570 = t310 * sc[9 * VS];
+    const vd t571 = t233 * sc[8 * VS];
+    const vd t572 = t570 - t571;
+    PUT(1, 26, t572);
+    const vd t574 = t350 * sc[9 * VS];
+    const vd t575 = t279 * sc[8 * VS];
+    const vd t576 = t574 + t575;
+    PUT(1, 27, t576);
+    const vd t578 = t360 * sc[8 * VS];
+    const vd t579 = t321 * sc[9 * VS];
+    const vd t580 = t578 - t579;
+    PUT(1, 28, t580);
+    const vd t582 = 0.099599999999999994 * sc[8 * VS];
+    const vd t583 = t582 - t519;
+    const vd t584 = sc[10 * VS] * t583;
+    const vd t585 = sc[11 * VS] * t550;
+    const vd t586 = t584 - t585;
+    const vd t587 = t408 * t586;
+    const vd t588 = t378 * t547;
+    const vd t589 = t387 * sc[9 * VS];
+    const vd t590 = t588 + t589;
+    const vd t591 = sc[10 * VS] * t550;
+    const vd t592 = sc[11 * VS] * t583;
+    const vd t593 = t591 + t592;
+    const vd t594 = t396 * t593;
+    const vd t595 = t590 + t594;
+    const vd t596 = t587 - t595;
+    const vd t597 = sc[10 * VS] * sc[8 * VS];
+    const vd t598 = t415 * t597;
+    const vd t599 = t596 + t598;
+    PUT(1, 29, t599);
+    const vd t601 = t436 * t593;
+    const vd t602 = t428 * t547;
+    const vd t603 = t432 * sc[9 * VS];
+    const vd t604 = t602 + t603;
+    const vd t605 = t601 - t604;
+    const vd t606 = t439 * t586;
+    const vd t607 = t605 + t606;
+    const vd t608 = sc[11 * VS] * sc[8 * VS];
+    const vd t609 = t415 * t608;
+    const vd t610 = t607 + t609;
+    PUT(1, 30, t610);
+    const vd t612 = t395 * sc[9 * VS];
+    const vd t613 = t448 * t597;
+    const vd t614 = t612 - t613;
+    const vd t615 = t426 * t608;
+    const vd t616 = t614 + t615;
+    PUT(1, 31, t616);
+    const vd t618 = t391 * sc[9 * VS];
+    const vd t619 = t618 + t613;
+    const vd t620 = t427 * t608;
+    const vd t621 = t619 - t620;
+    PUT(1, 32, t621);
+    const vd t623 = t462 * sc[9 * VS];
+    const vd t624 = t428 * t597;
+    const vd t625 = t623 - t624;
+    const vd t626 = t378 * t608;
+    const vd t627 = t625 - t626;
+    PUT(1, 33, t627);
+    const vd t629 = t470 * sc[9 * VS];
+    const vd t630 = t468 * t597;
+    const vd t631 = t629 - t630;
+    const vd t632 = t396 * t608;
+    const vd t633 = t631 + t632;
+    PUT(1, 34, t633);
+    const vd t635 = t477 * sc[9 * VS];
+    const vd t636 = t439 * t597;
+    const vd t637 = t635 - t636;
+    const vd t638 = t480 * t608;
+    const vd t639 = t637 + t638;
+    PUT(1, 35, t639);
+    PUT(2, 8, t259);
+    const vd t650 = -t249;
+    PUT(2, 9, t650);
+    PUT(2, 10, t508);
+    PUT(2, 11, t110);
+    PUT(2, 12, t511);
+    PUT(2, 13, t513);
+    PUT(2, 14, t250);
+    const vd t657 = (-0.39219999999999999) * sc[7 * VS];
+    const vd t658 = t147 * t657;
+    const vd t659 = t297 + t658;
+    const vd t660 = (-0.39219999999999999) * sc[6 * VS];
+    const vd t661 = t158 * t660;
+    const vd t662 = t659 - t661;
+    PUT(2, 15, t662);
+    const vd t664 = t188 * t660;
+    const vd t665 = t177 * t657;
+    const vd t666 = t266 + t665;
+    const vd t667 = t664 - t666;
+    PUT(2, 16, t667);
+    PUT(2, 17, t533);
+    PUT(2, 18, t146);
+    PUT(2, 19, t536);
+    PUT(2, 20, t539);
+    PUT(2, 21, t541);
+    const vd t674 = t233 * t657;
+    const vd t675 = 0.099699999999999997 + t660;
+    const vd t676 = sc[8 * VS] * t675;
+    const vd t677 = t279 * t676;
+    const vd t678 = t674 + t677;
+    const vd t679 = sc[9 * VS] * t675;
+    const vd t680 = t289 * t679;
+    const vd t681 = t678 + t680;
+    const vd t682 = t543 - t681;
+    PUT(2, 22, t682);
+    const vd t684 = t318 * t676;
+    const vd t685 = t310 * t657;
+    const vd t686 = t684 - t685;
+    const vd t687 = t321 * t679;
+    const vd t688 = t686 + t687;
+    const vd t689 = t688 - t560;
+    PUT(2, 23, t689);
+    PUT(2, 24, t565);
+    PUT(2, 25, t568);
+    PUT(2, 26, t572);
+    PUT(2, 27, t576);
+    PUT(2, 28, t580);
+    const vd t696 = t582 - t657;
+    const vd t697 = sc[10 * VS] * t696;
+    const vd t698 = sc[11 * VS] * t679;
+    const vd t699 = t697 - t698;
+    const vd t700 = t408 * t699;
+    const vd t701 = t378 * t676;
+    const vd t702 = t701 + t589;
+    const vd t703 = sc[10 * VS] * t679;
+    const vd t704 = sc[11 * VS] * t696;
+    const vd t705 = t703 + t704;
+    const vd t706 = t396 * t705;
+    const vd t707 = t702 + t706;
+    const vd t708 = t700 - t707;
+    const vd t709 = t708 + t598;
+    PUT(2, 29, t709);
+    const vd t711 = t436 * t705;
+    const vd t712 = t428 * t676;
+    const vd t713 = t712 + t603;
+    const vd t714 = t711 - t713;
+    const vd t715 = t439 * t699;
+    const vd t716 = t714 + t715;
+    const vd t717 = t716 + t609;
+    PUT(2, 30, t717);
+    PUT(2, 31, t616);
+    PUT(2, 32, t621);
+    PUT(2, 33, t627);
+    PUT(2, 34, t633);
+    PUT(2, 35, t639);
+    PUT(3, 15, t297);
+    const vd t740 = -t266;
+    PUT(3, 16, t740);
+    PUT(3, 17, t533);
+    PUT(3, 18, t146);
+    PUT(3, 19, t536);
+    PUT(3, 20, t539);
+    PUT(3, 21, t541);
+    const vd t747 = (-0.099699999999999997) * sc[8 * VS];
+    const vd t748 = t279 * t747;
+    const vd t749 = 0.099699999999999997 * sc[9 * VS];
+    const vd t750 = t289 * t749;
+    const vd t751 = t748 - t750;
+    const vd t752 = t751 + t543;
+    PUT(3, 22, t752);
+    const vd t754 = t321 * t749;
+    const vd t755 = t318 * t747;
+    const vd t756 = t754 - t755;
+    const vd t757 = t756 - t560;
+    PUT(3, 23, t757);
+    PUT(3, 24, t565);
+    PUT(3, 25, t568);
+    PUT(3, 26, t572);
+    PUT(3, 27, t576);
+    PUT(3, 28, t580);
+    const vd t764 = t378 * t747;
+    const vd t765 = t764 - t589;
+    const vd t766 = sc[10 * VS] * t749;
+    const vd t767 = sc[11 * VS] * t582;
+    const vd t768 = t766 + t767;
+    const vd t769 = t396 * t768;
+    const vd t770 = t765 - t769;
+    const vd t771 = sc[10 * VS] * t582;
+    const vd t772 = sc[11 * VS] * t749;
+    const vd t773 = t771 - t772;
+    const vd t774 = t408 * t773;
+    const vd t775 = t770 + t774;
+    const vd t776 = t775 + t598;
+    PUT(3, 29, t776);
+    const vd t778 = t428 * t747;
+    const vd t779 = t778 - t603;
+    const vd t780 = t436 * t768;
+    const vd t781 = t779 + t780;
+    const vd t782 = t439 * t773;
+    const vd t783 = t781 + t782;
+    const vd t784 = t783 + t609;
+    PUT(3, 30, t784);
+    PUT(3, 31, t616);
+    PUT(3, 32, t621);
+    PUT(3, 33, t627);
+    PUT(3, 34, t633);
+    PUT(3, 35, t639);
+    PUT(4, 22, t270);
+    const vd t814 = -t314;
+    PUT(4, 23, t814);
+    const vd t816 = -t276;
+    PUT(4, 24, t816);
+    PUT(4, 25, t278);
+    PUT(4, 26, t340);
+    const vd t820 = -t348;
+    PUT(4, 27, t820);
+    PUT(4, 28, t357);
+    const vd t823 = 0.099599999999999994 * sc[10 * VS];
+    const vd t824 = t396 * t823;
+    const vd t825 = 0.099599999999999994 * sc[11 * VS];
+    const vd t826 = t408 * t825;
+    const vd t827 = t824 + t826;
+    const vd t828 = t415 * sc[11 * VS];
+    const vd t829 = t827 + t828;
+    PUT(4, 29, t829);
+    const vd t831 = t439 * t825;
+    const vd t832 = t436 * t823;
+    const vd t833 = t831 - t832;
+    const vd t834 = t415 * sc[10 * VS];
+    const vd t835 = t833 - t834;
+    PUT(4, 30, t835);
+    const vd t837 = t448 * sc[11 * VS];
+    const vd t838 = t426 * sc[10 * VS];
+    const vd t839 = t837 + t838;
+    const vd t840 = -t839;
+    PUT(4, 31, t840);
+    const vd t842 = t427 * sc[10 * VS];
+    const vd t843 = t837 + t842;
+    PUT(4, 32, t843);
+    const vd t845 = t378 * sc[10 * VS];
+    const vd t846 = t428 * sc[11 * VS];
+    const vd t847 = t845 - t846;
+    PUT(4, 33, t847);
+    const vd t849 = t468 * sc[11 * VS];
+    const vd t850 = t396 * sc[10 * VS];
+    const vd t851 = t849 + t850;
+    const vd t852 = -t851;
+    PUT(4, 34, t852);
+    const vd t854 = t439 * sc[11 * VS];
+    const vd t855 = t480 * sc[10 * VS];
+    const vd t856 = t854 + t855;
+    const vd t857 = -t856;
+    PUT(4, 35, t857);
+    const vd t888 = -t387;
+    PUT(5, 29, t888);
+    const vd t890 = -t432;
+    PUT(5, 30, t890);
+    PUT(5, 31, t395);
+    PUT(5, 32, t391);
+    PUT(5, 33, t462);
+    PUT(5, 34, t470);
+    PUT(5, 35, t477);
+
 }
 #undef PUT
 
@@ -1522,10 +2311,13 @@ static inline void fetch(const double *from, long size, long apart)
     }
 }
 
-/* Tile t of a block: W of the samples that begin with i and are `apart`, from lane h of their tiles on. */
-static void fill(const samples *s, long i, long apart, const double *sc, const double *q, const double *dq, const double *ddq, const double *tau, const double *columns, int h, vd *to)
+/* Tile t of a block: W of the samples that begin with i and are `apart`, from lane h of their tiles on.
+ * With `sums`, rows are number `age` of their window and become differences. */
+static void fill(const samples *s, long i, long apart, const double *sc, const double *q, const double *dq, const double *ddq, const double *tau, const double *columns, int h, vd *to, vd *sums, int age)
 {
-    vd scale[N], own; /* root of the weight of each sample */
+    vd scale[N], far[N], own; /* root of the weight of each sample */
+    const double nearness = age ? 1.0 / sqrt(age * (age + 1.0)) : 0.0;
+    const vd near = vd_all(nearness);
     for (int l = 0; l < W; ++l) {
         const long at = i + (h + l) * apart;
         own[l] = at >= s->n ? 0.0 : s->sample_weight ? sqrt(s->sample_weight[at]) : 1.0;
@@ -1534,19 +2326,25 @@ static void fill(const samples *s, long i, long apart, const double *sc, const d
     for (int joint = 0; joint < N; ++joint) {
         vd *here = to + joint * DEPTH;
         scale[joint] = s->root[joint] * own;
-        for (long m = 0; m < s->k; ++m) {
-            here[m * HEIGHT] = scale[joint] * ROW(columns, joint * s->k + m);
+        far[joint] = age * nearness * scale[joint];
+        for (long c = 0; c <= s->k; ++c) {
+            const vd x = c < s->k ? ROW(columns, joint * s->k + c) : ROW(tau, joint);
+            const long column = c < s->k ? c : s->k + BASE;
+            here[column * HEIGHT] = sums ? difference(x, sums + column * N + joint, scale[joint], far[joint], near) : scale[joint] * x;
         }
-        here[(s->k + BASE) * HEIGHT] = scale[joint] * ROW(tau, joint);
     }
 #undef ROW
-    place((const vu *)(sc + h), (const vu *)(q + h), (const vu *)(dq + h), (const vu *)(ddq + h), scale, to + s->k * HEIGHT);
+    if (sums) {
+        place_differences((const vu *)(sc + h), (const vu *)(q + h), (const vu *)(dq + h), (const vu *)(ddq + h), scale, far, near, sums + s->k * N, to + s->k * HEIGHT);
+    } else {
+        place((const vu *)(sc + h), (const vu *)(q + h), (const vu *)(dq + h), (const vu *)(ddq + h), scale, to + s->k * HEIGHT);
+    }
 }
 
 /* DEPTH LANES samples into a block, of which each vector of lanes has a `part`: that of lane l in tile
  * t is first + l apart + t further. Zeros where there are no more. With `sums`, rows are turned into
- * differences; the first two are number u of their window. */
-static void fill_block(const samples *s, long first, long apart, long further, double *b, long part, double *columns, double *sums, int u)
+ * differences; the first is number `age` of its window. */
+static void fill_block(const samples *s, long first, long apart, long further, double *b, long part, double *columns, double *sums, int age)
 {
     TILE(q, DEPTH * N) = {0};
     TILE(sc, DEPTH * 2 * N);
@@ -1578,12 +2376,7 @@ static void fill_block(const samples *s, long first, long apart, long further, d
             load(columns, s->columns + i * width, apart * width, (int)width, have, rest * width);
         }
         for (int h = 0; h < LANES; h += W) {
-            fill(s, i, apart, sc + t * 2 * N * LANES, q + t * N * LANES, dq, ddq, tau, columns, h, (vd *)(b + h * part) + t);
-        }
-        if (sums && t % 2 == 1) {
-            for (int h = 0; h < LANES; h += W) {
-                turn_rows((vd *)(b + h * part), (vd *)(sums + h * N * (s->k + BASE + 1)), s->k, (int)t / 2, u + (int)t / 2);
-            }
+            fill(s, i, apart, sc + t * 2 * N * LANES, q + t * N * LANES, dq, ddq, tau, columns, h, (vd *)(b + h * part) + t, sums ? (vd *)(sums + h * N * (s->k + BASE + 1)) : 0, age + (int)t);
         }
     }
     for (long t = tiles; t < DEPTH; ++t) {
@@ -1636,7 +2429,7 @@ static void add_samples(const workplace *w, const samples *s, long blocks, long 
         if (chosen == others) {
             continue;
         }
-        fill_block(s, i * DEPTH, blocks * DEPTH, 1, w->b, w->part, w->b + w->part * LANES, w->sums, inside * DEPTH / 2);
+        fill_block(s, i * DEPTH, blocks * DEPTH, 1, w->b, w->part, w->b + w->part * LANES, w->sums, inside * DEPTH);
         for (long h = 0; h < LANES; h += W) {
             add_block((const vd *)(w->b + h * w->part), (vd *)(w->g + h * w->packed), w->k);
         }
@@ -1694,10 +2487,10 @@ static double *folded(const workplace *w, double *margin)
                 UNROLL for (int i = 0; i < W; ++i, from += W) {
                     each[i] = *(const vd *)from;
                 }
-                *(vu *)(g + c * w->step + j) += 0.25 * fold(each);
+                *(vu *)(g + c * w->step + j) += fold(each);
             }
             for (; j < w->size; ++j, from += W) {
-                g[c * w->step + j] += 0.25 * vd_sum(*(const vd *)from);
+                g[c * w->step + j] += vd_sum(*(const vd *)from);
             }
         }
     }

@@ -125,8 +125,11 @@ ROOMS = {
         SMALL,
     ),
     "statistics.c": Room(
-        (f"{_TEMPLATES}/statistics.c.jinja2",),
-        (f"{_T}/estimators/regression/test_factor.py",),
+        tuple(f"{_TEMPLATES}/{name}" for name in ("statistics.c.jinja2", "gram.h", "fold.h")),
+        (
+            f"{_T}/estimators/regression/test_factor.py",
+            f"{_T}/estimators/regression/test_products.py",
+        ),
         SMALL,
     ),
     "excitation.c": Room(

@@ -24,7 +24,7 @@ void NAME(LEVEL)(long n, const double *a, const double *b, double *out)
 """
 
 
-@pytest.mark.parametrize("header", ["lanes.h", "sines.h", "eigen.h"])
+@pytest.mark.parametrize("header", ["lanes.h", "sines.h", "eigen.h", "fold.h"])
 def test_headers_stand_alone(tmp_path: Path, header: str) -> None:
     """Property: a header includes whatever it uses, whichever file includes it first."""
     needed = {header, "lanes.h"}

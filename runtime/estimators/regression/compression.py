@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 TOGETHER = 16
 """Number of factors that are collected before they are joined."""
 BLOCK = 8192
-"""Samples per factor: fixed, so that the number of threads changes nothing, and some milliseconds
-of work, against which joining factors and starting threads are negligible."""
+"""Samples per factor, the last one between half and one and a half of it: fixed, so that the number
+of threads changes nothing, and some milliseconds of work, against which joining factors and starting
+threads are negligible."""
 TRIED = 8
 """Blocks that find out by themselves whether rows may be multiplied; if none may, no later one
 tries, which takes a tenth of its time. Fixed, as `BLOCK`."""
@@ -58,7 +59,7 @@ def compress(
     join: Callable[[Array], Array] = compiled.join if compiled else joined
 
     def block(start: int, products: bool = True) -> tuple[Array, int]:
-        part = slice(start, start + BLOCK)
+        part = slice(start, start + BLOCK if start < starts[-1] else None)
         s = samples.rows(part)
         counts = None if sample_weights is None else sample_weights[part]
         # The C code evaluates Y_b itself and takes columns of one joint each.
@@ -67,7 +68,7 @@ def compress(
         return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, counts, products)
 
     # One factor per block, on threads, then the factor of all factors.
-    starts = range(0, max(len(samples), 1), BLOCK)
+    starts = range(0, max(round(len(samples) / BLOCK), 1) * BLOCK, BLOCK)
     workers = min(len(starts), threads or cores())
 
     def all_blocks(each: Callable[..., Iterable[tuple[Array, int]]]) -> list[Array]:

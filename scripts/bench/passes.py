@@ -1,6 +1,6 @@
 """The pass of the statistics over the rows [Y_b τ], beside the limit of multiply-adds of a core.
 
-A Cholesky pass multiplies the rows: RᵀR = AᵀA, the upper half. Householder's reflections of the same
+A Cholesky pass multiplies the rows: RᵀR = AᵀA, the upper half. Householder reflections of the same
 rows take 1.94 times as many multiply-adds on an FR3.
 """
 

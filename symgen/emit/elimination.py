@@ -87,7 +87,7 @@ def fill_in(pattern: Sequence[Sequence[bool]], panels: Sequence[Panel]) -> list[
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Neighbouring columns, `first` to before `end`, that have the same rows in common with others."""
+    """Neighbouring columns, `first` to before `end`, and the rows that they share with others."""
 
     first: int
     end: int

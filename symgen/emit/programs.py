@@ -134,9 +134,13 @@ def _products(runs: tuple[Run, ...]) -> dict[str, Any]:
     """Tables of the columns whose products are summed."""
     placed, ranges, rows = [], list[dict[str, Any]](), list[int]()
     for run in runs:
-        placed.append({"first": run.first, "width": run.width, "range_at": len(ranges), "ranges": run.ranges})
+        placed.append(
+            {"first": run.first, "width": run.width, "range_at": len(ranges), "ranges": run.ranges}
+        )
         for item in run.ranges:
-            ranges.append({"first": item.first, "end": item.end, "row_at": len(rows), "rows": item.rows})
+            ranges.append(
+                {"first": item.first, "end": item.end, "row_at": len(rows), "rows": item.rows}
+            )
             rows += item.rows
     return {"runs": placed, "range_table": ranges, "range_row_table": rows}
 

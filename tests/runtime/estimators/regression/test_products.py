@@ -1,4 +1,4 @@
-"""Products of rows in long logs: accuracy beside elimination, and when rows are eliminated instead."""
+"""Products of rows in long logs: accuracy, and when rows are eliminated instead."""
 
 import dataclasses
 
@@ -128,7 +128,9 @@ def test_what_cannot_be_folded_is_eliminated(lib: Library) -> None:
     for samples, each in cases:
         triangle, multiplied = compiled(lib, samples, each)
         assert multiplied == 0
-        assert np.array_equal(triangle, compiled(lib, samples, each, None, False)[0], equal_nan=True)
+        assert np.array_equal(
+            triangle, compiled(lib, samples, each, None, False)[0], equal_nan=True
+        )
 
 
 def test_short_logs_are_eliminated(lib: Library) -> None:

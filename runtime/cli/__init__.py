@@ -25,6 +25,7 @@ COMMANDS = (
         "payload",
         "gains",
         "evaluate",
+        "friction",
         "observe",
         "sample",
         "watch",

@@ -32,33 +32,36 @@ _FILTER = ("filter", "cutoff_hz", "window_s", "order")
 """Fields of a preparation that decide which band the torque has."""
 
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
+RobotOfResult = Annotated[
+    str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+]
+CutoffOfResult = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the recipe, "
+        "else that of identify.",
+    ),
+]
+RateOfResult = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else that "
+        "of identify.",
+    ),
+]
 
 
 def evaluate_command(
     result: Result,
     log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")],
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None,
+    robot: RobotOfResult = None,
     yes: Yes = False,
     recipe: Recipe = None,
     run: Run = None,
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
-            "recipe, else that of identify.",
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
-            "that of identify.",
-        ),
-    ] = None,
+    cutoff: CutoffOfResult = None,
+    rate: RateOfResult = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     r"""Evaluate an identified model on another log.

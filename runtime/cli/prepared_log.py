@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from runtime.cli.choice_tables import cutoff_table, friction_table
-from runtime.cli.common import console, numbers_option
+from runtime.cli.common import console
 from runtime.cli.log_options import AUTO
+from runtime.cli.parts_of_log import split_of
 from runtime.cli.progress import waiting
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
 from runtime.inspection.candidate_columns import MEMORY, USABLE
 from runtime.library import Library
 from runtime.recording import (
-    EVERYTHING,
     Friction,
     Preparation,
     Recording,
@@ -122,7 +122,7 @@ def read_prepared_log(
             "gains of motor currents are estimated on a log that is read as a whole, but this one "
             "is streamed; write gain = [...] under [torque] of the recipe, or give --no-stream"
         )
-    parts = _split(options.split)
+    parts = split_of(options.split)
     if streamed is None:
         from runtime.cli.static_log import log_at_rest
 
@@ -284,14 +284,3 @@ def _hz(text: str | None) -> float | None:
         raise IdentificationError(
             f"--cutoff needs a frequency in Hz or auto, got '{text}'"
         ) from None
-
-
-def _split(text: str | None) -> Split | None:
-    if text is None:
-        return None
-    if text == "all":
-        return EVERYTHING
-    a, b = numbers_option(text, 2, "--split")
-    if not 0 < a < b < 1:
-        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
-    return Split((0.0, a), (a, b), (b, 1.0))

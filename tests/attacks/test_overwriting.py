@@ -55,6 +55,7 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("e.json", "e.csv", "e.png", "e-speed.png", "e-space.png"),
     ),
     "identify": (("identify", "good.csv", "--out", "out"), RESULT_FILES),
+    "friction": (("friction", "result", "good.csv", "--out", "out"), RESULT_FILES),
     "compare": (
         ("compare", "good.csv", "--methods", "ols", "--out", "out"),
         ("out/compare.json", "out/compare.md", "out/report.html"),

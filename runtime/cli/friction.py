@@ -1,0 +1,104 @@
+"""`symgen friction`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Column, Table
+
+from runtime.cli.common import command_line, console, say, torque_table
+from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
+from runtime.cli.log_options import Parts, Recipe, Run
+from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.parts_of_log import split_of
+from runtime.cli.prepared_log import preparation_of
+from runtime.cli.robot import Yes, open_robot
+from runtime.identification.identified import torque_errors
+from runtime.identification.kept_links import FrictionOfLog, identify_friction
+from runtime.identification.result_file import error_facts, write_result
+from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.settings import Settings
+from runtime.outputs.model_files import write_urdf
+from runtime.recording import Preparation, read_recording
+
+_WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html")
+_STALE = ("posterior.npz", "statistics.npz")
+"""Files of a result of identify that does not hold for other friction."""
+
+
+def friction_command(
+    result: Result,
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A later log, some seconds suffice.")],
+    robot: RobotOfResult = None,
+    yes: Yes = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
+    ] = None,
+    recipe: Recipe = None,
+    run: Run = None,
+    cutoff: CutoffOfResult = None,
+    rate: RateOfResult = None,
+    split: Parts = None,
+    overwrite: Overwrite = False,
+) -> None:
+    r"""Identify friction anew and keep the links of an earlier result.
+
+    Friction changes with temperature, wear and instruments, the links do not. The columns are those
+    of the result, and its coefficients count as their prior: what the log does not excite stays.
+
+    \b
+    symgen friction results/first today.csv
+    symgen friction results/first today.csv --cutoff 10 --out results/today
+
+    Written to the folder --out: result.json, identified.urdf and report.html, which all commands
+    read that take a folder of identify; intervals of the links stay those of RESULT. A log whose
+    recipe names no filter is prepared in the same way as the log of identify. Errors are those of
+    the test part by a fit that has not used it; the friction is then fitted to all rows.
+    """
+    folder = out or Path("results") / f"{Path(log).stem}-friction"
+    require_unused((folder / name for name in (*_WRITTEN, *_STALE)), overwrite)
+    saved = read_result(result)
+    lib = open_robot(robot or saved.robot, yes)
+    notes = require_model(saved, lib, result)
+    recording = read_recording(log, recipe, run, lib.joint_names)
+    preparation = preparation_of(recording, cutoff, rate)
+    if preparation is None and recording.preparation == Preparation():
+        preparation = saved.preparation
+    settings = Settings(preparation=preparation, splitting=split_of(split), refit=True)
+    found = identify_friction(recording, lib, saved, settings)
+    facts = write_result(found.result, folder, command_line())
+    for name in _STALE:
+        (folder / name).unlink(missing_ok=True)
+    shown = facts | error_facts(found.earlier, torque_errors(found.result)[1])
+    table = torque_table(shown)
+    table.caption = "before: friction of the earlier result"
+    console.print(table)
+    console.print(_coefficients(found, saved))
+    for note in (*notes, *facts["warnings"]):
+        say(f"note: {note}")
+    urdf = folder / "identified.urdf"
+    if found.result.is_consistent:
+        arguments = (found.result.pi, urdf, found.result.friction, found.result.usual_phi)
+        say(f"URDF:   {urdf} ({write_urdf(lib, *arguments)})")
+    else:
+        urdf.unlink(missing_ok=True)
+        say("URDF:   not written, because the model is not physically consistent")
+    from runtime.outputs.report import write_report  # its template engine is slow to import
+
+    say(f"report: {write_report(folder)}")
+
+
+def _coefficients(found: FrictionOfLog, saved: SavedResult) -> Table:
+    """Earlier and present coefficients with their standard deviations."""
+    table = Table(Column("joint", overflow="fold"), title="friction coefficients, SI units")
+    for head in ("column", "before", "now", "σ"):
+        table.add_column(head, justify="left" if head == "column" else "right")
+    names = found.result.train.column_names
+    for k, joint in enumerate(saved.joints):
+        for c, name in enumerate(names):
+            values, sigma = (saved.phi[k, c], found.result.phi[k, c]), found.sigma[k, c]
+            if any(values):
+                shown = f"{sigma:.2g}" if sigma else "kept"
+                table.add_row(joint, name, *(f"{x:.4g}" for x in values), shown)
+    return table

@@ -1,0 +1,27 @@
+"""Training, validation and test parts from the value of --split."""
+
+from runtime.cli.common import numbers_option
+from runtime.errors import IdentificationError
+from runtime.recording import EVERYTHING, Split
+
+
+def split_of(text: str | None) -> Split | None:
+    """Parts of a log.
+
+    Args:
+        text: "A,B", fractions of the duration, or "all"; None where the option is not given.
+
+    Returns:
+        The parts; None for those of the recipe.
+
+    Raises:
+        IdentificationError: the fractions are not two increasing numbers between 0 and 1.
+    """
+    if text is None:
+        return None
+    if text == "all":
+        return EVERYTHING
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return Split((0.0, a), (a, b), (b, 1.0))

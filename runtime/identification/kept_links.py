@@ -1,0 +1,197 @@
+"""Friction of a log with the links of an earlier result.
+
+    min_φ  ‖W½ (τ − Y π − F φ)‖² / S + Σ ((φ − φ₀)/σ_φ)²,   lower ≤ φ ≤ upper
+
+W are 1/s² of the residuals, S is the density of their coloured noise at the frequencies of the
+columns, φ₀ the earlier coefficients and σ_φ what they may have changed by: their size, and no less
+than `LEAST` of the joint's torque. A column that the log does not excite keeps its coefficient, and
+a few seconds suffice for the others.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
+from runtime.estimators.problem import FrictionPrior, Problem, best_friction
+from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.residuals import residuals
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import Identification, TrainedModel
+from runtime.identification.metrics import TorqueError, torque_error
+from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.refit import is_refitted, with_all_rows
+from runtime.identification.saved_result import SavedResult
+from runtime.identification.settings import Settings
+from runtime.library import Array, Library
+from runtime.parallel import one_blas_thread
+from runtime.recording import Recording
+from runtime.startup.data_classes import dataclass
+
+LEAST = 0.1
+"""Least torque of a change that is expected of a column, over the RMS torque of its joint."""
+PASSES = 3
+"""Fits, each with the weights and the noise of the residuals of the one before."""
+ROWS = 8192
+"""Rows that the noise is estimated from."""
+QUIET = 1e-6
+"""Least residual of a joint over its RMS torque: rounding, where a model is exact."""
+
+TINY = 1e-12
+"""Least standard deviation and noise: a log without torque has none."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionFit:
+    """Friction coefficients of some rows.
+
+    Attributes:
+        phi: coefficients, (n, k).
+        sigma: their standard deviations, 0 of a kept coefficient, (n, k).
+        weights: diagonal of W, (n,).
+        notes: sentences on coefficients at a bound.
+    """
+
+    phi: Array
+    sigma: Array
+    weights: Array
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionOfLog:
+    """A result with the links of an earlier one and the friction of a log.
+
+    Attributes:
+        result: links, friction, and errors on the test part of the log.
+        sigma: standard deviations of the friction coefficients, 0 of a kept one, (n, k).
+        earlier: error of the earlier result on the same test part.
+    """
+
+    result: Identification
+    sigma: Array
+    earlier: TorqueError
+
+
+@one_blas_thread
+def identify_friction(
+    recording: Recording, lib: Library, saved: SavedResult, settings: Settings | None = None
+) -> FrictionOfLog:
+    """Identify the friction of a log with the links of an earlier result.
+
+    Args:
+        recording: log as read; some seconds of motion suffice.
+        lib: library of the robot.
+        saved: the earlier result, whose friction columns and widths are taken.
+        settings: preparation, splitting and refit count; None are the defaults.
+
+    Returns:
+        Parameters as of `identify`, with errors of the earlier result beside.
+
+    Raises:
+        RuntimeFault: the earlier result has no friction columns or a friction net, or the log
+            makes no identification problem.
+    """
+    if saved.net is not None or not saved.friction.columns:
+        raise IdentificationError(
+            "expected an earlier result with friction columns, got one "
+            f"{'with a friction net' if saved.net is not None else 'without friction'}; identify "
+            "the robot with --friction"
+        )
+    chosen = replace(settings or Settings(refit=True), friction_columns=saved.friction)
+    assembly = assemble(recording, lib, chosen, is_joined=True)
+    problem = assembly.problem
+    if problem.train.equations < lib.n_joints:
+        raise IdentificationError(
+            "expected rows of every joint, got rows of power, which mix the friction of all "
+            "joints; prepare the log with the regressor acceleration or momentum"
+        )
+    start = time.perf_counter()
+    fit = _fitted(problem, saved)
+    seconds = time.perf_counter() - start
+    lam = saved.facts.get("lam")
+    result = _result(assembly, saved, fit, seconds, None if lam is None else np.array(lam))
+    test = samples_of(assembly.parts[2], lib)
+    error = torque_error(test.tau, test.rigid(lib, saved.pi) + test.friction(saved.phi))
+    if not is_refitted(assembly, chosen, "pc-ols"):
+        return FrictionOfLog(result, fit.sigma, error)
+    whole = _fitted(with_all_rows(assembly).problem, saved)
+    result = replace(result, phi=whole.phi, trained=TrainedModel(saved.pi, fit.phi))
+    return FrictionOfLog(result, whole.sigma, error)
+
+
+def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
+    """Friction of the training rows, with the noise of its own residuals."""
+    lib, rows, shape = problem.lib, problem.train, saved.phi.shape
+    sizes = np.sqrt(np.mean(np.square(rows.columns), axis=0))
+    if rows.coupling is not None:
+        sizes = rows.coupling.sizes(sizes)
+    rms = np.sqrt(np.mean(np.square(rows.tau), axis=0))
+    least = np.divide(LEAST * rms[:, None], sizes, out=np.zeros(shape), where=sizes > 0)
+    # A column without values, as of a joint at rest, keeps its coefficient by its bounds.
+    change = np.where(sizes > 0, np.maximum(np.abs(saved.phi), least) + TINY, np.inf)
+    prior = FrictionPrior(saved.phi, change)
+    bounds = bounds_of(problem, is_passive=True)
+    unused = (sizes == 0).ravel()
+    bounds = Bounds(
+        np.where(unused, saved.phi.ravel(), bounds.lower),
+        np.where(unused, saved.phi.ravel(), bounds.upper),
+    )
+    phi, beta = saved.phi, lib.base_matrix @ saved.pi
+
+    def solved(part: Statistics) -> tuple[Array, Array, None]:
+        return best_friction(part, saved.pi, shape).ravel(), beta, None
+
+    for _ in range(PASSES):
+        rest = residuals(lib, rows, saved.pi, phi)
+        noise = np.maximum(np.sqrt(np.mean(np.square(rest), axis=0)), QUIET * rms + TINY)
+        weights = 1.0 / noise**2
+        scaled = rows.friction_rows()[:ROWS] / noise[:, None]
+        density = coloured_noise_of_rows(scaled, rest[:ROWS] / noise).density
+        data = problem.statistics(weights)
+        whole = data.merged(prior.statistics(data, max(density, np.finfo(float).tiny)))
+        free, _, held = within_bounds(whole, bounds, solved)
+        phi = free.reshape(shape)
+    columns = whole.factor[:, whole.n_base :]
+    covariance = density * np.linalg.pinv(columns.T @ columns, hermitian=True)
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(shape)
+    notes = notes_of(held, bounds, lib.joint_names, problem.friction_names)
+    return FrictionFit(phi, sigma, weights, notes)
+
+
+def _result(
+    assembly: Assembly, saved: SavedResult, fit: FrictionFit, seconds: float, lam: Array | None
+) -> Identification:
+    """Identification with the links of the earlier result."""
+    problem, parts = assembly.problem, assembly.parts
+    lib = problem.lib
+    statistics = problem.statistics(fit.weights)
+    return Identification(
+        method=saved.method,
+        lib=lib,
+        pi=saved.pi,
+        lam=lam,
+        beta=lib.base_matrix @ saved.pi,
+        phi=fit.phi,
+        friction=assembly.friction,
+        weights=fit.weights,
+        status="friction of this log, links of an earlier result",
+        loss=statistics.value(saved.pi, fit.phi),
+        optimum=np.nan,
+        zero_loss=float(np.mean(problem.train.tau**2 @ fit.weights) / 2),
+        uncertainty=None,
+        seconds=seconds,
+        iterations=None,
+        trace=None,
+        train=parts[0],
+        validation=parts[1],
+        test=parts[2],
+        one_run=assembly.one_run,
+        is_joined=assembly.is_joined,
+        seed=problem.seed,
+        notes=(*assembly.notes, *fit.notes),
+        urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape),
+    )

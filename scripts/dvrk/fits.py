@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from runtime.estimators.classical.pc_ols import fit_pc_ols
-from runtime.estimators.problem import best_friction
-from runtime.estimators.regression import compress_all
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.kept_links import identify_friction
 from runtime.identification.problem_setup import assemble
+from runtime.identification.saved_result import SavedResult
+from runtime.identification.settings import Settings
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording
+from runtime.recording import EVERYTHING, Friction, Preparation, Recording
 
 RATE = 200.0
 """Of the logs, Hz."""
@@ -92,13 +93,7 @@ def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTO
         log(data, train),
         lib,
         friction_columns=Friction((*COLUMNS, *springs), dahl_stroke=STROKE),
-        preparation=Preparation(
-            filter="butterworth",
-            cutoff_hz=cutoff,
-            trim_s=1.0,
-            regressor="momentum",
-            motion_hz=MOTION,
-        ),
+        preparation=_steps(cutoff),
         validation=unseen,
         test=unseen,
     )
@@ -113,14 +108,35 @@ def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTO
     return ArmFit(lib, fit.pi, fit.phi, (*COLUMNS, *springs), samples)
 
 
-def friction_of_start(fit: ArmFit, seconds: float) -> Array:
-    """Friction (n, k) of the first seconds of the test run by least squares, at the same links.
+def friction_of_start(fit: ArmFit, data: Path, run: str, seconds: float) -> Array:
+    """Friction (n, k) of the first seconds of a run, at the links of the fit: `symgen friction`.
 
     Args:
-        fit: links, and samples of the test run.
-        seconds: length of the start.
+        fit: links, and friction as the prior.
+        data: folder of the files.
+        run: name of the run.
+        seconds: length of the start, without the second that is cut at both ends.
     """
-    start = fit.test.rows(np.arange(round(seconds * RATE)))
-    weights = 1.0 / np.var(start.tau, axis=0)
-    statistics = compress_all(fit.lib, (start,), weights / weights.mean())
-    return best_friction(statistics, fit.pi, fit.phi.shape)
+    lib, friction = fit.lib, Friction(fit.columns, dahl_stroke=STROKE)
+    saved = SavedResult(
+        robot=lib.name,
+        method="pc-ols",
+        joints=lib.joint_names,
+        units=("",) * lib.n_joints,
+        pi=fit.pi,
+        friction=friction,
+        phi=fit.phi,
+        net=None,
+        history=(),
+        preparation=_steps(CUTOFF),
+        model=None,
+    )
+    start = log(data, run).take(slice(0, round((seconds + 2.0) * RATE)), "Took the start.")
+    settings = Settings(preparation=saved.preparation, splitting=EVERYTHING)
+    return identify_friction(start, lib, saved, settings).result.phi
+
+
+def _steps(cutoff: float) -> Preparation:
+    return Preparation(
+        filter="butterworth", cutoff_hz=cutoff, trim_s=1.0, regressor="momentum", motion_hz=MOTION
+    )

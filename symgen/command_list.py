@@ -57,6 +57,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     ),
     "Identify": (
         Command("identify", RUN, "Identify the inertial parameters of a robot from logs."),
+        Command("friction", RUN, "Identify friction anew and keep the links of an earlier result."),
         Command("payload", RUN, "Identify mass, centre of mass and inertia of a payload."),
         Command("gains", RUN, "Identify gain and bias of every torque sensor or drive."),
         Command("fleet", RUN, "Compute the prior of a type of robot from many units of it."),

@@ -9,11 +9,12 @@ a few seconds suffice for the others.
 """
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, NotRealisableError
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.problem import FrictionPrior, Problem, best_friction
 from runtime.estimators.regression import Statistics
@@ -92,9 +93,14 @@ def identify_friction(
         Parameters as of `identify`, with errors of the earlier result beside.
 
     Raises:
-        RuntimeFault: the earlier result has no friction columns or a friction net, or the log
-            makes no identification problem.
+        RuntimeFault: the earlier result is of another robot, has no friction columns or a friction
+            net, or the log makes no identification problem.
     """
+    if saved.joints != lib.joint_names or saved.pi.shape != lib.pi0.shape:
+        raise IdentificationError(
+            f"expected an earlier result of the joints {', '.join(lib.joint_names)}, got one of "
+            f"{', '.join(saved.joints)}; give the library that it was identified with"
+        )
     if saved.net is not None or not saved.friction.columns:
         raise IdentificationError(
             "expected an earlier result with friction columns, got one "
@@ -112,8 +118,7 @@ def identify_friction(
     start = time.perf_counter()
     fit = _fitted(problem, saved)
     seconds = time.perf_counter() - start
-    lam = saved.facts.get("lam")
-    result = _result(assembly, saved, fit, seconds, None if lam is None else np.array(lam))
+    result = _result(assembly, saved, fit, seconds)
     test = samples_of(assembly.parts[2], lib)
     error = torque_error(test.tau, test.rigid(lib, saved.pi) + test.friction(saved.phi))
     if not is_refitted(assembly, chosen, "pc-ols"):
@@ -163,12 +168,15 @@ def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
 
 
 def _result(
-    assembly: Assembly, saved: SavedResult, fit: FrictionFit, seconds: float, lam: Array | None
+    assembly: Assembly, saved: SavedResult, fit: FrictionFit, seconds: float
 ) -> Identification:
     """Identification with the links of the earlier result."""
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
     statistics = problem.statistics(fit.weights)
+    lam = None
+    with suppress(NotRealisableError):
+        lam = lib.lam_from_pi(saved.pi)
     return Identification(
         method=saved.method,
         lib=lib,

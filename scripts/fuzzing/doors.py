@@ -189,6 +189,7 @@ DOORS: dict[str, Door] = {
     "simulate": Door("motion.json", goods.trajectory, readers.simulated),
     # Results.
     "evaluate": Door("result.json", goods.result, readers.evaluated),
+    "friction": Door("result.json", goods.result, readers.renewed),
     "export": _exported("urdf"),
     "export-friction": _exported("friction"),
     "arm": Door("result.json", goods.result, read_arm_model),

@@ -21,9 +21,12 @@ from runtime.cli.simulate import simulate_command
 from runtime.errors import RuntimeFault
 from runtime.experiments.storage.chunks import read_rows
 from runtime.files import json_of
+from runtime.identification.kept_links import identify_friction
+from runtime.identification.saved_result import read_result
 from runtime.library import Library
 from runtime.outputs.report import write_report
 from runtime.outputs.report.experiments import write_experiments
+from runtime.recording import read_recording
 from runtime.simulation.controller_file import read_controller
 from scripts.fuzzing import goods
 
@@ -91,6 +94,11 @@ def request(folder: Path, _: Library) -> None:
 def evaluated(folder: Path, lib: Library) -> None:
     """Run `evaluate` on a result and a log."""
     evaluate_command(folder, str(folder / "log.csv"), robot=str(lib.folder), as_json=True)
+
+
+def renewed(folder: Path, lib: Library) -> None:
+    """Friction of a log with the links of a result."""
+    identify_friction(read_recording(str(folder / "log.csv")), lib, read_result(folder))
 
 
 def reported(folder: Path, _: Library) -> None:

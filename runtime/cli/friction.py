@@ -66,20 +66,20 @@ def friction_command(
     if preparation is None and recording.preparation == Preparation():
         preparation = saved.preparation
     settings = Settings(preparation=preparation, splitting=split_of(split), refit=True)
-    found = identify_friction(recording, lib, saved, settings)
-    facts = write_result(found.result, folder, command_line())
+    renewed = identify_friction(recording, lib, saved, settings)
+    facts = write_result(renewed.result, folder, command_line())
     for name in _STALE:
         (folder / name).unlink(missing_ok=True)
-    shown = facts | error_facts(found.earlier, torque_errors(found.result)[1])
+    shown = facts | error_facts(renewed.earlier, torque_errors(renewed.result)[1])
     table = torque_table(shown)
     table.caption = "before: friction of the earlier result"
     console.print(table)
-    console.print(_coefficients(found, saved))
+    console.print(_coefficients(renewed, saved))
     for note in (*notes, *facts["warnings"]):
         say(f"note: {note}")
     urdf = folder / "identified.urdf"
-    if found.result.is_consistent:
-        arguments = (found.result.pi, urdf, found.result.friction, found.result.usual_phi)
+    if renewed.result.is_consistent:
+        arguments = (renewed.result.pi, urdf, renewed.result.friction, renewed.result.usual_phi)
         say(f"URDF:   {urdf} ({write_urdf(lib, *arguments)})")
     else:
         urdf.unlink(missing_ok=True)
@@ -89,15 +89,15 @@ def friction_command(
     say(f"report: {write_report(folder)}")
 
 
-def _coefficients(found: FrictionOfLog, saved: SavedResult) -> Table:
+def _coefficients(renewed: FrictionOfLog, saved: SavedResult) -> Table:
     """Earlier and present coefficients with their standard deviations."""
     table = Table(Column("joint", overflow="fold"), title="friction coefficients, SI units")
     for head in ("column", "before", "now", "σ"):
         table.add_column(head, justify="left" if head == "column" else "right")
-    names = found.result.train.column_names
+    names = renewed.result.train.column_names
     for k, joint in enumerate(saved.joints):
         for c, name in enumerate(names):
-            values, sigma = (saved.phi[k, c], found.result.phi[k, c]), found.sigma[k, c]
+            values, sigma = (saved.phi[k, c], renewed.result.phi[k, c]), renewed.sigma[k, c]
             if any(values):
                 shown = f"{sigma:.2g}" if sigma else "kept"
                 table.add_row(joint, name, *(f"{x:.4g}" for x in values), shown)

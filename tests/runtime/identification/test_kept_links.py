@@ -48,17 +48,17 @@ def test_a_few_seconds_determine_the_friction(
     lib: Library, saved: SavedResult, later: Recording
 ) -> None:
     """Oracle: the coefficients of the plant; the links are those of the result, bit by bit."""
-    found = identify_friction(later, lib, saved)
-    result = found.result
+    renewed = identify_friction(later, lib, saved)
+    result = renewed.result
     assert np.array_equal(result.pi, saved.pi)
     true = np.tile(list(NOW.values()), (lib.n_joints, 1))
     before = np.abs(saved.phi - true) @ np.array([1.0, 1.0, 1.0])
     after = np.abs(result.phi - true) @ np.array([1.0, 1.0, 1.0])
     # Errors of the links (0.5 % of up to 40 N·m on 20 s) join the noise of 4 s.
     assert np.all(after < 0.35 * before)
-    assert found.earlier.overall > 3 * 100 * _overall_rms(result)
+    assert renewed.earlier.overall > 3 * 100 * _overall_rms(result)
     # The difference over σ: links are fixed, so that their error is not in σ.
-    assert np.median(np.abs(result.phi - true) / found.sigma) < 2.5
+    assert np.median(np.abs(result.phi - true) / renewed.sigma) < 2.5
 
 
 def _overall_rms(result) -> float:  # type: ignore[no-untyped-def]
@@ -76,12 +76,12 @@ def test_a_joint_at_rest_keeps_its_friction(
     q[:, 0], dq[:, 0], ddq[:, 0] = q[0, 0], 0.0, 0.0
     tau = lib.inverse_dynamics(q, dq, ddq, saved.pi) + 0.8 * dq
     tau += np.random.default_rng(2).normal(0.0, SIGMA, tau.shape)
-    found = identify_friction(later.replace(q=q, dq=dq, ddq=ddq, tau=tau), lib, saved)
+    renewed = identify_friction(later.replace(q=q, dq=dq, ddq=ddq, tau=tau), lib, saved)
     # Their rows are those of the prior alone: rounding × its condition.
-    assert found.result.phi[0, :2] == pytest.approx(saved.phi[0, :2], rel=1e-6)
-    assert not found.sigma[0, :2].any()
-    assert not any("does not determine" in note for note in found.result.notes)
-    assert found.result.phi[3, 0] == pytest.approx(0.8, abs=0.05)  # 10 σ of its viscous friction
+    assert renewed.result.phi[0, :2] == pytest.approx(saved.phi[0, :2], rel=1e-6)
+    assert not renewed.sigma[0, :2].any()
+    assert not any("does not determine" in note for note in renewed.result.notes)
+    assert renewed.result.phi[3, 0] == pytest.approx(0.8, abs=0.05)  # 10 σ of its viscous friction
 
 
 def test_results_that_have_no_friction_are_refused(

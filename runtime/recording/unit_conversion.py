@@ -66,14 +66,13 @@ def converted(
     signals: dict[str, Any] = {}
     steps: list[str] = []
     for kind, signal in plan.signals().items():
-        values = raw[kind].values
-        rows = values if len(keep) == len(values) else values[keep]
+        rows = _kept(raw[kind].values, keep)
         signals[FIELDS[kind]], done = _joint_side(kind, signal, rows, plan)
         steps += done
     if plan.law is not None:
         parts = {}
         for kind, signal in plan.of_law().items():
-            rows = raw[kind].values[keep]
+            rows = _kept(raw[kind].values, keep)
             if kind in _AS_MEASURED:
                 rows, _ = _joint_side(_AS_MEASURED[kind], signal, rows, plan)
             parts[kind] = rows
@@ -124,6 +123,11 @@ def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]
     ]
 
 
+def _kept(values: FloatArray, keep: NDArray[np.int64]) -> FloatArray:
+    """The usable rows, without a copy where all are usable."""
+    return values if len(keep) == len(values) else values[keep]
+
+
 def _time(
     plan: Time | None,
     raw: dict[str, LogTable],
@@ -135,7 +139,7 @@ def _time(
     if plan is None or plan.rate_hz is not None:
         rate = plan.rate_hz if plan is not None and plan.rate_hz is not None else 1.0
         return (first_row + keep) / rate, [f"Time was made from a constant rate of {rate:g} Hz."]
-    t = raw["time"].values[keep]
+    t = _kept(raw["time"].values, keep)
     if t.shape[1] != 1:
         raise RecordingError(f"expected one column of time, got {t.shape[1]}; correct the recipe")
     t = t[:, 0]

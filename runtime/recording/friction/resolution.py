@@ -33,7 +33,9 @@ def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
     """
     if not columns.size:
         return np.zeros(columns.shape[1:], dtype=bool)
-    size = np.sqrt(np.mean(np.square(columns), axis=0))
+    flat = columns.reshape(len(columns), -1)
+    square = np.einsum("ij,ij->j", flat, flat).reshape(columns.shape[1:])  # in one pass
+    size = np.sqrt(square / len(columns))
     torque = float(np.sqrt(np.mean(np.square(tau))))
     least = np.maximum(SHARE * size.max(axis=0), LEAST * torque)
     return np.asarray((size > 0) & (size < least))

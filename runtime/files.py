@@ -6,6 +6,7 @@ check the values.
 """
 
 import errno
+import hashlib
 import json
 import os
 import re
@@ -61,6 +62,12 @@ def bytes_of(path: Path) -> bytes:
     if size > LARGEST:
         raise ValueError(f"{size} bytes are more than the {LARGEST} of any document")
     return path.read_bytes()
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file as text; it is read in pieces, for which no new memory is needed."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def text_of(path: Path) -> str:

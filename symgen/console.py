@@ -4,6 +4,7 @@ It imports the package of a command only when that command runs. `inspect` exist
 file goes to symgen, a log to runtime.
 """
 
+import gc
 import os
 import shlex
 import shutil
@@ -193,11 +194,14 @@ def commands_of(package: str) -> Callable[[], None]:
     Raises:
         SystemExit: Ctrl-C came during the import (130).
     """
+    gc.disable()  # what the import makes stays
     try:
         run_command: Callable[[], None] = import_module(package).main
     except KeyboardInterrupt:  # the import takes a second or two
         sys.stderr.write("symgen: interrupted\n")
         raise SystemExit(INTERRUPTED) from None
+    finally:
+        gc.enable()
 
     def run() -> None:
         try:

@@ -115,3 +115,17 @@ def test_collector_does_not_search_modules() -> None:
     # The modules of a command hold some 66,000 containers, its help text 5,000.
     assert int(frozen) > int(searched)
     assert enabled == "True"
+
+
+def test_collector_waits_until_a_command_is_imported() -> None:
+    """Property: no search while modules are imported; Python's own number makes thirty of them."""
+    code = (
+        "import atexit, gc, runpy, sys\nsys.argv = ['symgen', 'identify', '-h']\n"
+        "searches = lambda: sum(each['collections'] for each in gc.get_stats())\n"
+        "before = searches()\natexit.register(lambda: print(searches() - before))\n"
+        "runpy.run_module('runtime', run_name='__main__')"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert int(run.stdout.splitlines()[-1]) <= 3  # for the help text

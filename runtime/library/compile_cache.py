@@ -23,7 +23,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from runtime.errors import LibraryError
-from runtime.files import json_of
+from runtime.files import json_of, sha256_of
 from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
 from runtime.library.user_builds import is_safe_from_others
@@ -83,7 +83,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
                 commands = compile_folder(folder, recipe, levels, compiler, library)
                 library.chmod(0o755)  # whatever the mask: what others can write is not opened
                 record = {
-                    "sha256": _sha256(library),
+                    "sha256": sha256_of(library),
                     "sources": recipe.files,
                     "levels": sorted(levels),
                     "compiler": version,
@@ -142,7 +142,7 @@ def is_whole(entry: Path, robot: str) -> bool:
         return (
             is_safe_from_others(entry)
             and is_safe_from_others(library)
-            and bool(record["sha256"] == _sha256(library))
+            and bool(record["sha256"] == sha256_of(library))
         )
     except (OSError, ValueError, KeyError, TypeError):
         return False
@@ -246,7 +246,3 @@ def _new_folder(place: Path) -> Iterator[Path]:
             draft.rename(place)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,10 +1,10 @@
 """Folder of a robot: by name among trusted places, or by the path that the user typed."""
 
-import hashlib
 import os
 from pathlib import Path
 
 from runtime.errors import LibraryError
+from runtime.files import sha256_of
 from runtime.library.user_builds import NAME, built_folders, is_user_build
 from runtime.startup.data_classes import dataclass
 
@@ -80,7 +80,7 @@ def _is_built_here(folder: Path, robot: str) -> bool:
     """Whether the library in a folder of the working directory was built by this user."""
     library = folder / f"lib{robot}.so"
     try:
-        digest = hashlib.sha256(library.read_bytes()).hexdigest()
+        digest = sha256_of(library)
     except OSError:
         return False
     return (folder / "manifest.json").is_file() and is_user_build(library, digest)

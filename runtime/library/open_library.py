@@ -1,13 +1,12 @@
 """Opens the compiled library of a generated folder when it is whole and belongs to its manifest."""
 
 import ctypes
-import hashlib
 import shutil
 import tempfile
 from pathlib import Path
 
 from runtime.errors import LibraryError
-from runtime.files import json_of
+from runtime.files import json_of, sha256_of
 from runtime.library.compile_cache import compiled_library
 from runtime.library.manifest import Manifest
 from runtime.library.user_builds import is_user_build
@@ -84,10 +83,10 @@ def _checked(place: Path, folder: Path, name: str) -> str:
             f"'{place}' has no valid build.json beside its library; {AGAIN}"
         ) from None
     # Opening a truncated shared object kills the process, so its bytes are checked first.
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = sha256_of(path)
     if digest != sha256:
         raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
-    manifest_hash = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    manifest_hash = sha256_of(folder / "manifest.json")
     if stated != manifest_hash:
         raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
     return digest

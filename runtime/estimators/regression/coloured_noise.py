@@ -138,6 +138,34 @@ def coloured_noise_of_basis(
     return _noise_from_sums(sums, power, width if unknowns is None else unknowns, equations)
 
 
+def shares_of_basis(q: Array) -> tuple[Array, ...]:
+    """Share of every frequency that a fit takes up; those of orthogonal columns add up.
+
+    Args:
+        q: orthonormal columns of one stretch of samples, (N, n, p).
+
+    Returns:
+        Σ_k q̂_k² of each of its pieces, (N_i, n).
+    """
+    return tuple(_taken_up(q[rows]) for rows in _pieces(len(q), 1))
+
+
+def coloured_noise_of_shares(shares: Sequence[Array], rest: Array, unknowns: int) -> ColouredNoise:
+    """Noise of a linear fit to one stretch of samples, from the shares of its columns.
+
+    Args:
+        shares: from `shares_of_basis`, of all columns.
+        rest: residual, (N, n).
+        unknowns: number of the columns.
+
+    Returns:
+        Density and variance in units of the noise that the rows are divided by.
+    """
+    pieces = _pieces(len(rest), 1)
+    sums = [_sums(h, h, rest[rows]) for h, rows in zip(shares, pieces, strict=True)]
+    return _noise_from_sums(sums, float(np.sum(rest**2)), unknowns, rest.size)
+
+
 def _noise_from_sums(
     sums: list[tuple[float, float, float]], power: float, unknowns: int, equations: float
 ) -> ColouredNoise:
@@ -156,9 +184,12 @@ def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> tuple[fl
 
     g is h of the basis of some unknowns alone, (N, n, m); h itself without them.
     """
-    h = g = _taken_up(q)
-    if some is not None:
-        g = _taken_up(some)
+    h = _taken_up(q)
+    return _sums(h, h if some is None else _taken_up(some), rest)
+
+
+def _sums(h: Array, g: Array, rest: Array) -> tuple[float, float, float]:
+    """Σ g r̂², Σ g (1 − h) and Σ g of shares (N, n) and residuals (N, n)."""
     power = cosines(rest) ** 2
     return float(np.sum(g * power)), float(np.sum(g * (1 - h))), float(np.sum(g))
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares, shares_of_basis
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.numerics.dense import triangle_of_joints
@@ -40,6 +40,7 @@ class FreeFit:
         basis: orthonormal basis of the weighted columns, (N n, p).
         predicted: weighted torque of the fit, (N n,).
         rest: weighted residual, (N n,).
+        shares: of every frequency that the basis takes up, by `shares_of_basis`.
     """
 
     samples: Samples
@@ -47,6 +48,12 @@ class FreeFit:
     basis: Array
     predicted: Array
     rest: Array
+    shares: tuple[Array, ...]
+
+    def shares_with(self, directions: Array) -> tuple[Array, ...]:
+        """Shares beside further orthonormal columns, (N n, k), orthogonal to the basis."""
+        added = shares_of_basis(directions.reshape(len(self.samples), self.scale.size, -1))
+        return tuple(a + b for a, b in zip(self.shares, added, strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +98,8 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     rest = target - predicted
     if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
         return None
-    return FreeFit(s, scale, basis, predicted, rest)
+    shares = shares_of_basis(basis.reshape(len(s), scale.size, -1))
+    return FreeFit(s, scale, basis, predicted, rest, shares)
 
 
 def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
@@ -112,6 +120,7 @@ def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
         basis=np.concatenate([fit.basis, more], axis=1),
         predicted=fit.predicted + explained,
         rest=fit.rest - explained,
+        shares=fit.shares_with(more),
     )
 
 
@@ -132,8 +141,8 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     explained = directions.T @ fit.rest
     shape = (len(fit.samples), fit.scale.size)
     left = (fit.rest - directions @ explained).reshape(shape)
-    whole = np.concatenate([fit.basis, directions], axis=1).reshape(*shape, -1)
-    density = coloured_noise_of_basis([(whole, left)], 1).density
+    unknowns = fit.basis.shape[1] + directions.shape[1]
+    density = coloured_noise_of_shares(fit.shares_with(directions), left, unknowns).density
     if not density > 0:
         return None
     quantile = chi2_quantile(directions.shape[1], SIGNIFICANCE)

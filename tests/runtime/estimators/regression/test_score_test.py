@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from runtime.estimators.regression import coloured_noise
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.friction_test import friction_test
 from runtime.estimators.regression.gain_test import gain_test
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.regression.score_test import free_fit, score_test
+from runtime.estimators.regression.score_test import free_fit, score_test, with_columns
 from runtime.library import Library
 from runtime.recording import Recording
 
@@ -29,6 +31,25 @@ def test_the_statistic_is_chi_square(lib: Library, noisy: Recording) -> None:
         statistics.append(test.statistic)
         assert test.density == pytest.approx(1.0, abs=0.15)
     assert np.mean(statistics) == pytest.approx(14.0, abs=4 * np.sqrt(2 * 14 / DRAWS))
+
+
+def test_the_basis_of_a_fit_is_transformed_once(
+    lib: Library, noisy: Recording, monkeypatch
+) -> None:
+    """Property: a test transforms its own columns only. Oracle: noise of all columns together."""
+    samples = samples_of(noisy, lib)
+    n = lib.n_joints
+    fit = free_fit(lib, samples, np.ones(n))
+    columns = np.random.default_rng(3).normal(size=(len(samples) * n, 5))
+    widths = []
+    whole = coloured_noise._taken_up
+    with monkeypatch.context() as patch:
+        patch.setattr(coloured_noise, "_taken_up", lambda q: widths.append(q.shape[2]) or whole(q))
+        test = score_test(fit, columns)
+    assert set(widths) == {5}
+    beside = with_columns(fit, columns)
+    together = beside.basis.reshape(len(samples), n, -1), beside.rest.reshape(-1, n)
+    assert test.density == pytest.approx(coloured_noise_of_basis([together], 1).density, rel=1e-12)
 
 
 def test_columns_of_the_fit_add_nothing(lib: Library, noisy: Recording) -> None:

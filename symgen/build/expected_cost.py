@@ -1,10 +1,13 @@
 """What a compilation will cost, from the number of operations of the kernels.
 
     CPU time = Σ over levels (fixed + operations · rate)
-    memory of one compiler = fixed + operations · rate
+    memory of one process = fixed + operations · rate
 
-Fitted to GCC 12 on one x86-64 core with arms of 1 and 7 joints (6188 and 57111 instructions), which
-it reproduces to 5 %; other machines differ by their speed.
+Times are fitted to GCC 12 on one x86-64 core with arms of 1 and 7 joints (6188 and 57111
+instructions), which they reproduce to 5 %; other machines differ by their speed. Memory is that of
+this process and of the compilers that run at the same time (proportional set sizes): 153, 333, 340
+and 507 MB for a two-link arm, a Go2, an FR3 and a Talos of 8309, 55516, 55821 and 189288
+instructions, which it reproduces within a factor of 1.3.
 """
 
 import os
@@ -27,10 +30,10 @@ _PER_LEVEL = {
 }
 _FALLBACK = (0.45, 2e-6)
 """The portable level beside a better one."""
-_COMPILER_MB = (52.0, 2.5e-3)
+_COMPILER_MB = (55.0, 9e-4)
 """Memory of one compiler process: MB, and MB per instruction."""
-_PYTHON_MB = 150.0
-"""Memory of this process while others compile [MB]."""
+_PYTHON_MB = (65.0, 6e-4)
+"""Memory of this process while others compile: MB, and MB per instruction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,20 @@ def expected_cost(
     return ExpectedCost(
         operations,
         sum(fixed + rate * operations for fixed, rate in pairs),
-        _PYTHON_MB + at_once * (_COMPILER_MB[0] + _COMPILER_MB[1] * operations),
+        expected_memory(operations, at_once),
         wanted,
     )
+
+
+def expected_memory(operations: int, at_once: int) -> float:
+    """Largest memory of this process and its compilers.
+
+    Args:
+        operations: instructions of all kernels.
+        at_once: compilers that run at the same time.
+
+    Returns:
+        Memory [MB].
+    """
+    own, compiler = (fixed + rate * operations for fixed, rate in (_PYTHON_MB, _COMPILER_MB))
+    return own + at_once * compiler

@@ -32,6 +32,8 @@ from symgen.errors import CompilerError
 
 UNUSED_S = 30 * 86400.0
 """Time without use after which an object is deleted [s]."""
+DRAFT, DRAFT_S = ".new", 3600.0
+"""Suffix of an object that is being written, and time after which its build was killed [s]."""
 OFF = "off"
 """Value of $SYMGEN_OBJECTS that turns the cache off."""
 
@@ -108,19 +110,25 @@ class Objects:
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not _is_private(self._folder):
                 return
-            handle, draft = tempfile.mkstemp(prefix=".", suffix=".new", dir=self._folder)
-            with os.fdopen(handle, "wb") as file:
-                file.write(json.dumps(facts).encode() + b"\n" + data)
-            os.replace(draft, self._folder / f"{self._key(source, flags)}.o")
+            handle, draft = tempfile.mkstemp(prefix=".", suffix=DRAFT, dir=self._folder)
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(json.dumps(facts).encode() + b"\n" + data)
+                os.replace(draft, self._folder / f"{self._key(source, flags)}.o")
+            except BaseException:  # a full disk, or Ctrl-C
+                Path(draft).unlink(missing_ok=True)
+                raise
 
     def prune(self) -> None:
-        """Delete objects that no build has used for `UNUSED_S`."""
+        """Delete objects that no build has used for `UNUSED_S`, and drafts of killed builds."""
         if self._folder is None or not _is_private(self._folder):
             return
-        for path in self._folder.iterdir():
-            with suppress(OSError):  # another build prunes, too
-                if time.time() - path.stat().st_mtime > UNUSED_S:
-                    path.unlink()
+        with suppress(OSError):  # another program has removed the folder
+            for path in list(self._folder.iterdir()):
+                limit = DRAFT_S if path.suffix == DRAFT else UNUSED_S
+                with suppress(OSError):  # another build prunes, too
+                    if time.time() - path.stat().st_mtime > limit:
+                        path.unlink()
 
     def _key(self, source: Path, flags: Sequence[str]) -> str:
         if source not in self._texts:
@@ -186,7 +194,8 @@ def _folder() -> Path | None:
     """Folder of the objects; None where the cache is off, or others can write its usual place.
 
     Raises:
-        CompilerError: others can write $SYMGEN_OBJECTS, so that an object in it may be theirs.
+        CompilerError: $SYMGEN_OBJECTS is no folder, or others can write it, so that an object in it
+            may be theirs.
     """
     requested = os.environ.get("SYMGEN_OBJECTS", "")
     if requested == OFF:
@@ -194,10 +203,14 @@ def _folder() -> Path | None:
     cache = os.environ.get("SYMGEN_CACHE", "")
     root = Path(cache).expanduser() if cache else platformdirs.user_cache_path("symgen")
     folder = Path(requested).expanduser().absolute() if requested else root.absolute() / "objects"
-    if not folder.exists() or _is_private(folder):
+    if not folder.exists() or (folder.is_dir() and _is_private(folder)):
         return folder
     if not requested:
         return None
+    if not folder.is_dir():
+        raise CompilerError(
+            f"expected SYMGEN_OBJECTS to be a folder, got the file '{folder}'; name another, or off"
+        )
     raise CompilerError(
         f"expected SYMGEN_OBJECTS to be a folder that only you can write, got '{folder}', which "
         "others own or can write; name another folder, or make it yours (chown, chmod go-w)"

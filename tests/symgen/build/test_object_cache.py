@@ -1,6 +1,7 @@
 """Objects that builds share: the same content is compiled once, for all robots of a user."""
 
 import ctypes
+import errno
 import os
 import shutil
 import time
@@ -10,7 +11,7 @@ import pytest
 
 from symgen.build.compile_recipe import how_to_compile
 from symgen.build.compiler import Compilation, find_compiler
-from symgen.build.objects import UNUSED_S, Objects
+from symgen.build.objects import DRAFT_S, UNUSED_S, Objects
 from symgen.errors import CompilerError
 
 SOURCE = """/* {name}, model {model} */
@@ -130,3 +131,51 @@ def test_off_keeps_nothing_and_old_objects_go(desk: Desk, monkeypatch: pytest.Mo
     desk.build("arm")
     assert desk.calls() == 3
     assert not list(desk.objects.glob("*.o"))
+
+
+def test_a_file_in_place_of_the_folder(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: a named file is refused before the compiler starts; the usual one is left alone."""
+    desk.objects.parent.mkdir(exist_ok=True)
+    desk.objects.write_text("no folder")
+    with pytest.raises(
+        CompilerError, match=r"^expected SYMGEN_OBJECTS to be a folder, got the fil"
+    ):
+        desk.build("arm")
+    monkeypatch.delenv("SYMGEN_OBJECTS")
+    monkeypatch.setenv("SYMGEN_CACHE", str(desk.objects.parent))
+    desk.build("arm")
+    assert desk.objects.read_text() == "no folder"
+
+
+def test_a_folder_that_disappears_during_a_build(desk: Desk) -> None:
+    """Property: what others delete while a build runs does not end it."""
+    desk.build("arm")
+    objects = Objects("arm", find_compiler())
+    shutil.rmtree(desk.objects)
+    desk.objects.write_text("no folder")
+    objects.prune()
+
+
+def test_a_full_disk_leaves_no_draft(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: the build goes on without the cache; drafts of killed builds go after an hour."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        objects = Objects("arm", find_compiler())
+        unit = desk.objects.parent / "unit.o"
+        unit.write_bytes(b"object")
+        source = desk.objects.parent / "unit.c"
+        source.write_text("int x;")
+        objects.keep(source, (), unit)
+    assert not list(desk.objects.iterdir())
+    draft = desk.objects / ".killed.new"
+    draft.write_bytes(b"half")
+    objects.prune()
+    assert draft.exists()
+    past = time.time() - DRAFT_S - 60
+    os.utime(draft, (past, past))
+    objects.prune()
+    assert not draft.exists()

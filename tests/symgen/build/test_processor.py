@@ -9,7 +9,7 @@ import symgen.build.processor as room
 from runtime.library import load
 from symgen.build import pipeline
 from symgen.build.compiler import level_names
-from symgen.build.expected_cost import expected_cost
+from symgen.build.expected_cost import expected_cost, expected_memory
 from symgen.build.processor import FLAGS, levels_of_processor
 from symgen.build.request import BuildRequest
 from symgen.catalogue import make_catalogue
@@ -91,3 +91,6 @@ def test_the_cost_is_printed_before_the_compilation(
     assert every.cpu_s == pytest.approx(9.2, rel=0.15)
     one, two = (expected_cost(kernels, [], cores).memory_mb for cores in (1, 2))
     assert two - one == pytest.approx(67, rel=0.15)
+    # Measured peaks of generator and two compilers: two-link arm, FR3, Talos; 1.3 as it promises.
+    for count, measured in ((8309, 153), (55821, 340), (189288, 507)):
+        assert 1 / 1.3 < expected_memory(count, 2) / measured < 1.3

@@ -48,7 +48,8 @@ PROGRAMS = """
                 for (int a = 0; a < 3; ++a) {
                     x[a] = numbers(LONG * N);
                     for (int i = 0; i < (fast ? 0 : LONG * N); ++i) {
-                        x[a][i] = sin(0.003 * (1 + 0.3 * a) * (i % N + 1 + a / 2) * (i / N) + i % N);
+                        const double speed = 0.003 * (1 + 0.3 * a) * (i % N + 1 + a / 2);
+                        x[a][i] = sin(speed * (i / N) + i % N);
                     }
                 }
                 long products = NAME_LEVEL_statistics(LONG, x[0], x[1], x[2], numbers(LONG * N), 1,

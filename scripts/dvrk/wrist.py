@@ -70,7 +70,7 @@ def _levels(tau: Array, friction: Array, q: Array, ddq: Array) -> Array:
     return np.array(levels)
 
 
-def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array]:
+def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array, Array]:
     """One level of the friction of the whole wrist and an offset per joint, of the first seconds.
 
     Args:
@@ -78,7 +78,8 @@ def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array]:
         seconds: length of the start of the test run.
 
     Returns:
-        The level, and the residuals of the whole test run (N, n) [N·m, N].
+        The level, the changes of the offsets (n,), and the residuals of the whole test run (N, n)
+        [N·m, N].
     """
     phi = fit.phi.copy()
     phi[:, fit.columns.index("offset")] = 0.0
@@ -93,4 +94,5 @@ def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array]:
     start, scale = slice(0, round(seconds * RATE)), 1.0 / fit.test.tau.std(axis=0)
     rows = (columns[start] * scale[:, None]).reshape(-1, n + 1)
     x = np.linalg.lstsq(rows, (others[start] * scale).ravel(), rcond=None)[0]
-    return float(x[0]), np.asarray(others - columns @ x)
+    change = x[1:] - fit.phi[:, fit.columns.index("offset")]
+    return float(x[0]), change, np.asarray(others - columns @ x)

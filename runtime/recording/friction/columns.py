@@ -71,9 +71,10 @@ def _position(motion: JointMotion, terms: Friction) -> FloatArray:
     if motion.q is None or motion.lib is None:
         raise RecordingError("the friction column 'position' needs q and the library of the robot")
     limits = motion.lib.limits()
-    middle, half = (limits["upper"] + limits["lower"]) / 2, (limits["upper"] - limits["lower"]) / 2
-    ends = np.isfinite(half) & (half > 0)
-    place = (motion.q - np.where(ends, middle, 0.0)) / np.where(ends, half, np.pi)
+    lower, upper = limits["lower"], limits["upper"]
+    ends = np.isfinite(lower) & np.isfinite(upper) & (upper > lower)
+    lower, upper = np.where(ends, lower, -np.pi), np.where(ends, upper, np.pi)
+    place = (motion.q - (upper + lower) / 2) / ((upper - lower) / 2)
     dry = _dahl if DAHL.name in terms.columns else _sign
     return np.asarray(place * dry(motion, terms))
 

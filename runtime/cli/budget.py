@@ -31,8 +31,10 @@ def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, 
         The sentences; nothing where all starts were made in full.
     """
     notes, count = [], len(best.conditions)
-    if budget is not None and count < starts:
-        notes.append(f"budget: {count} of {starts} starts in {budget:g} s")
+    if count < starts:
+        reason = "interrupted" if budget is None else f"budget of {budget:g} s"
+        first = "; the first start is made in full however long it takes" if count == 1 else ""
+        notes.append(f"{reason}: {count} of {starts} starts" + first * (budget is not None))
     if best.behind:
         notes.append(
             f"given up: {best.behind} of {count} starts, more than {100 * BEHIND:g} % above the "

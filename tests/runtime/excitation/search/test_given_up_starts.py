@@ -1,5 +1,6 @@
 """Starts of a smooth criterion that are warm or given up: rounds, rule, printed sentence."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,3 +101,8 @@ def test_far_starts_are_counted_and_printed(double: Library) -> None:
     assert len(notes) == (alone.behind > 0)
     if notes:
         assert notes[0].startswith(f"given up: {alone.behind} of 8 starts, more than 5 % above")
+    one = replace(alone, conditions=alone.conditions[:1])
+    assert search_notes(one, 2.0, 8)[0] == (
+        "budget of 2 s: 1 of 8 starts; the first start is made in full however long it takes"
+    )
+    assert search_notes(one, None, 8)[0] == "interrupted: 1 of 8 starts"

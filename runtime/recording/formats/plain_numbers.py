@@ -5,6 +5,7 @@ parsed here. Anything else is left to `text_tables`, which looks at each line an
 """
 
 import warnings
+from array import array
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
@@ -32,27 +33,20 @@ def plain_numbers(text: str) -> FloatArray | None:
     Returns:
         (N,); None where a line is something else.
     """
-    blocks = []
-    for piece in _pieces(text):
-        numbers = _parsed(piece, "\n", piece.count("\n") + (not piece.endswith("\n")))
-        if numbers is None:
-            if "_" in piece:  # float reads 1_0 as 10
-                return None
-            try:
-                numbers = np.array(list(map(float, piece.splitlines())))
-            except ValueError:
-                return None
-        blocks.append(numbers)
-    return np.concatenate(blocks) if blocks else np.empty(0)
-
-
-def _pieces(text: str) -> Iterator[str]:
-    """Whole lines, about `PIECE` characters at a time."""
-    start = 0
-    while start < len(text):
-        end = text.find("\n", start + PIECE) + 1 or len(text)
-        yield text[start:end]
-        start = end
+    parsed = _parsed(text, "\n", text.count("\n") + (not text.endswith("\n")))
+    if parsed is not None:
+        return parsed
+    if "_" in text:  # float reads 1_0 as 10
+        return None
+    numbers, start = array("d"), 0
+    try:
+        while start < len(text):
+            end = text.find("\n", start + PIECE) + 1 or len(text)
+            numbers.extend(map(float, text[start:end].splitlines()))
+            start = end
+    except ValueError:
+        return None
+    return np.frombuffer(numbers, dtype=np.float64)
 
 
 def _parsed(text: str, separator: str, count: int) -> FloatArray | None:

@@ -36,8 +36,9 @@ ALLOWED = {
 
 
 def loaded_by(statement: str) -> set[str]:
-    """Heavy libraries that a fresh interpreter holds after a statement."""
-    code = f"import sys\n{statement}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
+    """Heavy libraries and unused modules that a fresh interpreter holds after a statement."""
+    known = HEAVY + UNUSED
+    code = f"import sys\n{statement}\nprint(*(m for m in {known!r} if m in sys.modules))"
     run = subprocess.run(
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
@@ -50,6 +51,13 @@ def test_import_budget(statement: str) -> None:
     # What numpy and clarabel import by themselves is not ours to choose.
     allowed = ALLOWED[statement] | (loaded_by("import clarabel") if ALLOWED[statement] else set())
     assert loaded_by(statement) - allowed == set()
+
+
+UNUSED = (
+    *("concurrent.futures", "rich.status", "rich.progress"),
+    *(f"runtime.recording.formats.{name}_format" for name in ("bag", "hdf5", "lerobot")),
+)
+"""Modules that a short log in a pipe has no use for: threads, signs of progress, other formats."""
 
 
 def test_identification_uses_no_package_of_scipy(tmp_path) -> None:

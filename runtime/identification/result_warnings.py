@@ -56,8 +56,10 @@ def retraced(train: Recording, test: Recording) -> float:
     if not moving.any():
         return 0.0
     known, new = (each[:, moving] / size[moving] for each in (known, rows(test, _TEST_ROWS)))
-    nearest = [np.abs(known - row).max(axis=1).min() for row in new]
-    return float(np.mean(np.array(nearest) < _NEAR))
+    near = np.ones((len(new), len(known)), dtype=bool)
+    for value, others in zip(new.T, known.T, strict=True):
+        near &= np.abs(value[:, None] - others) < _NEAR
+    return float(np.mean(near.any(axis=1)))
 
 
 def warnings_of(

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,12 +107,16 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
     Raises:
         IdentificationError: as `compress`, or there is no piece.
     """
+    source = iter(pieces)
+    first = tuple(islice(source, 2))
+    if len(first) == 1:  # a short log; threads take longer to start than it takes
+        return compress(lib, first[0], weights)
     from concurrent.futures import ThreadPoolExecutor
 
     factors: list[Statistics] = []
     with ThreadPoolExecutor(cores()) as pool:
         # Pieces are taken by this thread, a bounded number ahead, and compressed on the others.
-        source, waiting = iter(pieces), deque["Future[Statistics]"]()
+        source, waiting = chain(first, source), deque["Future[Statistics]"]()
         while True:
             for piece in islice(source, 2 * cores() - len(waiting)):
                 waiting.append(pool.submit(compress, lib, piece, weights))

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from runtime.excitation import Design
-from runtime.excitation.search.single_start import BEHIND, TRIED
+from runtime.excitation.search.single_start import TRIED
 
 Budget = Annotated[
     float | None,
@@ -31,13 +31,15 @@ def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, 
         The sentences; nothing where all starts were made in full.
     """
     notes, count = [], len(best.conditions)
+    descents = count + len(best.variations)
     if count < starts:
         reason = "interrupted" if budget is None else f"budget of {budget:g} s"
         first = "; the first start is made in full however long it takes" if count == 1 else ""
         notes.append(f"{reason}: {count} of {starts} starts" + first * (budget is not None))
     if best.behind:
+        bounds = " or ".join(f"{100 * far:g} % after {steps} steps" for steps, far in TRIED)
         notes.append(
-            f"given up: {best.behind} of {count} starts, more than {100 * BEHIND:g} % above the "
-            f"best of the rounds before after {TRIED} steps"
+            f"given up: {best.behind} of {descents} starts and variations, behind the best of the "
+            f"rounds before by more than {bounds}"
         )
     return tuple(notes)

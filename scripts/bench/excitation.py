@@ -13,7 +13,7 @@ from bench.compiled import BenchError
 from bench.excitation_peers import Start
 from bench.machine import processor
 from runtime.excitation import COST_SAMPLES
-from runtime.excitation.search.single_start import SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 

@@ -18,7 +18,8 @@ from bench.peers.pinocchio_model import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
 from runtime.excitation.search.measures import Measure
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
 Cost = Callable[[Array], tuple[float, Array | None]]

@@ -6,7 +6,10 @@
 | a | RMS standard deviation of the unknowns relative to their size |
 | v | RMS error of the torque, all joints together, predicted on unseen motions |
 | d | mean half-axis of the confidence ellipsoid (log det of the raw Gram matrix) |
-| mixed | log v² + a smooth log cond (Schatten 16): good predictions, every column excited |
+| mixed | 0.8 log v + 0.2 log a + 0.8 log cond: small errors, and every column excited |
+
+The descents of `mixed` have a smooth log cond (Schatten 16) in place of log cond, which compares
+their ends.
 
 a, v and d depend on amplitudes, cond does not: one of its optima may hardly move a joint.
 
@@ -15,6 +18,7 @@ point of the group "symgen.criteria".
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,9 +30,9 @@ from runtime.excitation.search.measures import (
     log_cond,
     log_variance,
     log_volume,
-    mixed,
     normalised,
     schatten,
+    weighted,
 )
 from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library
@@ -42,7 +46,10 @@ FLOOR = 0.01
 SMOOTH = 16.0
 """Power of the Schatten norms in `mixed`."""
 SHARE = 0.8
-"""Weight of the smooth log cond in `mixed`."""
+"""Weight of log cond in `mixed`."""
+RELATIVE = 0.2
+"""Part of log a in the mean log error of `mixed`: v alone ignores parameters that hardly change the
+torque of other motions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +58,15 @@ class Goal:
 
     Attributes:
         stages: measures of the descent in turn, with the number of iterations of each.
-        target: measure that compares starts; its exponential has the unit of the criterion.
+        target: measure of the last stage; its exponential has the unit of the criterion.
+        errors: part of the target without its smooth log cond; None where it has none.
+        condition_share: weight of log cond W̄_b, which compares starts together with `errors`.
     """
 
     stages: tuple[tuple[Measure, int], ...]
     target: Measure
+    errors: Measure | None = None
+    condition_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +193,11 @@ def _volume(*_: object) -> Goal:
 
 
 def _mixed(lib: Library, home: Array, information: Information | None) -> Goal:
-    torque = torque_error(lib, home, _known(information))
-    # ½ (log tr Q G⁻¹ + log cond): as much for the variance as for the condition number.
-    return smooth_goal(mixed(torque, normalised(schatten(SMOOTH)), SHARE))
+    known = _known(information)
+    torque, relative = torque_error(lib, home, known), relative_error(lib, known)
+    errors = weighted((1 - RELATIVE, torque), (RELATIVE, relative))
+    goal = smooth_goal(weighted((1.0, errors), (SHARE, normalised(schatten(SMOOTH)))))
+    return replace(goal, errors=errors, condition_share=SHARE)
 
 
 V = Criterion("v", "expected torque error on other motions", "N·m", _prediction)
@@ -198,7 +211,7 @@ COND = Criterion(
     needs_information=False,
     is_kinked=True,
 )
-MIXED = Criterion("mixed", "v and cond together", "N·m √cond", _mixed)
+MIXED = Criterion("mixed", "v, a and cond together", "(N·m cond)^0.8", _mixed)
 
 CRITERIA = Registry(
     "symgen.criteria",

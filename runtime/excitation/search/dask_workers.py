@@ -7,7 +7,8 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from runtime.excitation.search.processes import Rounds, Started
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import Task
 from runtime.parallel import on_cluster
 
@@ -45,5 +46,5 @@ def _search(problem: SearchProblem, key: str) -> Search:
     known: tuple[str, Search] | None = getattr(_here, "search", None)
     if known is None or known[0] != key:
         threadpool_limits(limits=1, user_api="blas")
-        known = _here.search = key, problem.search()
+        known = _here.search = key, Search.of(problem)
     return known[1]

@@ -16,7 +16,8 @@ from runtime.excitation.search.dask_workers import on_workers
 from runtime.excitation.search.design_settings import DesignSettings, settings_from
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.processes import Rounds, Started, in_turn, side_by_side
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
@@ -42,8 +43,8 @@ class Design:
         safety: limits that were kept beyond those of the joints; None as in the document.
         unchecked: kinds of limits that were not checked.
         variations: cond of every variation of good starts that ended, in order.
-        behind: number of starts that ended more than `BEHIND` above the best of the rounds before,
-            where they are given up.
+        behind: number of starts and variations of a smooth criterion that ended far behind the
+            best of the rounds before, where they are given up.
     """
 
     trajectory: Trajectory

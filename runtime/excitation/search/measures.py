@@ -102,22 +102,15 @@ def log_volume(gram: Array) -> tuple[float, Array]:
     return float(-np.linalg.slogdet(gram)[1] / (2 * len(gram))), -inverse / len(gram)
 
 
-def mixed(first: Measure, second: Measure, share: float) -> Measure:
-    """Weighted sum of two measures: first + share · second.
-
-    Args:
-        first: measure with weight 1.
-        second: measure with weight `share`.
-        share: weight.
-
-    Returns:
-        The sum as a measure.
-    """
+def weighted(*terms: tuple[float, Measure]) -> Measure:
+    """Weighted sum of measures: Σ weight · measure."""
 
     def measure(gram: Array) -> tuple[float, Array]:
-        value, slope = first(gram)
-        other, other_slope = second(gram)
-        return value + share * other, slope + share * other_slope
+        value, slope = 0.0, np.zeros_like(gram)
+        for weight, term in terms:
+            one, one_slope = term(gram)
+            value, slope = value + weight * one, slope + weight * one_slope
+        return value, slope
 
     return measure
 

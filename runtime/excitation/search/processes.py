@@ -15,7 +15,8 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import Task
 from runtime.library import Array
 
@@ -101,7 +102,7 @@ def _prepare(problem: SearchProblem) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(limits=1, user_api="blas")
-    _here[:] = [problem.search()]
+    _here[:] = [Search.of(problem)]
 
 
 def _end_with_parent() -> None:

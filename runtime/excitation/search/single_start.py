@@ -5,27 +5,22 @@ cond, the semidefinite programmes of `polish` end in its kink. Limits that are n
 elastic on the way and tightened in the last round, so that they hold between its samples.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.limits.limit_rows import LimitRows
-from runtime.excitation.limits.safety import Safety, constraints, require_rest
-from runtime.excitation.motion.basis import COSINE
-from runtime.excitation.motion.family import Basis
+from runtime.excitation.limits.safety import constraints, require_rest
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.coordinates import Coordinates, Correlations, ElasticLimits
 from runtime.excitation.search.criteria import criterion_of
-from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, rank, too_many
+from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import Objective, descend
-from runtime.excitation.search.varied import varied
+from runtime.excitation.search.varied import varied, varied_far
 from runtime.library import Array, Library, load
-from runtime.startup.data_classes import dataclass
 
 START = 0.5
 """Limit use of a random start: far enough inside to choose its basin."""
@@ -42,9 +37,10 @@ ELASTIC = 0.3
 LATE_GAIN = 0.06
 """Log cond by which a variation may be worse than the best after a smooth stage; the other stages
 and the polish gain 0.03 to 0.05 from there."""
-TRIED, BEHIND = 80, 0.05
-"""A start of a smooth criterion is given up where its log target is more than `BEHIND` above the
-best of the rounds before, after that many steps: those left gain 0.03 on average."""
+TRIED = (40, 0.1), (80, 0.05)
+"""A start of a smooth criterion is given up after so many steps where its log target is more than
+the second number above the best of the rounds before: the next 40 steps gain 0.03 on average, and
+those after the 80th as much."""
 RETURNED = 0.3
 """RMS of coordinates below which a variation counts as its parent.
 
@@ -54,41 +50,6 @@ SHRUNK, SHRINKS = 0.8, 60
 """Factor of one shrinking, and the largest number: 1e-6 of the limits of joints is no motion."""
 LEAST = 1e-3
 """Use of the limits of joints below which other limits have left no room."""
-
-
-@dataclass(frozen=True, slots=True)
-class SearchProblem:
-    """What is searched, small enough to be sent to another process.
-
-    Attributes:
-        folder: of the robot.
-        level: of its library.
-        home: (n,) rad or m.
-        harmonics: M.
-        duration: t_f, s.
-        seed: of all starts.
-        basis: of the motion.
-        criterion: one of `CRITERIA`.
-        information: of the unknowns; None is all base parameters by their regressor alone.
-        safety: limits beyond those of joints; None as in the document.
-        margin: share of every limit that may be used.
-    """
-
-    folder: Path
-    level: str
-    home: Array
-    harmonics: int
-    duration: float
-    seed: int
-    basis: Basis = COSINE
-    criterion: str = "cond"
-    information: Information | None = None
-    safety: Safety | None = None
-    margin: float = 1.0
-
-    def search(self) -> "Search":
-        """Search with the library of the folder, which is loaded here."""
-        return Search(load(self.folder, self.level), self)
 
 
 class Search:
@@ -104,6 +65,7 @@ class Search:
         self.goal = self.criterion.goal(lib, problem.home, problem.information)
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
+        self._condition = ConditionCost(*shape, self.basis)
         self.limits = Limits(*shape, basis=self.basis, share=problem.margin)
         self.constraints = constraints(lib, problem.home, problem.safety)
         require_rest(self.constraints, problem.home)
@@ -117,11 +79,15 @@ class Search:
         self._correlations = Correlations(self._coordinates, self.cost)
         self._coarse = self.limit_rows(LIMIT_STEP)
 
+    @classmethod
+    def of(cls, problem: SearchProblem) -> "Search":
+        """Search with the library of the problem's folder, which is loaded here."""
+        return cls(load(problem.folder, problem.level), problem)
+
     def start(self, number: int, best: float = np.inf) -> tuple[float, Array]:
         """Descent from a random motion, within the limits of its grid.
 
-        A start of a smooth criterion whose target after `TRIED` steps is above `best` + `BEHIND`
-        is given up.
+        A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
 
         Args:
             number: of the task, which with the seed determines the start.
@@ -149,19 +115,21 @@ class Search:
     ) -> Array:
         """Last stage of a smooth goal, which ends early behind the best of the rounds before."""
         measure, iterations = self.goal.stages[-1]
-        objective, curvature = self._objective(measure), None
-        if np.isfinite(best):
-            tried = descend(objective, x, rows, min(TRIED, iterations), nonlinear=elastic)
-            x, curvature, iterations = tried.x, tried.curvature, iterations - TRIED
-            is_behind = self.value(self._coordinates.of_one(x)) > best + BEHIND
-            if is_behind or tried.iterations < TRIED:
+        objective, curvature, done = self._objective(measure), None, 0
+        for tried, behind in TRIED if np.isfinite(best) else ():
+            steps = min(tried, iterations) - done
+            part = descend(objective, x, rows, steps, curvature=curvature, nonlinear=elastic)
+            x, curvature, done = part.x, part.curvature, done + steps
+            is_behind = self.value(self._coordinates.of_one(x)) > best + behind
+            if is_behind or part.iterations < steps:
                 return x
-        return descend(objective, x, rows, iterations, curvature=curvature, nonlinear=elastic).x
+        left = iterations - done
+        return descend(objective, x, rows, left, curvature=curvature, nonlinear=elastic).x
 
     def variation(
         self, number: int, parents: tuple[Array, ...], best: float
     ) -> tuple[float, Array]:
-        """Descent from a variation of one of the parents, see `varied`.
+        """Descent from a variation of one of the parents, see `varied` and `varied_far`.
 
         Each joint has limits of its own, so that with new motions of some joints those of the
         others stay admissible. D-optimality is skipped. Where the criterion is kinked, what has
@@ -179,8 +147,9 @@ class Search:
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
         is_smooth = not self.criterion.is_kinked
-        x = varied(rng, known, number, self._shape[0], self._drawn, is_mostly_noise=is_smooth)
-        x = x / max(1.0, float(np.max(self._matrix @ x)))
+        kinds = varied_far if is_smooth else varied
+        x = kinds(rng, known, number, self._shape[0], self._drawn)
+        x = self._within_each(x) if is_smooth else x / max(1.0, float(np.max(self._matrix @ x)))
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(x, ELASTIC)
         if is_smooth:
@@ -196,6 +165,13 @@ class Search:
         for measure, iterations in later:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         return self._ended(polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x)
+
+    def _within_each(self, x: Array) -> Array:
+        """Point x with every joint scaled into its limits; a common factor shrinks all of them."""
+        joints = x.reshape(self._shape)
+        # A row limits one joint: its coefficients of the others are zero.
+        use = np.einsum("rjm,jm->rj", self._matrix.reshape(-1, *self._shape), joints).max(axis=0)
+        return np.asarray((joints / np.maximum(1.0, use)[:, None]).ravel())
 
     def _ended(self, x: Array) -> tuple[float, Array]:
         """Target of the goal and coefficients of x moved inside all limits."""
@@ -226,10 +202,13 @@ class Search:
         return np.asarray(x * (START / np.max(self._matrix @ x)))
 
     def value(self, a: Array) -> float:
-        """Target of the goal."""
+        """Target of the goal, with log cond W̄_b in place of a smooth one."""
         if self.criterion.is_kinked:
             return self.cost.value_gradient(a)[0]
-        return self.cost.measure(a, self.goal.target)[0]
+        if self.goal.errors is None:
+            return self.cost.measure(a, self.goal.target)[0]
+        condition = self._condition.value_gradient(a)[0]
+        return self.cost.measure(a, self.goal.errors)[0] + self.goal.condition_share * condition
 
     def refined(self, a: Array) -> Array:
         """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""

@@ -1,13 +1,13 @@
 """Order of a search: random starts, then variations of the best ones.
 
 Where a smooth criterion decides, random starts come in rounds of `FIRST`, as many again, twice as
-many and so on. From the second round a start is given up after `TRIED` steps where its target is
-more than `BEHIND` above that of the best start of the rounds before: the steps left seldom gain as
-much. With `FEWEST` starts or more, `WARM` of them are warm, in `WARM_ROUNDS` rounds: they begin
-near one of the best so far and skip D-optimality.
+many and so on. From the second round a start that is behind the best of the rounds before is given
+up, see `TRIED`. With `FEWEST` starts or more, `DRAWN` of them are random, at least `FEWEST_DRAWN`,
+and the others are warm: they begin near one of the best so far and skip D-optimality. Warm starts
+and as many variations as half of the starts come in `WARM_ROUNDS` rounds.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
-common. Where log cond decides, `SHARE` variations per start follow in `ROUNDS`. Each inherits from
+common. Where log cond decides, as many variations as starts follow in `ROUNDS`. Each inherits from
 one of the `PARENTS` best so far (a geometric law favours the first), with the motion of one or two
 joints new or with noise on all coefficients, and skips D-optimality. It is given up after the first
 smooth stage unless it is new and close to the best by then. A round waits for the one before, so
@@ -20,16 +20,18 @@ from itertools import pairwise
 import numpy as np
 
 from runtime.excitation.search.criteria import CRITERIA
-from runtime.excitation.search.single_start import BEHIND, Search
+from runtime.excitation.search.single_start import TRIED, Search
 from runtime.library import Array
 from runtime.startup.data_classes import dataclass
 
-FIRST = 6
+FIRST = 3
 """Number of random starts of a smooth criterion in the first round; none of them is given up."""
-WARM, WARM_ROUNDS = 0.5, 4
-"""Share and rounds of the starts of a smooth criterion that begin near the best ones."""
+DRAWN, FEWEST_DRAWN = 0.25, 4
+"""Share and least number of the starts of a smooth criterion that are random."""
+WARM_ROUNDS = 10
+"""Number of rounds of the starts of a smooth criterion that begin near the best ones."""
 SHARE = 1.0
-"""Variations per start; one takes a third of the time of a start."""
+"""Variations per start; one takes a third of the time of a random start."""
 FEWEST = 8
 """Smallest number of starts after which variations follow, or among which some are warm."""
 ROUNDS = 6
@@ -71,7 +73,7 @@ def variation_count(criterion: str, starts: int) -> int:
     Returns:
         The number.
     """
-    return int(SHARE * starts) if CRITERIA[criterion].is_kinked and starts >= FEWEST else 0
+    return int(SHARE * starts) if starts >= FEWEST else 0
 
 
 def random_count(criterion: str, starts: int) -> int:
@@ -86,29 +88,33 @@ def random_count(criterion: str, starts: int) -> int:
     """
     if CRITERIA[criterion].is_kinked or starts < FEWEST:
         return starts
-    return starts - int(WARM * starts)
+    return max(FEWEST_DRAWN, int(DRAWN * starts))
 
 
-def start_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
-    """Rounds of starts.
+def task_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
+    """Rounds of starts and variations.
 
     Args:
         criterion: one of `CRITERIA`.
         starts: number of starts.
 
     Returns:
-        First number and end of each round.
+        First number and end of each round, none of which is empty.
     """
-    drawn = random_count(criterion, starts)
-    ends = [0, starts if CRITERIA[criterion].is_kinked else min(FIRST, drawn)]
+    is_kinked = CRITERIA[criterion].is_kinked
+    drawn, end = random_count(criterion, starts), starts + variation_count(criterion, starts)
+    ends = [0, drawn if is_kinked else min(FIRST, drawn)]
     while ends[-1] < drawn:
         ends.append(min(2 * ends[-1], drawn))
-    warm = (drawn + (starts - drawn) * k // WARM_ROUNDS for k in range(1, WARM_ROUNDS + 1))
-    return list(pairwise([*ends, *(end for end in warm if starts > drawn)]))
+    count = ROUNDS if is_kinked else WARM_ROUNDS
+    later = (drawn + (end - drawn) * k // count for k in range(1, count + 1))
+    return [(first, last) for first, last in pairwise([*ends, *later]) if first < last]
 
 
 def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]) -> int:
-    """Number of starts that ended more than `BEHIND` above the best of the rounds before.
+    """Number of descents of a smooth criterion that ended far above the best of the rounds before.
+
+    Far is the last bound of `TRIED`.
 
     Args:
         criterion: one of `CRITERIA`.
@@ -118,10 +124,12 @@ def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, A
     Returns:
         The number.
     """
-    count = 0
-    for first, last in start_rounds(criterion, starts):
+    if CRITERIA[criterion].is_kinked:
+        return 0
+    count, behind = 0, TRIED[-1][1]
+    for first, last in task_rounds(criterion, starts):
         best = min((ended[k][0] for k in range(first) if k in ended), default=np.inf)
-        count += sum(ended[k][0] > best + BEHIND for k in range(first, last) if k in ended)
+        count += sum(ended[k][0] > best + behind for k in range(first, last) if k in ended)
     return count
 
 
@@ -139,16 +147,10 @@ def rounds(
         The tasks of a round.
     """
     drawn = random_count(criterion, starts)
-    for begin, end in start_rounds(criterion, starts):
-        least, parents = _best(ended) if begin else (np.inf, ())
-        warm = parents if begin >= drawn else ()
-        yield [Task(number, warm, least) for number in range(begin, end)]
-    ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
-    for first, last in pairwise(ends):
-        if first == last:
-            continue
-        best, parents = _best(ended)
-        yield [Task(number, parents, best) for number in range(first, last)]
+    for first, last in task_rounds(criterion, starts):
+        best, parents = _best(ended) if first else (np.inf, ())
+        near = parents if first >= drawn else ()
+        yield [Task(number, near, best) for number in range(first, last)]
 
 
 def _best(ended: Mapping[int, tuple[float, Array]]) -> tuple[float, tuple[Array, ...]]:

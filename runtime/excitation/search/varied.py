@@ -11,8 +11,12 @@ from runtime.library import Array
 
 NOISE = 0.2, 0.8
 """Smallest and largest noise on all coordinates of a variation; 1 reaches the bounds."""
+FAR_NOISE = 0.5, 0.9
+"""The same far from a parent: with less, most descents of a smooth criterion return to it."""
 FAVOUR = 0.25
 """Probability that the best parent is chosen; the next ones follow a geometric law."""
+FAR_FAVOUR = 0.35
+"""The same where a smooth criterion decides."""
 
 
 def varied(
@@ -21,8 +25,6 @@ def varied(
     number: int,
     joints: int,
     drawn: Callable[[np.random.Generator], Array],
-    *,
-    is_mostly_noise: bool = False,
 ) -> Array:
     """Return a parent with noise on all coordinates, or with new motions of one or two joints.
 
@@ -32,14 +34,52 @@ def varied(
         number: of the variation, by which the kind is chosen.
         joints: number of joints, n.
         drawn: random point (p,).
-        is_mostly_noise: two of three variations have noise; else one of three.
 
     Returns:
         Point (p,), not yet within the limits.
     """
-    x = known[min(int(rng.geometric(FAVOUR)), len(known)) - 1]
-    if number % 3 == 2 or (is_mostly_noise and number % 3 == 1):
+    x = _parent(rng, known, FAVOUR)
+    if number % 3 == 2:
         return np.asarray(x + rng.uniform(*NOISE) * rng.normal(size=len(x)))
-    chosen = rng.permutation(joints)[: 1 + number % 3]
-    new = np.repeat(np.isin(np.arange(joints), chosen), len(x) // joints)
-    return np.where(new, drawn(rng), x)
+    chosen = _chosen(rng, joints, 1 + number % 3, len(x))
+    return np.where(chosen, drawn(rng), x)
+
+
+def varied_far(
+    rng: np.random.Generator,
+    known: Array,
+    number: int,
+    joints: int,
+    drawn: Callable[[np.random.Generator], Array],
+) -> Array:
+    """Return a parent with much noise, with two new joints, or with the mirrored motion of one.
+
+    Three of four variations have noise on all coordinates, which leads to a better optimum twice
+    as often as the others. A mirrored motion keeps the amplitudes of its joint.
+
+    Args:
+        rng: random numbers.
+        known: points of the parents, best first, (K, p).
+        number: of the variation, by which the kind is chosen.
+        joints: number of joints, n.
+        drawn: random point (p,).
+
+    Returns:
+        Point (p,), not yet within the limits.
+    """
+    x = _parent(rng, known, FAR_FAVOUR)
+    if number % 4:
+        return np.asarray(x + rng.uniform(*FAR_NOISE) * rng.normal(size=len(x)))
+    if number % 8:
+        return np.where(_chosen(rng, joints, 1, len(x)), -x, x)
+    return np.where(_chosen(rng, joints, 2, len(x)), drawn(rng), x)
+
+
+def _parent(rng: np.random.Generator, known: Array, favour: float) -> Array:
+    return np.asarray(known[min(int(rng.geometric(favour)), len(known)) - 1])
+
+
+def _chosen(rng: np.random.Generator, joints: int, count: int, size: int) -> Array:
+    """Coordinates (size,) of so many random joints."""
+    chosen = rng.permutation(joints)[:count]
+    return np.repeat(np.isin(np.arange(joints), chosen), size // joints)

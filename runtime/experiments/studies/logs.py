@@ -11,7 +11,8 @@ import numpy as np
 
 from runtime.excitation import Trajectory
 from runtime.excitation.search.finish import repaired
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import ROLES, curves, designed

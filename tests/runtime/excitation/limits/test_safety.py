@@ -18,7 +18,8 @@ from runtime.excitation import Design, Safety, design
 from runtime.excitation.limits.unchecked import CARRIED, UNCHECKED
 from runtime.excitation.proof.certificate import DISTANCES, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.library import Library, ProxyFacts
 from tests.oracle import pinocchio_model
 from tests.runtime.excitation.test_excitation import closed_form

@@ -20,10 +20,11 @@ from runtime.excitation import (
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.search.measures import Measure, log_variance, log_volume, mixed
+from runtime.excitation.search.measures import Measure, log_variance, log_volume, weighted
 from runtime.excitation.search.nuisance import even_columns
 from runtime.excitation.search.prediction import SAMPLES
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library
 from tests.runtime.conftest import Command
@@ -51,8 +52,12 @@ def test_criteria_of_the_covariance_by_scipy() -> None:
 
 @pytest.mark.parametrize(
     "measure",
-    [log_variance(random_gram(seed=1)), log_volume, mixed(log_volume, log_variance(np.eye(6)), 2)],
-    ids=["variance", "volume", "mixed"],
+    [
+        log_variance(random_gram(seed=1)),
+        log_volume,
+        weighted((1.0, log_volume), (2.0, log_variance(np.eye(6)))),
+    ],
+    ids=["variance", "volume", "weighted"],
 )
 def test_slopes_in_the_gram_matrix_by_taylor(measure: Measure) -> None:
     """Derivative: S = 2 ∂f/∂G along a symmetric direction."""
@@ -233,12 +238,12 @@ def test_each_criterion_is_best_by_its_measure(lib: Library) -> None:
 
 def test_mixed_gives_good_predictions_and_a_good_condition_number(lib: Library) -> None:
     """Property: M = 5, 10 s; V-opt alone has cond 8, log cond alone 12 mN·m and more."""
-    result = design(lib, criterion="mixed", information=information(lib), starts=2)
+    result = design(lib, criterion="mixed", information=information(lib), starts=4)
     score = predict(lib, result.trajectory, information(lib), ()).scores[0]
-    # Measured: 4.36, 2.7 %, 8.2 mN·m from two starts; 4.97, 1.97 %, 7.0 from 24.
+    # Measured: 5.35, 1.93 %, 7.0 mN·m from four starts; 5.5 to 5.7, 2.3 %, 8.2 mN·m from two.
     assert result.condition < 5.5
-    assert score.relative_error < 0.03
-    assert score.torque_error < 0.0085
+    assert score.relative_error < 0.022
+    assert score.torque_error < 0.0075
 
 
 @pytest.mark.parametrize(

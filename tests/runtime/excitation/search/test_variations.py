@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Design, design
-from runtime.excitation.search.single_start import Search, SearchProblem
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import FEWEST, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 

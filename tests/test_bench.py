@@ -283,3 +283,15 @@ def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None
     assert [rows.pop(label) for label in clean] == 3 * [(0, 0, 0)]
     assert rows.pop("torque gain of joint 7 10 % off") == (0, 1, 0)
     assert {(named, doubted) for named, _, doubted in rows.values()} == {(1, 1)}
+
+
+def test_rows_of_a_table_are_replaced_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: rows with the same first cells in their places, new ones last, the others kept."""
+    monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
+    from bench.grid import markdown, merged
+
+    head = ("problem", "starts", "cond")
+    before = markdown(head, [("a", "8", "4.1"), ("a", "24", "3.9"), ("b", "8", "5.0")])
+    after = markdown(head, [("c", "8", "2.0"), ("a", "24", "3.8")])
+    rows = [("a", "8", "4.1"), ("a", "24", "3.8"), ("b", "8", "5.0"), ("c", "8", "2.0")]
+    assert merged(before, after, 2) == markdown(head, rows)

@@ -183,6 +183,8 @@ def _cpu() -> float:
     return times.user + times.system + times.children_user + times.children_system
 
 
+KEYS = 3
+"""Number of first columns that name a row."""
 _HEAD = (
     "problem",
     "t_f s",

@@ -28,3 +28,13 @@ def update(name: str, text: str) -> None:
         before, rest = page.read_text(encoding="utf-8").split(start)
         _, after = rest.split(end)
         page.write_text(f"{before}{start}\n{text}\n{end}{after}", encoding="utf-8")
+
+
+def table_of(name: str) -> str:
+    """Table that the first page with the marks of that name has now."""
+    start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        if start in text:
+            return text.split(start)[1].split(end)[0].strip()
+    raise ValueError(f"expected a page with {start}, got none; put the marks into a page")

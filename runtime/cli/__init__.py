@@ -16,6 +16,7 @@ from runtime.cli.plain_values import PlainGroup
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 from runtime.startup.leaving import leave
+from runtime.startup.memory import keep_memory
 
 COMMANDS = (
     *(
@@ -113,6 +114,7 @@ def _run() -> None:
     # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
     # a command's processor time. NumPy and worker processes read this when they start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    keep_memory()
     wanted = sys.argv[1:2]
     name = program().split()[-1]
     if wanted == ["--version"]:

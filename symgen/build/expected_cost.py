@@ -97,5 +97,5 @@ def expected_memory(operations: int, at_once: int) -> float:
     Returns:
         Memory [MB].
     """
-    own, compiler = (fixed + rate * operations for fixed, rate in (_PYTHON_MB, _COMPILER_MB))
-    return own + at_once * compiler
+    process, compiler = (fixed + rate * operations for fixed, rate in (_PYTHON_MB, _COMPILER_MB))
+    return process + at_once * compiler

@@ -1,7 +1,7 @@
 """Consistency of positions, velocities and time.  s_j = median(Δq_j / ∫dq_j dt) ≈ 1
 
 A slope of 57.3 or 1/57.3 means degrees instead of radians, 1000 or 1/1000 milliseconds instead of
-seconds. Nothing is corrected: units are stated in a recipe and never guessed.
+seconds, 1e-6 and 1e-9 microseconds and nanoseconds. Nothing is corrected: units are stated in a recipe and never guessed.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def check_consistency(recording: Recording) -> Recording:
     """The recording, with a warning in its history where Δq/Δt and dq differ.
 
     Raises:
-        RecordingError: they differ by the factor of degrees or of milliseconds.
+        RecordingError: they differ by the factor of degrees or of a unit of time.
     """
     recording = _note_suspicions(recording)
     if recording.dq is None or len(recording) <= 2 * STRIDE:
@@ -38,6 +38,8 @@ def check_consistency(recording: Recording) -> Recording:
         "positions look like degrees": DEGREE,
         "velocities look like degrees per second": 1.0 / DEGREE,
         "time looks like ms": 1e-3,
+        "time looks like us": 1e-6,
+        "time looks like ns": 1e-9,
         "time looks like s declared as ms": 1e3,
     }
     for suspicion, factor in looks.items():

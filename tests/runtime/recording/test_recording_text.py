@@ -117,6 +117,8 @@ def malformed() -> dict[str, tuple[str, bytes, str]]:
         "degrees": ("a.csv", csv_text(t, np.rad2deg(q), dq), "positions look like degrees.*57.3"),
         "deg/s": ("a.csv", csv_text(t, q, np.rad2deg(dq)), "velocities look like degrees"),
         "ms as s": ("a.csv", csv_text(1e3 * t, q, dq), "time looks like ms: .*0.001.*and at 1"),
+        "us as s": ("a.csv", csv_text(1e6 * t, q, dq), "time looks like us: .*and at 1"),
+        "ns as s": ("a.csv", csv_text(1e9 * t, q, dq), "time looks like ns: .*and at 1"),
         "s as ms": ("a.csv", csv_text(1e-3 * t, q, dq), "time looks like s declared as ms"),
         "binary": ("a.csv", bytes(range(256)) * 8, "expected to be UTF-8 text"),
         "UTF-16": ("a.csv", good.encode("utf-16"), "expected to be UTF-8 text"),

@@ -1,7 +1,8 @@
 """Consistency of positions, velocities and time.  s_j = median(Δq_j / ∫dq_j dt) ≈ 1
 
 A slope of 57.3 or 1/57.3 means degrees instead of radians, 1000 or 1/1000 milliseconds instead of
-seconds, 1e-6 and 1e-9 microseconds and nanoseconds. Nothing is corrected: units are stated in a recipe and never guessed.
+seconds, 1e-6 and 1e-9 microseconds and nanoseconds. Nothing is corrected: units are stated in a
+recipe and never guessed.
 """
 
 import numpy as np

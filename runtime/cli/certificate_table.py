@@ -10,8 +10,8 @@ from runtime.cli.common import numbers_option
 from runtime.cli.model_bands import band_of
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
+from runtime.excitation.limits.distances import FIT_PROXIES
 from runtime.excitation.limits.obstacles import OBSTACLE, read_obstacles
-from runtime.excitation.limits.safety import FIT_PROXIES
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.library import Library
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.carry import CARRY
-from runtime.excitation.limits.safety import TABLE_MARGIN
+from runtime.excitation.limits.distances import TABLE_MARGIN
 
 Table = Annotated[
     str | None,

@@ -16,9 +16,9 @@ from scipy.optimize import minimize_scalar
 from bench.engines import TABLE, Engines
 from runtime import load
 from runtime.excitation import Limits, Safety, Trajectory, basis_of
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import Clearance
 from runtime.excitation.limits.joint_limits import inside
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.limits.torque_limits import Torque
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import TipSpeed
 from runtime.excitation.limits.nonlinear_limits import Braking
-from runtime.excitation.limits.safety import Safety, constraints
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import TorqueRate
 from runtime.library import Array, Library
 

@@ -13,10 +13,11 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.excitation.approach.free_poses import FreePoses
 from runtime.excitation.approach.path import along, free_path, places
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.joint_limits import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Constraint
-from runtime.excitation.limits.safety import Safety, constraints
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.joined import GAP, end_of
 from runtime.excitation.motion.spline import Transfer
 from runtime.excitation.motion.trajectory import Trajectory

@@ -1,4 +1,4 @@
-"""Limits that a motion keeps beyond position, velocity and acceleration.
+"""What a design keeps beyond position, velocity and acceleration: numbers of `Safety`.
 
 By default all that the manifest of the robot states: position-dependent velocity, torque, torque
 rate, tip speed and the margins of its pairs of proxies. A table, a box of the tip and obstacles on
@@ -6,39 +6,11 @@ request.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.carried_body import CarriedBody, with_load
-from runtime.excitation.limits.carried_limits import CarriedClearance, CarriedHeight
-from runtime.excitation.limits.distance_limits import (
-    LinkClearance,
-    TableClearance,
-    TipBox,
-    TipSpeed,
-)
-from runtime.excitation.limits.known_torque import known_torque_of
-from runtime.excitation.limits.model_band import ModelBand
-from runtime.excitation.limits.nonlinear_limits import (
-    Braking,
-    Constraint,
-    Side,
-    TimedConstraint,
-)
-from runtime.excitation.limits.obstacles import Obstacle, ObstacleClearance, capsule_around
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
-from runtime.library import Array, Library
+from runtime.excitation.limits.carried_body import CarriedBody
+from runtime.excitation.limits.obstacles import Obstacle
 from runtime.startup.data_classes import dataclass
-
-TABLE_MARGIN = 0.03
-"""Margin between every moving proxy and the table or an obstacle, m."""
-CARRIED_MARGIN = 0.02
-"""Margin between a carried box and the links of a robot that states no margins, m."""
-FIT_PROXIES = (
-    "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
-)
-_PROBES = 32
-"""Number of random poses; between them every proxy that can move has moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +20,8 @@ class Safety:
     Attributes:
         torque_fraction: share of the effort limit that may be used, 0 < share ≤ 1.
         clearance: margin of pairs, table and obstacles, m; by default the margins of the pairs and
-            `TABLE_MARGIN`. Pairs that the robot allows closer than its others keep their margin.
+            `TABLE_MARGIN` of `distances`. Pairs that the robot allows closer than its others keep
+            their margin.
         table: height of a horizontal plane below which nothing may go, m in the base frame.
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
         viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
@@ -112,166 +85,6 @@ class Safety:
                 )
 
 
-def constraints(
-    lib: Library, home: Array, safety: Safety | None
-) -> tuple[Braking | TimedConstraint, ...]:
-    """Limits that are not linear in the coefficients.
-
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-        safety: limits; None is the document's mode, without any.
-
-    Returns:
-        One constraint per kind of limit.
-
-    Raises:
-        IdentificationError: `safety` needs limits or proxies that the robot does not state.
-    """
-    if safety is None:
-        return ()
-    return (
-        *_braking(lib, home),
-        *_torques(lib, safety),
-        *_tip(lib, safety),
-        *_distances(lib, safety),
-    )
-
-
-def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
-    facts = lib.braking
-    if facts is None:
-        return ()
-    sides = (Side(1.0, facts.k, facts.c, facts.upper), Side(-1.0, facts.k, facts.c, facts.lower))
-    return (Braking(sides, home, lib.joint_names),)
-
-
-def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    limits, n = lib.limits(), lib.n_joints
-    viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
-    coulomb = (1 + safety.friction_band) * coulomb
-    pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
-    rest = viscous, lib.joint_names, band, known_torque_of(lib)
-    chosen: list[TimedConstraint] = []
-    if np.isfinite(limits["effort"]).any():
-        limit = safety.torque_fraction * limits["effort"] - coulomb
-        if not (limit > 0).all():
-            j = int(np.argmin(limit))
-            raise IdentificationError(
-                f"Coulomb friction of {coulomb[j]:g} N·m exceeds the torque of "
-                f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
-                f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
-            )
-        chosen.append(Torque(lib, pi, limit, *rest))
-    if np.isfinite(limits["torque_rate"]).any():
-        rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueRate(lib, pi, rate, *rest))
-    return tuple(chosen)
-
-
-_FRICTION = ("viscous", "coulomb")
-
-
-def _band(lib: Library, safety: Safety, viscous: Array) -> ModelBand | None:
-    if not (safety.band or safety.friction_band):
-        return None
-    pi = np.array(safety.band or np.zeros(len(lib.pi0)))
-    if pi.shape != lib.pi0.shape:
-        raise IdentificationError(
-            f"a band of models of '{lib.name}' needs {len(lib.pi0)} half-widths, got {len(pi)}"
-        )
-    return ModelBand(lib, pi, safety.friction_band * viscous)
-
-
-def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
-    if len(values) not in {0, 1, lib.n_joints}:
-        raise IdentificationError(
-            f"{name} friction needs one number or one per joint, {lib.n_joints}, got {len(values)}"
-        )
-    return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
-
-
-def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    chosen: list[TimedConstraint] = []
-    if safety.box is not None:
-        ends = np.array(safety.box, dtype=float)
-        chosen.append(TipBox(lib, ends[::2], ends[1::2]))
-    speed = float(lib.limits()["tip_speed"])
-    if np.isfinite(speed):
-        chosen.append(TipSpeed(lib, speed))
-    return tuple(chosen)
-
-
-def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    if safety.clearance is not None and not lib.pairs:
-        raise _no_proxies(lib, "a clearance between its links")
-    if safety.table is not None and not lib.moving_proxies:
-        raise _no_proxies(lib, "a table")
-    chosen: list[TimedConstraint] = []
-    if lib.pairs:
-        names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
-        chosen.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
-    if safety.table is not None:
-        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-        rows = _lifted(lib)
-        proxies = tuple(lib.moving_proxies[row] for row in rows)
-        chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
-    return (*chosen, *_obstacle_distances(lib, safety), *_carried_distances(lib, safety))
-
-
-def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    """Distances of the moving capsules and of the carried box from obstacles."""
-    if not safety.obstacles:
-        return ()
-    proxies = [proxy for proxy in lib.proxies if proxy.joint >= 0]
-    if not proxies:
-        raise _no_proxies(lib, "the distance from obstacles")
-    body = safety.carried
-    if body is not None and body.box is not None:
-        proxies.append(capsule_around(body.box, body.link))
-    margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-    return (ObstacleClearance(lib, margin, safety.obstacles, tuple(proxies)),)
-
-
-def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    """Distances of the carried box from links that it is not fixed to, and from the table."""
-    body = safety.carried
-    if body is None or body.box is None:
-        return ()
-    chosen: list[TimedConstraint] = []
-    others = tuple(proxy for proxy in lib.proxies if proxy.joint != body.link)
-    if others:
-        stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
-        margin = stated if safety.clearance is None else safety.clearance
-        chosen.append(CarriedClearance(lib, margin, body.link, body.box, others))
-    if safety.table is not None:
-        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-        chosen.append(CarriedHeight(lib, margin, body.link, body.box, safety.table))
-    return tuple(chosen)
-
-
-def _margins(lib: Library, clearance: float | None) -> Array:
-    """Margin of every pair, (R,) m; pairs that are allowed closer than the others stay so."""
-    stated = np.array([pair.margin for pair in lib.pairs])
-    if clearance is None:
-        return stated
-    return np.where(stated < stated.max(), np.minimum(stated, clearance), clearance)
-
-
-def _lifted(lib: Library) -> NDArray[np.intp]:
-    """Indices of proxies whose height depends on some joint; the height of the others is fixed."""
-    q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
-    heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]
-    # A pose is known to rounding, 1e-15 of a metre.
-    return np.flatnonzero(np.ptp(heights, axis=0) > 1e-9)
-
-
-def _no_proxies(lib: Library, what: str) -> IdentificationError:
-    return IdentificationError(
-        f"'{lib.name}' has no collision proxies, so {what} cannot be checked; {FIT_PROXIES}"
-    )
-
-
 def _check_box(box: tuple[float, ...]) -> None:
     if len(box) != 6 or np.isnan(box).any():
         raise IdentificationError(
@@ -284,35 +97,3 @@ def _check_box(box: tuple[float, ...]) -> None:
                 f"the box for the tip is empty: {axis} from {low:g} m to {high:g} m; "
                 f"give {axis}min below {axis}max"
             )
-
-
-def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
-    """Check that the robot may rest at home.
-
-    Args:
-        limits: constraints of the design.
-        home: (n,) rad or m.
-
-    Raises:
-        IdentificationError: a limit is exceeded there; which, and by how much.
-    """
-    rest = np.zeros((4, 1, len(home)))
-    rest[0] = home
-    for constraint in limits:
-        g = constraint.values(rest)[0]
-        worst = int(np.argmax(g))  # the first NaN, where there is one
-        if g[worst] < 0:
-            continue
-        if isinstance(constraint, Braking):
-            side, joint = constraint.sides[worst // len(home)], worst % len(home)
-            raise IdentificationError(
-                f"at the home position {home[joint]:.4g} of '{constraint.labels[worst]}' its "
-                f"velocity limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose "
-                "another --home"
-            )
-        value, limit, unit = constraint.measured(worst, float(g[worst]))
-        raise IdentificationError(
-            f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]} is already "
-            f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
-            f"{abs(value - limit):.3g} {unit} too far; choose another --home or limit"
-        )

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.carried_body import EMPTY_HAND
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import use_of
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.limits.unchecked import unchecked, unstated
 from runtime.excitation.proof.joint_bounds import KINDS, interval_count, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds

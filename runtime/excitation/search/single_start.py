@@ -8,9 +8,9 @@ elastic on the way and tightened in the last round, so that they hold between it
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.limits.limit_rows import LimitRows
-from runtime.excitation.limits.safety import constraints, require_rest
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.coordinates import Coordinates, Correlations, ElasticLimits

@@ -7,8 +7,9 @@ signs after the two approaches, so that it cancels in the mean of both torques.
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.joint_limits import DEFAULT_RANGE
-from runtime.excitation.limits.safety import Safety, constraints
+from runtime.excitation.limits.safety import Safety
 from runtime.library import Array, Library
 from runtime.startup.data_classes import dataclass
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.known_torque import KnownTorque
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.excitation.limits.unchecked import SPRINGS, unchecked
 from runtime.excitation.proof.certificate import certificate_of

@@ -13,8 +13,8 @@ from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, Trajectory
 from runtime.excitation.approach.way import way_back, way_to
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.obstacles import Obstacle, read_obstacles
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.motion.joined import JoinedMotion, end_of, joined
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.certified_motion import certified

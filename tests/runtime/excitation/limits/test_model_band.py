@@ -7,7 +7,7 @@ import pytest
 
 from runtime.cli.model_bands import band_of, band_of_payload, band_of_prior
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.limits.safety import constraints
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.excitation.proof.certificate import certificate_of

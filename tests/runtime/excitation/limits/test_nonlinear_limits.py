@@ -6,9 +6,9 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation import COSINE, Safety, Trajectory, basis_of
+from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
-from runtime.excitation.limits.safety import constraints, require_rest
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.interval_bounds import IntervalBounds
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.motion_grid import MotionGrid
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds

@@ -8,8 +8,8 @@ import pytest
 from runtime import load
 from runtime.errors import ExportError
 from runtime.excitation import COSINE, Safety, Trajectory
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import Braking, Side
-from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof import certified_motion
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside

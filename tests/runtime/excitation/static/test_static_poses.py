@@ -12,7 +12,7 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety
-from runtime.excitation.limits.safety import constraints
+from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.static.exchange import a_optimal
 from runtime.excitation.static.feasible_poses import feasible_poses, pose_range
 from runtime.excitation.static.gravity_regressor import gravity_columns, gravity_regressor

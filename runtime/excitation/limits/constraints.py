@@ -1,0 +1,141 @@
+"""Constraints of a design that are not linear in its coefficients, from `Safety` and manifest."""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.carried_body import with_load
+from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
+from runtime.excitation.limits.distances import distances
+from runtime.excitation.limits.known_torque import known_torque_of
+from runtime.excitation.limits.model_band import ModelBand
+from runtime.excitation.limits.nonlinear_limits import (
+    Braking,
+    Constraint,
+    Side,
+    TimedConstraint,
+)
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.torque_limits import Torque, TorqueRate
+from runtime.library import Array, Library
+
+
+def constraints(
+    lib: Library, home: Array, safety: Safety | None
+) -> tuple[Braking | TimedConstraint, ...]:
+    """Limits that are not linear in the coefficients.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+        safety: limits; None is the document's mode, without any.
+
+    Returns:
+        One constraint per kind of limit.
+
+    Raises:
+        IdentificationError: `safety` needs limits or proxies that the robot does not state.
+    """
+    if safety is None:
+        return ()
+    return (
+        *_braking(lib, home),
+        *_torques(lib, safety),
+        *_tip(lib, safety),
+        *distances(lib, safety),
+    )
+
+
+def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
+    facts = lib.braking
+    if facts is None:
+        return ()
+    sides = (Side(1.0, facts.k, facts.c, facts.upper), Side(-1.0, facts.k, facts.c, facts.lower))
+    return (Braking(sides, home, lib.joint_names),)
+
+
+def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    limits, n = lib.limits(), lib.n_joints
+    viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
+    coulomb = (1 + safety.friction_band) * coulomb
+    pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
+    rest = viscous, lib.joint_names, band, known_torque_of(lib)
+    chosen: list[TimedConstraint] = []
+    if np.isfinite(limits["effort"]).any():
+        limit = safety.torque_fraction * limits["effort"] - coulomb
+        if not (limit > 0).all():
+            j = int(np.argmin(limit))
+            raise IdentificationError(
+                f"Coulomb friction of {coulomb[j]:g} N·m exceeds the torque of "
+                f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
+                f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
+            )
+        chosen.append(Torque(lib, pi, limit, *rest))
+    if np.isfinite(limits["torque_rate"]).any():
+        rate = np.broadcast_to(limits["torque_rate"], (n,))
+        chosen.append(TorqueRate(lib, pi, rate, *rest))
+    return tuple(chosen)
+
+
+_FRICTION = ("viscous", "coulomb")
+
+
+def _band(lib: Library, safety: Safety, viscous: Array) -> ModelBand | None:
+    if not (safety.band or safety.friction_band):
+        return None
+    pi = np.array(safety.band or np.zeros(len(lib.pi0)))
+    if pi.shape != lib.pi0.shape:
+        raise IdentificationError(
+            f"a band of models of '{lib.name}' needs {len(lib.pi0)} half-widths, got {len(pi)}"
+        )
+    return ModelBand(lib, pi, safety.friction_band * viscous)
+
+
+def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
+    if len(values) not in {0, 1, lib.n_joints}:
+        raise IdentificationError(
+            f"{name} friction needs one number or one per joint, {lib.n_joints}, got {len(values)}"
+        )
+    return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
+
+
+def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    chosen: list[TimedConstraint] = []
+    if safety.box is not None:
+        ends = np.array(safety.box, dtype=float)
+        chosen.append(TipBox(lib, ends[::2], ends[1::2]))
+    speed = float(lib.limits()["tip_speed"])
+    if np.isfinite(speed):
+        chosen.append(TipSpeed(lib, speed))
+    return tuple(chosen)
+
+
+def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
+    """Check that the robot may rest at home.
+
+    Args:
+        limits: constraints of the design.
+        home: (n,) rad or m.
+
+    Raises:
+        IdentificationError: a limit is exceeded there; which, and by how much.
+    """
+    rest = np.zeros((4, 1, len(home)))
+    rest[0] = home
+    for constraint in limits:
+        g = constraint.values(rest)[0]
+        worst = int(np.argmax(g))  # the first NaN, where there is one
+        if g[worst] < 0:
+            continue
+        if isinstance(constraint, Braking):
+            side, joint = constraint.sides[worst // len(home)], worst % len(home)
+            raise IdentificationError(
+                f"at the home position {home[joint]:.4g} of '{constraint.labels[worst]}' its "
+                f"velocity limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose "
+                "another --home"
+            )
+        value, limit, unit = constraint.measured(worst, float(g[worst]))
+        raise IdentificationError(
+            f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]} is already "
+            f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
+            f"{abs(value - limit):.3g} {unit} too far; choose another --home or limit"
+        )

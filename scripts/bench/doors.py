@@ -28,6 +28,8 @@ from runtime.simulation import Plant, ideal, perturbed_lam
 TRIALS, PERTURBATION = 150, 0.15
 """Settings of the document's ideal case (Table 5.2)."""
 BATCH = 64
+LEAST = 0.02
+"""Seconds of a measurement."""
 NOISE = 0.05
 """Standard deviation of the noise of a torque sensor, N·m."""
 RATE = 1000.0
@@ -80,7 +82,7 @@ def setting(lib: Library) -> Setting:
 
 
 def repeated(
-    work: Callable[[], object], units: int = 1, least: float = 0.02
+    work: Callable[[], object], units: int = 1, least: float = LEAST
 ) -> Callable[[], float]:
     """Seconds of one of `units` in `work`, called as often as fills `least` seconds."""
     work()  # warms up
@@ -114,20 +116,35 @@ def _slope(run: Callable[[int], object], short: int, long: int) -> Callable[[], 
 # --- ours -----------------------------------------------------------------------------------
 
 
-def statistics(s: Setting) -> Callable[[], float]:
+def statistics(s: Setting, least: float = LEAST) -> Callable[[], float]:
     """`statistics.compress`, per sample, of torque with the noise of a sensor.
 
     Exact torque leaves no residual, so that its rows are eliminated: `statistics_of_exact`.
+
+    Args:
+        s: robot and samples.
+        least: seconds of a measurement.
+
+    Returns:
+        A function that returns seconds per sample.
     """
     rng = np.random.default_rng(0)
     q, dq, ddq, tau = s.train.q, s.train.dq, s.train.ddq, s.train.tau
     noisy = Samples(q, dq, ddq, tau + NOISE * rng.normal(size=tau.shape), s.train.columns)
-    return repeated(lambda: compress(s.lib, noisy, s.weights), len(noisy))
+    return repeated(lambda: compress(s.lib, noisy, s.weights), len(noisy), least)
 
 
-def statistics_of_exact(s: Setting) -> Callable[[], float]:
-    """`statistics.compress`, per sample, of rows that are eliminated."""
-    return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train))
+def statistics_of_exact(s: Setting, least: float = LEAST) -> Callable[[], float]:
+    """`statistics.compress`, per sample, of rows that are eliminated.
+
+    Args:
+        s: robot and samples.
+        least: seconds of a measurement.
+
+    Returns:
+        A function that returns seconds per sample.
+    """
+    return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train), least)
 
 
 def adam_full(s: Setting) -> Callable[[], float]:

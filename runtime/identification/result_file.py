@@ -1,9 +1,7 @@
 """Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all."""
 
-import dataclasses
 import json
 import sys
-from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,21 +9,25 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
 from runtime.identification.drive.result_facts import torque_facts
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
+from runtime.identification.result_parts import (
+    friction_facts,
+    link_facts,
+    recording_facts,
+    trace_facts,
+    trained_facts,
+    uncertainty_facts,
+)
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST, model_facts
 from runtime.library import Array
-from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
-from runtime.recording import Preparation
 
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
@@ -48,18 +50,18 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "status": result.status,
         "joints": list(lib.joint_names),
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
-        "recording": _recording_facts(result),
+        "recording": recording_facts(result),
         **torque_facts(result),
         **error_facts(before, after, friction_error(result)),
-        "links": _link_facts(result),
+        "links": link_facts(result),
         "consistent": result.is_consistent,
         "gap_to_convex_optimum": result.gap if np.isfinite(result.gap) else None,
-        "uncertainty": _uncertainty_facts(result),
+        "uncertainty": uncertainty_facts(result),
         "loss": result.loss,
         "convex_optimum": result.optimum if np.isfinite(result.optimum) else None,
         "weights": result.weights.tolist(),
-        "friction": _friction_facts(result),
-        "convergence": _trace_facts(result),
+        "friction": friction_facts(result),
+        "convergence": trace_facts(result),
         "iterations": result.iterations,
         "seconds": result.seconds,
         "warnings": warnings_of(result, before, after),
@@ -67,7 +69,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "lam": None if result.lam is None else result.lam.tolist(),
         "beta": result.beta.tolist(),
         "condition_number": condition_number(result),
-        "trained": _trained_facts(result),
+        "trained": trained_facts(result),
         "sessions": None,
         "provenance": {
             "command": command,
@@ -180,132 +182,4 @@ def versions() -> dict[str, str]:
     python = ".".join(map(str, sys.version_info[:3]))
     return {"python": python} | {
         name: str(import_module(name).__version__) for name in ("numpy", "scipy", "clarabel")
-    }
-
-
-def _recording_facts(result: Identification) -> dict[str, Any]:
-    parts: Mapping[str, Any] = {
-        "train": result.train,
-        "validation": result.validation,
-        "test": result.test,
-    }
-    ends = {name: (float(r.t[0]), float(r.t[-1])) for name, r in parts.items()}
-    samples = {name: len(r) for name, r in parts.items()}
-    if result.streamed is not None:
-        ends, samples = result.streamed.spans, result.streamed.samples
-    counted = [
-        name
-        for name in parts
-        if name == "train" or (result.has_test and not (name == "validation" and result.is_joined))
-    ]
-    ends = {name: ends[name] for name in counted}
-    samples = {name: samples[name] if name in counted else 0 for name in parts}
-    spans = ", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items())
-    return {
-        "name": result.train.name.removesuffix("/train"),
-        "duration": float(sum(b - a for a, b in ends.values())),
-        "samples": samples,
-        "history": list(result.train.history),
-        "preparation": _changed(result.train.prepared),
-        "split": spans,
-    }
-
-
-def _changed(preparation: Preparation | None) -> dict[str, Any]:
-    """Settings of a preparation that are not the default."""
-    usual = Preparation()
-    facts = dataclasses.asdict(preparation or usual)
-    return {key: value for key, value in facts.items() if value != getattr(usual, key)}
-
-
-def _link_facts(result: Identification) -> list[dict[str, Any]]:
-    smallest = result.relative_eigenvalues
-    rows = zip(
-        result.lib.link_names, links(result.pi), links(result.lib.pi0), smallest, strict=True
-    )
-    return [
-        {
-            "name": name,
-            "mass": float(mass(now)),
-            "mass_before": float(mass(then)),
-            "com": centre_of_mass(now).tolist(),
-            "com_before": centre_of_mass(then).tolist(),
-            "min_relative_eigenvalue": float(eigenvalue),
-        }
-        for name, now, then, eigenvalue in rows
-    ]
-
-
-def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
-    """The part `uncertainty`; the covariance itself stays with the `Identification`."""
-    u, lib = result.uncertainty, result.lib
-    if u is None:
-        return None
-    test = samples_of(result.test, lib)
-    step = max(1, len(test) // BAND_SAMPLES)
-    band = u.band_of(lib, test.rows(slice(None, None, step)))
-    size = N_PARAMETERS
-    sigma, spreads = u.sigma, u.com_sigma(result.pi)
-    verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_links)]
-    return {
-        "advice": u.advice(),
-        "n_eff": u.n_eff,
-        "inflation": u.inflation,
-        "excited": u.rank,
-        "weakest_direction": u.conditioning,
-        "boundary": bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
-        "links": [
-            {
-                "mass_sigma": float(sigma[k * size]),
-                "com_sigma": None if s is None else s.tolist(),
-                "verdicts": list(v),
-            }
-            for k, (s, v) in enumerate(zip(spreads, verdicts, strict=True))
-        ],
-        "pi_sigma": u.sigma.tolist(),
-        "posterior_over_prior": u.share.tolist(),
-        "beta_sigma": u.beta_sigma.tolist(),
-        "beta_verdicts": list(u.beta_verdicts),
-        "noise": u.noise.tolist(),
-        "model_band": np.sqrt(np.mean(band**2, axis=0)).tolist(),
-        "white": u.white.tolist(),
-        "gain_limits": [float(x) if np.isfinite(x) else None for x in u.tests.gain_limits],
-    }
-
-
-def _friction_facts(result: Identification) -> dict[str, Any] | None:
-    if not result.phi.size:
-        return None
-    names = result.friction.columns
-    if not result.log_names:
-        names = result.train.column_names or names
-    motors = result.train.motors
-    return {
-        **result.friction.facts(),
-        "columns": list(names),
-        "values": result.usual_phi.tolist(),
-        **({} if motors is None else {"gear": motors.tolist()}),
-    } | _net_facts(result)
-
-
-def _net_facts(result: Identification) -> dict[str, Any]:
-    if result.net is None:
-        return {}
-    return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
-
-
-def _trained_facts(result: Identification) -> dict[str, Any] | None:
-    if result.trained is None:
-        return None
-    phi = dataclasses.replace(result, phi=result.trained.phi).usual_phi
-    return {"pi": result.trained.pi.tolist(), "friction_values": phi.tolist()}
-
-
-def _trace_facts(result: Identification) -> dict[str, Any] | None:
-    if result.trace is None:
-        return None
-    return {
-        "iteration": list(result.trace.iteration),
-        "training": list(result.trace.training),
-        "validation": list(result.trace.validation),
     }

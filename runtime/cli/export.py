@@ -12,6 +12,7 @@ from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files import EXPORT_FORMATS, export_model
 from runtime.outputs.model_files.drives import drives_of
+from runtime.outputs.model_files.model import springs_left_out
 
 
 def _list_formats(wanted: bool) -> None:
@@ -76,6 +77,8 @@ def export_command(
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
     for note in notes:
         say(f"note: {note}")
+    if springs := springs_left_out(lib):
+        say(f"note: {springs}")
     if saved.net is not None:
         say("note: the friction network of the method nn has no counterpart in these formats")
     failed = [each.kind for each in done if each.path is None]

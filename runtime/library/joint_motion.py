@@ -153,8 +153,22 @@ class JointMotion:
                 f"{bad.sum()} of {len(rows)} positions of '{self.name}' (the first at row {first}: "
                 f"{at}) are beyond a singular posture of {', '.join(self.manifest.loops)}, or the "
                 "loop cannot close there; check units, signs and zeros of the positions, or leave "
-                "these rows out"
+                f"these rows out{self._within_a_turn(rows[first])}"
             )
+
+    def _within_a_turn(self, row: Array) -> str:
+        """Remedy where the loops close at positions less whole turns; empty where they do not."""
+        home = np.asarray(self.manifest.home, dtype=float)
+        turns = np.array([joint.kind != "prismatic" for joint in self.manifest.joints])
+        near = np.where(turns, home + np.remainder(row - home + np.pi, 2 * np.pi) - np.pi, row)
+        if np.isnan(self.loop_margins(near)).any():
+            return ""
+        names = [
+            f"{name} = {value:.4g}"
+            for name, value, moved in zip(self.joint_names, near, abs(near - row) > 1, strict=True)
+            if moved
+        ]
+        return f"; give positions within half a turn of the assembly pose, such as {names[0]}"
 
     def _given(self, q: ArrayLike | None) -> ArrayLike:
         if q is None:

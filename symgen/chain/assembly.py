@@ -18,7 +18,7 @@ import pinocchio
 from symgen.chain.document import listing
 from symgen.chain.joint import rows_of, snapped
 from symgen.chain.loop import FREE_ROWS, Closure, Frame, Loop, Loops
-from symgen.chain.loop_pose import CLOSED, SINGULAR, Array, Tree, closed_pose
+from symgen.chain.loop_pose import CLOSED, SINGULAR, Array, Tree, apart_at, closed_pose, newton_pose
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
@@ -80,9 +80,10 @@ def close_loops(
     slopes = [tree.rows(closures, pose)[1] for pose in beside]
     rank = max(_rank(slope) for slope in slopes)
     if len(beside) == 1:
+        also = "" if coupling is None else " and the couplings"
         raise UrdfError(
-            f"with {closures[0].name} no joint can move; remove it, give it another kind "
-            f"({', '.join(FREE_ROWS)}), or correct its frames"
+            f"with {listing([c.name for c in closures])}{also} no joint can move; remove one of "
+            f"them, give a loop another kind ({', '.join(FREE_ROWS)}), or correct its frames"
         )
     if _rank(slopes[0]) < rank:
         raise UrdfError(
@@ -186,11 +187,6 @@ def _with_kinds(
     return point, _closed(tree, point, start, chosen)
 
 
-def _turn(tree: Tree, closure: Closure, x: Array) -> Array:
-    """Components of the axes of a closure at a pose."""
-    return tree.rows([replace(closure, rows=(3, 4, 5))], x)[0]
-
-
 def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]) -> Array:
     """The pose at which all loops close, by damped Newton; independent joints stay if they can."""
     if chosen:
@@ -201,13 +197,12 @@ def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]
     x = closed_pose(tree, closures, start, list(range(len(start))))
     if x is not None:
         return x
-    value, _ = tree.rows(closures, start)
-    kept = next(c for c in closures)
-    gap, turn = np.abs(value[:3]).max(), np.abs(_turn(tree, kept, start)).max()
+    end = newton_pose(tree, closures, start, list(range(len(start))))
+    worst = max(closures, key=lambda c: float(np.abs(tree.rows([c], end)[0]).max()))
     raise UrdfError(
-        f"{kept.name} cannot be closed: at the start its frames are {gap:.3g} m and {turn:.3g} "
-        "(sine of an angle) apart and Newton does not close them; correct parent_xyz, parent_rpy, "
-        "child_xyz, child_rpy, or state positions near the closed pose under [assembly]"
+        f"{worst.name} cannot be closed: its frames are {apart_at(tree, worst, start)} apart at "
+        f"the start and {apart_at(tree, worst, end)} where Newton ends; correct parent_xyz, "
+        "parent_rpy, child_xyz, child_rpy, or state positions near the closed pose under [assembly]"
     )
 
 

@@ -124,7 +124,13 @@ def read_coupling(
 
 
 def _require_joints(row: CouplingRow, joints: tuple[str, ...]) -> None:
-    for name in (row.joint, *row.of):
+    if row.joint not in joints:
+        raise UrdfError(
+            f"a coupling names '{row.joint}', which is not a moving joint of this "
+            f"robot; its moving joints are {listing(joints)}: correct the name, or remove the "
+            "coupling"
+        )
+    for name in row.of:
         if name not in joints:
             raise UrdfError(
                 f"the coupling of joint '{row.joint}' names '{name}', which is not a moving joint "

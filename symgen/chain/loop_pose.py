@@ -4,7 +4,7 @@ Pinocchio gives frames and Jacobians. The same rows as expressions are in
 `symgen.mechanics.closure`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio
@@ -128,6 +128,12 @@ def closed_pose(
     Returns:
         (n,) the closed pose; None where Newton does not converge.
     """
+    x = newton_pose(tree, closures, start, columns)
+    return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
+
+
+def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
+    """The pose where damped Newton ends, closed or not; arguments of `closed_pose`."""
     x = start.copy()
     for _ in range(_NEWTON):
         value, slope = tree.rows(closures, x)
@@ -135,4 +141,23 @@ def closed_pose(
             return x
         step = np.linalg.lstsq(slope[:, columns], -value, rcond=SINGULAR)[0]
         x[columns] += step * min(1.0, _LONGEST / max(np.abs(step).max(), 1e-300))
-    return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
+    return x
+
+
+def apart_at(tree: Tree, closure: Closure, x: Array) -> str:
+    """Distance of the frames of a loop at a pose, with the angle where the loop fixes it.
+
+    Args:
+        tree: chain without loops.
+        closure: loop joint.
+        x: (n,) pose [rad, m].
+
+    Returns:
+        Text with m, and rad.
+    """
+    value, _ = tree.rows([replace(closure, kind="fixed", rows=(0, 1, 2, 3, 4, 5))], x)
+    along = ", ".join(f"{v:.3g}" for v in np.round(value[:3], 6) + 0.0)
+    turn = ""
+    if any(row > 2 for row in closure.rows):
+        turn = f" and {np.arcsin(min(1.0, float(np.linalg.norm(value[3:])))):.3g} rad"
+    return f"{np.linalg.norm(value[:3]):.3g} m ({along} in the parent's frame){turn}"

@@ -215,6 +215,10 @@ def _known_torque(entry: dict[str, Any], where: str) -> KnownTorque:
         if "x" in entry or "torque" in entry:
             raise UrdfError(f"{table.what} has a polynomial and points x, torque; keep one of them")
         return KnownTorque(of, polynomial=table.numbers("polynomial"))
+    if not {"x", "torque"} <= entry.keys():
+        raise UrdfError(
+            f"{table.what} needs polynomial = [c0, c1, …], or points x = […] with torque = […]"
+        )
     x, torque = table.numbers("x"), table.numbers("torque")
     if len(x) != len(torque) or len(x) < 2 or any(b <= a for a, b in pairwise(x)):
         raise UrdfError(

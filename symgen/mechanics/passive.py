@@ -21,6 +21,8 @@ from symgen.mechanics.kinematics import link_poses
 
 _PARALLEL = 1e-9
 """Distance of two unit rows below which they are the same friction coordinate."""
+_POSTURES, _ROUNDING = 3, 1e-12
+"""Random postures, and slope of a distance [1] there below which it is constant."""
 
 
 def unknown_springs(chain: Chain) -> tuple[Spring, ...]:
@@ -136,13 +138,26 @@ def _distance(chain: Chain, spring: Spring, q: Matrix) -> Matrix:
                 f"nor a moving link; these are {listing([chain.base, *links])}"
             )
         ends.append(at)
-    between = ends[1] - ends[0]
-    if not ca.symvar(ca.SX(between)):
+    between = ca.SX(ends[1] - ends[0])
+    distance = ca.sqrt(ca.dot(between, between))
+    if _is_constant(distance):
         raise UrdfError(
-            f"the spring '{spring.name}' connects '{spring.parent}' and '{spring.child}', between "
-            "which no joint moves; name two links that move relative to each other"
+            f"the spring '{spring.name}' is between points of '{spring.parent}' and "
+            f"'{spring.child}' whose distance no joint changes; move a point off the axis, or name "
+            "two links that move relative to each other"
         )
-    return ca.sqrt(ca.dot(between, between))
+    return distance
+
+
+def _is_constant(value: ca.SX) -> bool:
+    """Whether an expression has no slope at some random postures."""
+    variables = ca.vertcat(*ca.symvar(value))
+    if not variables.numel():
+        return True
+    slope = ca.Function("slope", [variables], [ca.jacobian(value, variables)])
+    draws = np.random.default_rng(0).uniform(-1, 1, (_POSTURES, variables.numel()))
+    slopes = np.array([np.asarray(slope(draw)) for draw in draws])
+    return bool(np.abs(slopes).max() < _ROUNDING)
 
 
 def _curve(curve: KnownTorque, x: Matrix) -> Matrix:

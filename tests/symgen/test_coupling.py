@@ -109,6 +109,16 @@ REFUSED = {
         {},
         "'left_roll' names 'nobody', which is not a moving joint",
     ),
+    "coupling of an unknown joint": (
+        with_mimics(),
+        {"coupling": [{"joint": "nobody", "of": {"left_lift": 1.0}}]},
+        "a coupling names 'nobody', which is not a moving joint",
+    ),
+    "torque curve without points": (
+        with_mimics(),
+        {"known_torque": [{"joint": "left_lift"}]},
+        "needs polynomial = .*, or points x",
+    ),
     "mimic without a joint": (
         with_mimics(("left_roll", 'multiplier="2"')),
         {},

@@ -161,8 +161,22 @@ BAR = planar(np.random.default_rng(3), "four-bar")
 LOOP = BAR.mechanism["loop"][0]
 REFUSED = {
     "unknown link": ({"loop": [LOOP | {"child": "nobody"}]}, "the link 'nobody'"),
-    "too short": ({"loop": [LOOP | {"parent_xyz": [9.0, 0, 0]}]}, "cannot be closed: .* m and"),
-    "off the plane": ({"loop": [LOOP | {"parent_xyz": [0.5, 0, 0.3]}]}, "cannot be closed"),
+    "too short": (
+        {"loop": [LOOP | {"parent_xyz": [9.0, 0, 0]}]},
+        r"cannot be closed: its frames are .* m \(.* in the parent's frame\) apart at the start",
+    ),
+    "off the plane": (
+        {"loop": [LOOP | {"parent_xyz": [LOOP["parent_xyz"][0], 0, 0.003]}]},
+        r"0\.003 m \(0, 0, -0\.003 in the parent's frame\) where Newton ends",
+    ),
+    "the second loop": (
+        {"loop": [LOOP, LOOP | {"parent_xyz": [9.0, 0, 0], "child": "ground"}], "independent": []},
+        "the loop of 'A2' and 'ground' cannot be closed",
+    ),
+    "a lock of loop and coupling": (
+        {"loop": [LOOP], "coupling": [{"joint": "b1", "of": {"a1": 1.0}}], "independent": []},
+        "and the couplings no joint can move|cannot be closed",
+    ),
     "one body": ({"loop": [LOOP | {"child": "A2"}]}, "do not move relative to each other"),
     "no freedom": (
         {"loop": [LOOP | {"kind": "fixed"}], "independent": []},

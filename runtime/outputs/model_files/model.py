@@ -115,11 +115,23 @@ def require_no_coupling(model: IdentifiedModel, kind: str) -> None:
         model: the robot.
         kind: name of the format, for the message.
     """
-    if model.lib.manifest.coupling is not None or model.lib.manifest.loops:
+    facts = model.lib.manifest
+    if facts.coupling is not None or facts.loops:
+        others = "mjcf or usd" if facts.loops else "urdf or mjcf"
         raise ExportError(
             f"not written: {kind} files are written for robots whose joints are all independent, "
-            f"and joints of '{model.lib.name}' follow others; export urdf or mjcf, which state this"
+            f"and joints of '{model.lib.name}' follow others; export {others}, which state this"
         )
+
+
+def springs_left_out(lib: Library) -> str:
+    """Sentence about springs and torque curves, which no format states; empty without such."""
+    if not (lib.manifest.springs or "known_torque" in lib.manifest.kernels):
+        return ""
+    return (
+        f"springs and torque curves of '{lib.name}' are not in these files: their torque is "
+        "lib.known_torque(q) + lib.spring_columns(q) @ k, k of the columns spring:NAME"
+    )
 
 
 def require_consistent(model: IdentifiedModel) -> None:

@@ -113,6 +113,9 @@ def test_singular_postures_are_refused_by_name(lib: Library) -> None:
     tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
     with pytest.raises(PostureError, match="singular posture of the loop of 'R' and 'F'"):
         independent_joints(Recording(t=t, q=q + np.array([0, 0, 1.6]), dq=dq, tau=tau), lib)
+    turned = q[0] + np.array([0, 0, 2 * np.pi])
+    with pytest.raises(PostureError, match=rf"half a turn .*, such as crank = {q[0, 2]:.4g}$"):
+        lib.all_positions(turned)
     assert limits["upper"][2] - limits["lower"][1] < np.pi
     assert np.isinf(limits["upper"][0])
     rng = np.random.default_rng(0)

@@ -13,11 +13,13 @@ from runtime.errors import ExportError, RuntimeFault
 from runtime.library import Library
 from runtime.library.manifest import CouplingFacts
 from runtime.outputs.model_files.engines.answer import Unreadable
+from runtime.outputs.model_files.formats.gravity import GRAVITY
 from runtime.outputs.model_files.formats.mjcf import MJCF
+from runtime.outputs.model_files.formats.ros2 import ROS2
 from runtime.outputs.model_files.formats.sdf import SDF
 from runtime.outputs.model_files.formats.urdf import URDF
 from runtime.outputs.model_files.formats.usd import USD
-from runtime.outputs.model_files.model import make_model
+from runtime.outputs.model_files.model import make_model, springs_left_out
 
 
 def test_loops_are_written(palletizer: Library) -> None:
@@ -58,6 +60,17 @@ def test_export_writes_couplings_and_refuses_formats_without(wrist: Library) -> 
         MJCF.check(model, wrong)
     with pytest.raises(RuntimeFault, match=r"sdf files .* export urdf or mjcf"):
         SDF.write(model)
+    with pytest.raises(RuntimeFault, match="springs and torque curves have no place"):
+        ROS2.write(model)
+    assert "springs and torque curves are not included" in GRAVITY.write(model)
+    assert "lib.known_torque(q) + lib.spring_columns(q) @ k" in springs_left_out(wrist)
+
+
+def test_sdf_names_the_formats_that_state_loops(palletizer: Library) -> None:
+    """Property: a URDF holds the tree alone, so that it is no remedy."""
+    assert not springs_left_out(palletizer)
+    with pytest.raises(RuntimeFault, match=r"sdf files .* export mjcf or usd"):
+        SDF.write(make_model(palletizer, palletizer.pi0))
 
 
 def test_usd_closes_loops_outside_the_articulation(palletizer: Library) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from symgen.chain import read_chain
 from symgen.chain.mechanism import KnownTorque, Spring
+from symgen.errors import UrdfError
 from symgen.mechanics.passive import known_torque, spring_columns
 from tests.conftest import TINY_URDF
 
@@ -61,3 +62,15 @@ def test_a_spring_between_points() -> None:
 def test_curves(curve: KnownTorque, expected: np.ndarray) -> None:
     """Oracle: the polynomial, or numpy's interpolation that is constant beyond; ∂x/∂q = 2."""
     np.testing.assert_allclose(torque(curves=(curve,))[:, 0], 2 * expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("child_xyz", [(0.0, 0.3, 0.0), (0.1, 0.2, 0.0)])
+def test_a_distance_that_no_joint_changes_is_refused(child_xyz: tuple[float, ...]) -> None:
+    """Property: a point of the base on the axis of the joint keeps its distance, whether the other
+    point is on the axis, too, or turns about it.
+    """
+    on_axis = Spring(
+        "s", parent="base", child="rod", parent_xyz=(0.0, 0.1, 0.5), child_xyz=child_xyz
+    )
+    with pytest.raises(UrdfError, match="whose distance no joint changes"):
+        torque((on_axis,))

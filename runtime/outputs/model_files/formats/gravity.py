@@ -11,7 +11,7 @@ from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.engines.answer import random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import array_rows, comment_text
-from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import (
     TOLERANCE,
     torque_difference,
@@ -26,7 +26,8 @@ def gravity_text(model: IdentifiedModel) -> str:
     name, n = lib.name, lib.n_joints
     guard = f"{name.upper()}_GRAVITY_H"
     kernel = f"{name}_inverse_dynamics"
-    note = "Compile with kernels.c of the robot. Friction is not included."
+    without = "Friction, springs and torque curves are" if springs_left_out(lib) else "Friction is"
+    note = f"Compile with kernels.c of the robot. {without} not included."
     lines = [
         *(f" * {comment_text(line)}" for line in model.comment("Gravity torque", note)),
         f" * joints: {', '.join(map(comment_text, lib.joint_names))}",

@@ -20,7 +20,7 @@ from runtime.outputs.model_files.bodies import digits, row
 from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import array_rows, comment_text
-from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
 
 PLACES = {
@@ -50,10 +50,11 @@ def ros2_files(model: IdentifiedModel) -> dict[str, str]:
             package.
     """
     lib = model.lib
-    if "known_torque" in lib.manifest.kernels:
+    if springs_left_out(lib):
         raise ExportError(
-            "not written: torque curves and springs of known stiffness have no place in the ROS 2 "
-            "package; export header, and add lib.known_torque(q)"
+            "not written: springs and torque curves have no place in the ROS 2 package; export "
+            "header, and add lib.known_torque(q) and the springs of unknown stiffness, "
+            "lib.spring_columns(q) @ k"
         )
     values = _values(model)
     templates = files("runtime.outputs.model_files") / "ros2_package"

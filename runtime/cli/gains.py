@@ -20,6 +20,7 @@ from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
+from runtime.recording.coupled_joints import independent_joints
 
 _WIDEST = 100.0
 """Half width of an interval, N·m, from which on the value counts as not identifiable."""
@@ -112,8 +113,9 @@ def gains_command(
             "log; give --payload KNOWN, or one log"
         )
     known = read_known_payload(payload)
-    bare = read_recording(empty, recipe, run, lib.joint_names)
-    full = read_recording(loaded, recipe, loaded_run or run, lib.joint_names)
+    names = lib.joint_names
+    bare = independent_joints(read_recording(empty, recipe, run, names), lib)
+    full = independent_joints(read_recording(loaded, recipe, loaded_run or run, names), lib)
     gains = identify_gains(
         bare,
         full,

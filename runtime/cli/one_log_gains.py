@@ -16,6 +16,7 @@ from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.identification.payload.output import NORMAL_95
 from runtime.library import Library
 from runtime.recording import Recipe, plan_of, read_recording, recipe_text
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 
 
@@ -75,7 +76,9 @@ def print_gains_of_one_log(
     Raises:
         RuntimeFault: the log cannot be read, or shows no gain.
     """
-    recording = of_gain_one(read_recording(log, recipe, run, lib.joint_names))
+    recording = of_gain_one(
+        independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+    )
     gains = current_gains(
         recording,
         lib,

@@ -22,7 +22,9 @@ from runtime.identification.payload import (
 )
 from runtime.identification.payload.body import NAMES
 from runtime.identification.payload.output import FILES, NORMAL_95
+from runtime.inspection.regressor_choice import noisy_accelerations
 from runtime.recording import read_recording
+from runtime.recording.coupled_joints import independent_joints
 
 _WRITTEN = ResultFolder("payload", FILES, "set_load")
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
@@ -92,13 +94,14 @@ def payload_command(
     loaded = read_recording(log, recipe, run, lib.joint_names)
     joints = lib.joint_names
     bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None
+    preparation = preparation_of(loaded, cutoff, rate)
     payload = identify_payload(
         loaded,
         lib,
         link,
         arm=read_arm_model(model, lib) if model else arm_model(lib),
         empty=bare,
-        preparation=preparation_of(loaded, cutoff, rate),
+        preparation=preparation,
         gain_error=gain_error,
     )
     paths = write_payload(payload, lib, folder, command_line())
@@ -109,7 +112,10 @@ def payload_command(
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
-    for note in payload.notes:
+    for note in (
+        *noisy_accelerations(independent_joints(loaded, lib), lib, preparation),
+        *payload.notes,
+    ):
         say(f"note: {note}")
     say(f"written: {', '.join(map(str, paths))}")
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from runtime.errors import RecordingError
+from runtime.inspection.all_joints import of_independent_joints
 from runtime.inspection.check_run import CheckRun
 from runtime.inspection.checks import (
     clock,
@@ -109,6 +110,8 @@ def inspect_log(
     findings += meant
     has_gains = not plan.has_unknown_gains
     raw, plan = unknown_gains.with_gain_one(raw, plan)
+    raw, plan, reduced = of_independent_joints(raw, plan, lib)
+    findings += reduced
     checks = CheckRun(raw, plan, findings, has_gains=has_gains)
     require_joints(checks.recording, lib)
     # Quantised torques at rest look like a frozen, saturated or corrupt signal.

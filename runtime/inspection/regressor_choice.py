@@ -112,6 +112,31 @@ def differentiation_of(
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
 
 
+def noisy_accelerations(
+    recording: Recording, lib: Library, preparation: Preparation | None
+) -> tuple[str, ...]:
+    """Sentence where noise of the accelerations biases a fit that has no other regressor.
+
+    Args:
+        recording: as read.
+        lib: library of the robot.
+        preparation: None is the recipe's.
+
+    Returns:
+        One sentence with a cut-off that suffices; none where the accelerations are good.
+    """
+    usual = preparation or recording.preparation
+    quality = differentiation_of(recording, lib, usual)
+    if quality is None or quality.noise.max() <= NOISY:
+        return ()
+    worst, cutoff = int(np.argmax(quality.noise)), float(f"{quality.harmless_hz:.2g}")
+    return (
+        f"{100 * quality.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} is "
+        f"noise, by which the values are biased beyond their intervals; give --cutoff {cutoff:g} "
+        "or less",
+    )
+
+
 def choose_regressor(
     recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
 ) -> tuple[Preparation | None, tuple[str, ...]]:

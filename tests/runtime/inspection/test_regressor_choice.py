@@ -8,7 +8,13 @@ import pytest
 
 from runtime import Recording
 from runtime.inspection import inspect_log
-from runtime.inspection.regressor_choice import BENT, NOISY, choose_regressor, differentiation_of
+from runtime.inspection.regressor_choice import (
+    BENT,
+    NOISY,
+    choose_regressor,
+    differentiation_of,
+    noisy_accelerations,
+)
 from runtime.library import Library
 from runtime.recording import Preparation, write_recording
 from runtime.recording.preprocessing import pipeline, prepare
@@ -71,6 +77,18 @@ def test_holes_and_joints_at_rest_are_no_noise(lib: Library, clean: Recording):
     result = differentiation_of(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
     assert result.noise[3] == 0.0
     assert (np.delete(result.noise, 3) > 0.01).any()
+
+
+def test_a_fit_without_another_regressor_is_given_a_cutoff(lib: Library, clean: Recording):
+    """Property: the noise is named with a cut-off at which it is within the bound, which bends the
+    torque as well but is no noise; clean accelerations leave nothing to say.
+    """
+    loud = shaken(clean, dq=2e-2)
+    usual = replace(QUIET, filter="none", cutoff_hz=None, derivative="measured")
+    assert noisy_accelerations(clean, lib, usual) == ()
+    (sentence,) = noisy_accelerations(loud, lib, usual)
+    cutoff = float(sentence.rpartition("--cutoff ")[2].split()[0])
+    assert noisy_accelerations(loud, lib, replace(QUIET, cutoff_hz=cutoff)) == ()
 
 
 def test_the_bend(lib: Library, clean: Recording):

@@ -133,7 +133,17 @@ def closed_pose(
 
 
 def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
-    """The pose where damped Newton ends, closed or not; arguments of `closed_pose`."""
+    """The pose where damped Newton ends, closed or not.
+
+    Args:
+        tree: chain without loops.
+        closures: loop joints.
+        start: (n,) x at the start [rad, m].
+        columns: places in x that may change.
+
+    Returns:
+        (n,) [rad, m].
+    """
     x = start.copy()
     for _ in range(_NEWTON):
         value, slope = tree.rows(closures, x)

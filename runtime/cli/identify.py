@@ -9,6 +9,12 @@ import typer
 from runtime.cli.common import Robot, Seed
 from runtime.cli.free_base import Rows, require_fixed_base
 from runtime.cli.identify_output import Outputs, finish
+from runtime.cli.identify_request import (
+    controller_of,
+    prior_of,
+    require_for_several,
+    require_for_streamed,
+)
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -36,7 +42,6 @@ from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
-from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
@@ -47,9 +52,7 @@ from runtime.library import Library
 from runtime.recording import Recording, is_large
 
 if TYPE_CHECKING:
-    from runtime.estimators.prior_file import PriorFile
     from runtime.identification.drive.result import DriveRequest
-    from runtime.simulation.controller_file import ClosedLoop
 
 _WRITTEN = ResultFolder(
     "identify",
@@ -170,14 +173,16 @@ def identify_command(
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
         unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
         unused |= {"--delay": delay, "--controller": controller, "--robust": robust}
-        unused |= {"--symmetric": symmetric, "--tie": tie}
+        unused |= {"--symmetric": symmetric, "--tie": tie, "--coulomb-speed": coulomb_speed}
+        unused |= {"--encoder-bias": encoder_bias, "--payload-of": payload_of, "--stream": stream}
+        unused |= {"--save-statistics": save_statistics}
         identify_free_base_log(
             lib,
             logs,
             rows,
             cutoff=cutoff,
             split=split,
-            prior=_prior(prior, lib),
+            prior=prior_of(prior, lib),
             out=out,
             overwrite=overwrite,
             others=unused,
@@ -197,7 +202,7 @@ def identify_command(
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
-    known, sides = _prior(prior, lib), tuple(symmetric or ())
+    known, sides = prior_of(prior, lib), tuple(symmetric or ())
     if sides or tie:
         from runtime.cli.drive import with_mirrored_links
 
@@ -212,7 +217,7 @@ def identify_command(
     folder = out or Path("results") / f"{Path(log).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, overwrite)
     if several:
-        _require_for_several(controller, encoder_bias or symmetric)
+        require_for_several(controller, encoder_bias or symmetric)
         from runtime.cli.several_logs import identify_several
 
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options, delay)
@@ -225,7 +230,7 @@ def identify_command(
         lib, log, options, usable, robust, known.friction_model if known else None
     )
     if data.streamed is not None:
-        _require_for_streamed(controller, encoder_bias or symmetric)
+        require_for_streamed(controller, encoder_bias or symmetric)
         from runtime.cli.streamed_log import streamed_result
 
         result = streamed_result(data.streamed, data, lib, settings, delay)
@@ -243,7 +248,7 @@ def identify_command(
             preparation=preparation,
             splitting=data.splitting,
             friction_columns=terms_of(data, method, friction or coulomb_speed),
-            controller=_controller(controller, lib),
+            controller=controller_of(controller, lib),
         ),
         drive_request(data.recording, delay, encoder_bias, chosen, sides if tie else ()),
     )
@@ -253,49 +258,6 @@ def identify_command(
         result = with_sides(result, sides)
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, outputs)
-
-
-def _require_for_several(controller: Path | None, drives: object) -> None:
-    """Refuse options of one log."""
-    if controller is not None:
-        raise IdentificationError(
-            "--controller belongs to one log, but several are given; leave it out"
-        )
-    if drives:
-        raise IdentificationError(
-            "--encoder-bias and --symmetric belong to one log, but several are given; identify "
-            "each alone"
-        )
-
-
-def _require_for_streamed(controller: Path | None, drives: object) -> None:
-    """Refuse options that need the samples of the whole log."""
-    if controller is not None:
-        raise IdentificationError(
-            "the closed loop of --controller is simulated over all samples, but the log is "
-            "streamed; leave out --controller, or give --no-stream"
-        )
-    if drives:
-        raise IdentificationError(
-            "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; "
-            "give --no-stream"
-        )
-
-
-def _prior(path: Path | None, lib: Library) -> "PriorFile | None":
-    if path is None:
-        return None
-    from runtime.estimators.prior_file import read_prior
-
-    return read_prior(path, lib)
-
-
-def _controller(path: Path | None, lib: Library) -> "ClosedLoop | None":
-    if path is None:
-        return None
-    from runtime.simulation.controller_file import read_controller
-
-    return read_controller(path, lib)
 
 
 def _with_progress(

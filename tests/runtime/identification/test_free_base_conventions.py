@@ -170,6 +170,10 @@ def test_unknown_rows_and_split(
     for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)
+    for option in ("--encoder-bias", "--stream", "--save-statistics", "--coulomb-speed=0.1"):
+        done = command(*words, "--overwrite", option)
+        assert done.code == 2
+        assert f"{option.partition('=')[0]} does not apply to a robot with a free base" in done.err
 
 
 def test_what_does_not_fit_is_noted(hopper: Library, arrays: Arrays) -> None:

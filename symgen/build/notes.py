@@ -28,7 +28,7 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and counts into it"
         for body in chain.lumped
     ]
-    if chain.base_is_assumed:
+    if chain.base_is_assumed and chain.base != "world":
         notes.append(
             f"no joint of the URDF attaches '{chain.base}' to the world; it is taken as fixed"
         )

@@ -94,6 +94,10 @@ def _add_body(
     for k in range(first, first + count):
         name = model.joint(k).name or f"joint_{k}"
         kind = int(model.jnt_type[k])
+        if kind == int(mujoco.mjtJoint.mjJNT_FREE) and parent == 0:
+            joint = _add_fixed(robot, name, above, names[body], place, rotation)
+            joint.set("type", "floating")  # --floating --base BODY builds a free base
+            continue
         slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
         if not slides and kind != int(mujoco.mjtJoint.mjJNT_HINGE):
             raise BuildError(

@@ -275,3 +275,17 @@ def test_an_argument_that_a_xacro_file_lacks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BuildError, match=r"'griper', which .* their arguments are: gripper, width"):
         read_source(Source(path, {"griper": "true"}), Mechanism())
     assert "<link" in read_source(Source(path, {"width": "2"}), Mechanism())[0]
+
+
+def test_a_free_body_of_mjcf_is_a_free_base(tmp_path: Path) -> None:
+    """Property: --floating --base takes the body of a <freejoint>; else that is the remedy."""
+    path = tmp_path / "hand.xml"
+    free = '"><freejoint/><inertial pos="0 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>'
+    path.write_text(HAND.replace('euler="0.2 0.1 0.3">', f'euler="0.2 0.1 0.3{free}'))
+    text, mechanism = read_source(Source(path), Mechanism())
+    with pytest.raises(SymgenError, match="give --floating --base stand for a free base"):
+        read_chain(text, ChainOptions(mechanism=mechanism))
+    chain = read_chain(text, ChainOptions(mechanism=mechanism, floating=True, base="stand"))
+    assert chain.floating
+    assert chain.base == "stand"
+    assert chain.joints[1].name == "lift"

@@ -151,7 +151,8 @@ class ConditionCost:
         adjoint = adjoint.reshape(-1, len(self._basis), 3, n)
         if friction is not None:
             adjoint[:, :, 1] += friction.seed_of_speed(seed.reshape(friction.rows.shape))
-        return np.einsum("ktdj,tmd->kjm", adjoint, self._basis, optimize=True)
+        # Σ over samples and derivatives, (K, n, M).
+        return np.tensordot(adjoint, self._basis, axes=([1, 2], [0, 2]))
 
     def _of_mean(self, gram: Array) -> Array:
         known = self._information

@@ -29,6 +29,7 @@ from runtime.excitation.search.measures import (
     d_optimal,
     log_cond,
     log_variance,
+    log_variances,
     log_volume,
     normalised,
     schatten,
@@ -133,8 +134,13 @@ def relative_error(lib: Library, information: Information) -> Measure:
     Returns:
         The measure of the information matrix (k, k).
     """
+    return log_variance(_relative_weights(lib, information))
+
+
+def _relative_weights(lib: Library, information: Information) -> Array:
+    """Q, (k, k), with which tr(Q G⁻¹) is the mean square of σ_k / size_k."""
     size = sizes(lib, information)
-    return log_variance(np.diag(1 / size**2) / len(size))
+    return np.diag(1 / size**2) / len(size)
 
 
 def torque_error(lib: Library, home: Array, information: Information) -> Measure:
@@ -148,10 +154,15 @@ def torque_error(lib: Library, home: Array, information: Information) -> Measure
     Returns:
         The measure of the information matrix (k, k), log of N·m or N.
     """
+    return log_variance(_torque_weights(lib, home, information))
+
+
+def _torque_weights(lib: Library, home: Array, information: Information) -> Array:
+    """Q, (k, k), with which tr(Q G⁻¹) is the mean square of the torque error."""
     seen = unseen_torque(lib, home)
-    if information.columns is not None:
-        seen = information.columns.T @ seen @ information.columns
-    return log_variance(seen)
+    if information.columns is None:
+        return seen
+    return np.asarray(information.columns.T @ seen @ information.columns)
 
 
 def sizes(lib: Library, information: Information) -> Array:
@@ -194,8 +205,8 @@ def _volume(*_: object) -> Goal:
 
 def _mixed(lib: Library, home: Array, information: Information | None) -> Goal:
     known = _known(information)
-    torque, relative = torque_error(lib, home, known), relative_error(lib, known)
-    errors = weighted((1 - RELATIVE, torque), (RELATIVE, relative))
+    torque, relative = _torque_weights(lib, home, known), _relative_weights(lib, known)
+    errors = log_variances((1 - RELATIVE, torque), (RELATIVE, relative))
     goal = smooth_goal(weighted((1.0, errors), (SHARE, normalised(schatten(SMOOTH)))))
     return replace(goal, errors=errors, condition_share=SHARE)
 

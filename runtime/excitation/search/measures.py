@@ -83,13 +83,29 @@ def log_variance(seen: Array) -> Measure:
 
     Infinite where G does not have full rank; then there is no slope.
     """
+    return log_variances((1.0, seen))
+
+
+def log_variances(*terms: tuple[float, Array]) -> Measure:
+    """Weighted sum of such logs, Σ weight · ½ log tr(Q G⁻¹), of one inverse.
+
+    Args:
+        *terms: weight and Q, (k, k), of each log.
+
+    Returns:
+        The measure.
+    """
 
     def measure(gram: Array) -> tuple[float, Array]:
         inverse = covariance(gram)
         if inverse is None:
             return np.inf, np.zeros_like(gram)
-        total = float(np.sum(seen * inverse))
-        return float(np.log(total) / 2), -(inverse @ seen @ inverse) / total
+        value, slope = 0.0, np.zeros_like(gram)
+        for weight, seen in terms:
+            total = float(np.sum(seen * inverse))
+            value += weight * float(np.log(total) / 2)
+            slope = slope + weight * (-(inverse @ seen @ inverse) / total)
+        return value, slope
 
     return measure
 

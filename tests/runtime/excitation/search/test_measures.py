@@ -8,9 +8,12 @@ from runtime.excitation.search.measures import (
     SpectralFunction,
     d_optimal,
     log_cond,
+    log_variance,
+    log_variances,
     normalised,
     of_rows,
     schatten,
+    weighted,
 )
 from runtime.library import Library
 from tests.taylor import assert_second_order, taylor_slope
@@ -124,3 +127,14 @@ def test_slopes_of_correlations_by_taylor(
             float(np.sum(slopes[k] * direction)),
         )
         assert_second_order(measured, decades=4.0)  # rounding of sums of 1849 terms ends it
+
+
+def test_variances_of_one_inverse_are_those_of_several() -> None:
+    """Property: the same bits as the weighted sum of single logs; infinite without full rank."""
+    root, seen = np.random.default_rng(4).normal(size=(2, 5, 5))
+    gram, first, second = root @ root.T, seen @ seen.T, np.eye(5)
+    together = log_variances((0.7, first), (0.3, second))
+    apart = weighted((0.7, log_variance(first)), (0.3, log_variance(second)))
+    assert together(gram)[0] == apart(gram)[0]
+    assert np.array_equal(together(gram)[1], apart(gram)[1])
+    assert together(np.ones((5, 5)))[0] == np.inf

@@ -41,6 +41,10 @@ _FEWEST = 8
 """Fewest instants of a recording."""
 
 
+_ZIP = b"PK"
+"""First bytes of an NPZ."""
+
+
 def read_free_base(path: Path) -> FreeBaseRecording:
     """Read an NPZ of this layout.
 
@@ -48,7 +52,13 @@ def read_free_base(path: Path) -> FreeBaseRecording:
         RecordingError: unreadable, an array is missing, has another shape or unknown name.
     """
     try:
-        arrays = open_npz(bytes_of(path), path.name)
+        data = bytes_of(path)
+        if not data.startswith(_ZIP):
+            raise RecordingError(
+                f"{path.name} is no NPZ, expected one with arrays t, q, base_pose and contacts for "
+                "a robot with a free base; save it with numpy.savez, see docs/howto/free-base.md"
+            )
+        arrays = open_npz(data, path.name)
     except (OSError, ValueError) as error:
         raise RecordingError(f"cannot read '{path}': {error}") from None
     return free_base_of(arrays, path.name)

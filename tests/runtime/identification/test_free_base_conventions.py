@@ -176,6 +176,17 @@ def test_unknown_rows_and_split(
         assert f"{option.partition('=')[0]} does not apply to a robot with a free base" in done.err
 
 
+def test_a_table_is_no_log_of_a_free_base(
+    hopper: Library, tmp_path: Path, command: Command
+) -> None:
+    """Property: the layout that is expected, not a guess about Python objects."""
+    path = tmp_path / "log.csv"
+    path.write_text("t,q1\n0,1\n")
+    done = command("identify", path, "--robot", hopper.folder)
+    assert done.code == 2
+    assert "log.csv is no NPZ, expected one with arrays t, q, base_pose" in done.err
+
+
 def test_what_does_not_fit_is_noted(hopper: Library, arrays: Arrays) -> None:
     """Property: a contact point far from the true one leaves moments that no body explains."""
     wrong = arrays | {"contact_position": np.array([[0.0, 0, 1], [1, 0, 0]])}

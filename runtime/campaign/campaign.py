@@ -13,7 +13,7 @@ appear complete or not at all.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from runtime.campaign.driver import Driver
@@ -33,7 +33,6 @@ from runtime.files import json_of, replacing
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Recording, read_recording, write_recording
-from runtime.startup.data_classes import dataclass
 
 REPORT = "report.md"
 HARMONICS = 5

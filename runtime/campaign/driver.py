@@ -9,7 +9,7 @@ included; the samples up to there are kept.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +20,6 @@ from runtime.excitation.motion.joined import JoinedMotion
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
-from runtime.startup.data_classes import dataclass
 
 START = 0.05
 """Largest distance from the start of a motion at which it begins [rad, m]: friction holds an arm

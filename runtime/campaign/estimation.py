@@ -1,7 +1,7 @@
 """Model of the arm from all logs of a campaign, and how well a new log agrees with it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from runtime.identification.single_log import identify
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.settings import EVERYTHING
-from runtime.startup.data_classes import dataclass
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=50.0, trim_s=0.1)
 """Of every log. Motions of five harmonics end below 3 Hz; above 10 Hz the accelerations of encoders

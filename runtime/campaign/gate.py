@@ -5,6 +5,7 @@ A stage is released where the motion keeps every limit at its speed, the last lo
 identified without it. That the URDF is wrong by some percent is no reason to refuse a campaign.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from runtime.excitation.proof.certificate import certificate_of
 from runtime.inspection import ERROR, inspect_log
 from runtime.library import Library
 from runtime.recording import read_recording
-from runtime.startup.data_classes import dataclass
 
 AGREEMENT = 3.0
 """Largest RMS of the residual of a new log over the RMS of the band that the model states."""

@@ -9,7 +9,7 @@ delay of the torque differ between joints and are estimated (`gear_search`).
 Source: Armstrong-Hélouvry 1994 (Stribeck), Dahl 1976, Hamon et al. 2010 (load).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from runtime.recording.friction import OFFSET, dahl_state
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import low_pass
-from runtime.startup.data_classes import dataclass
 
 MOTION_HZ, BELOW_RATE = 60.0, 0.4
 """Cut-off of q before it is differentiated [Hz], and the same over the rate of a slow log: measured

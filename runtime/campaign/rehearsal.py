@@ -14,7 +14,7 @@ the arm in spite of it: its rigid-body torque along the motion is within `RECOVE
 """
 
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,6 @@ from runtime.library import Array, Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import Box, record, settings_of
 from runtime.simulation.settings import VirtualFriction, VirtualRobotSettings
-from runtime.startup.data_classes import dataclass
 
 KINDS = ("sign", "order", "delay", "tool", "friction", "gain")
 SIZES = {"delay": 0.01, "tool": 1.0, "friction": 3.0, "gain": 1.3}

@@ -7,7 +7,7 @@ The duration of the motion follows from that of the last attempt: the error by n
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,6 @@ from runtime.identification.expected_accuracy.promise import (
 )
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS
-from runtime.startup.data_classes import dataclass
 
 FIRST = 4.0
 """Duration of the first motion that is tried [s]."""

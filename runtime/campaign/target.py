@@ -8,6 +8,7 @@
 """
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording.friction import OFFSET
-from runtime.startup.data_classes import dataclass
 
 UNITS = {
     "v": {"mNm": 1e-3, "Nm": 1.0},

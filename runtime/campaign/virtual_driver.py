@@ -6,6 +6,7 @@ a jump of the clock.
 """
 
 from collections import deque
+from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
@@ -18,7 +19,6 @@ from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.sensors import Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
 from runtime.simulation.virtual_robot import perturbed
-from runtime.startup.data_classes import dataclass
 
 FAULTS = ("stuck", "collision", "dead", "clock")
 TIMEOUT = 0.003

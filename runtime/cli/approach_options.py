@@ -1,5 +1,6 @@
 """The options --from and --return: the way to the start of a motion, and back."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,6 @@ from runtime.excitation.approach.way import Way, way_back, way_to
 from runtime.excitation.motion.joined import WAYS, JoinedMotion, joined
 from runtime.library import Array, Library
 from runtime.recording import read_recording
-from runtime.startup.data_classes import dataclass
 
 HOME = "home"
 """Value of --from for the home of the robot."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """What `symgen identify` writes and prints of a result."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,6 @@ from runtime.cli.several_logs import print_agreement
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:
     from runtime.identification.several_logs import LogAgreement

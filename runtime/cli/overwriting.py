@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,6 @@ import typer
 from runtime.cli.common import program
 from runtime.errors import RuntimeFault
 from runtime.files import bytes_of, json_of, replacing
-from runtime.startup.data_classes import dataclass
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 

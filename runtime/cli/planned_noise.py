@@ -7,7 +7,7 @@ residuals are autocorrelated, so that only one row per T counts as independent. 
 independent noise alone.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -20,7 +20,6 @@ from runtime.excitation.search.noise_spectrum import NoiseSpectrum, spectrum_of
 from runtime.identification.expected_accuracy import motion_samples_of, noise_of
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.startup.data_classes import dataclass
 
 NOISE_HELP = (
     "Torque noise: its standard deviation in N·m, one number or one per joint with commas, without "

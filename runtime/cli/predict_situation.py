@@ -1,6 +1,6 @@
 """Input of `predict`: a motion, the noise of its torque, and the knowledge before it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from runtime.identification.expected_accuracy import (
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
 from runtime.recording import read_recording
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

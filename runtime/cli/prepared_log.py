@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 from runtime.cli.choice_tables import cutoff_table, friction_table
 from runtime.cli.common import console
@@ -26,7 +27,6 @@ from runtime.recording import (
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import default_terms
 from runtime.recording.preprocessing import before_test
-from runtime.startup.data_classes import dataclass
 
 _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""

@@ -1,6 +1,6 @@
 """The option --motions of `symgen excite`: several motions that share the duration."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +17,6 @@ from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.several_motions import design_several, torque_sigma, with_motion
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
-from runtime.startup.data_classes import dataclass
 
 Motions = Annotated[
     int,

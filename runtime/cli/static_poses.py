@@ -1,5 +1,6 @@
 """`symgen excite --static`: poses at rest in place of a motion."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,6 @@ from runtime.excitation.static.pose_design import RANDOM_SETS, PoseDesign, desig
 from runtime.excitation.static.pose_file import pose_json, pose_table
 from runtime.files import replacing
 from runtime.library import Library
-from runtime.startup.data_classes import dataclass
 
 POSES = 12
 """Default number of poses."""

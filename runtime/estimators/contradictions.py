@@ -6,7 +6,7 @@ motion (`regression.delay_test`), does the friction fit its columns (`regression
 and does the result fit the torques?
 """
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from runtime.estimators.regression.friction_test import (
 from runtime.estimators.regression.gain_test import GainTest, gain_test_of
 from runtime.estimators.regression.score_test import FreeFit, with_columns
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 SCALE = 3.0
 """Factor between measured torque and that of the URDF beyond which the unit of the torque is the

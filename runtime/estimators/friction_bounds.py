@@ -8,6 +8,7 @@ Karush–Kuhn–Tucker conditions hold. Source: Portugal, Júdice & Vicente 1994
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -17,7 +18,6 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array
 from runtime.recording.friction import names_where
-from runtime.startup.data_classes import dataclass
 
 MOST = 10.0
 """Largest torque of one friction column, RMS over that of the joint: columns that cancel each other

@@ -7,13 +7,12 @@ net at all is one of the choices. Inputs are the joint's own motion only: torque
 input would learn one run by heart.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.estimators.optimizers import Status, run
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 UNITS = 4
 """Hidden units per joint."""

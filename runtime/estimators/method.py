@@ -7,10 +7,10 @@ package adds one by an entry point of the group `symgen.estimators`:
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from runtime.estimators.problem import Fit
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

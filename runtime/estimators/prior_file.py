@@ -16,6 +16,7 @@ Every entry is optional and every one is linear in π.
 """
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,6 @@ from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.recording import Friction
-from runtime.startup.data_classes import dataclass
 
 TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
 MIRRORED = {

@@ -1,7 +1,7 @@
 """`Problem` and `Fit`: the input and the result of every estimator."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:
     from runtime.simulation.controller_file import ClosedLoop

@@ -14,7 +14,7 @@ Driessen 2006; all of them on blocks: ours.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from runtime.estimators.regression.compression import reference_triangle
 from runtime.estimators.regression.factor import from_triangle
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 LENGTH = 10
 """Rows of a block."""

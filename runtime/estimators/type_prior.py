@@ -17,6 +17,7 @@
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
@@ -31,7 +32,6 @@ from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
 from runtime.recording.friction_column import COLUMNS, widths_of
 from runtime.recording.settings import WIDTHS
-from runtime.startup.data_classes import dataclass
 
 LARGEST = 1e9
 """Largest number of the tables [SI]."""

@@ -3,7 +3,7 @@
 `laplace` computes it.
 """
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import LAGS, autocorrelation, noise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 WHITE = 1.96
 """Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""

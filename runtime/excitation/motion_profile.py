@@ -5,6 +5,8 @@ times. The certificate states what holds between them. In document mode, torque 
 not limited: they are included, and the certificate lists them as unchecked.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.excitation import Safety
@@ -16,7 +18,6 @@ from runtime.excitation.limits.torque_limits import Torque
 from runtime.excitation.proof.certificate import KINDS, Certificate
 from runtime.excitation.proof.certified_motion import CertifiedMotion
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 SAMPLES = 1001
 """Number of times over the motion; with the ends and the middle."""

@@ -6,7 +6,7 @@ from which the next run continues; damaged files are computed again.
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ from runtime.experiments.workers import on_workers
 from runtime.files import json_of
 from runtime.library import Library
 from runtime.parallel import cores, one_blas_thread
-from runtime.startup.data_classes import dataclass
 
 DEFAULT_TRIALS = 150
 """Number of Monte Carlo trials of the document."""

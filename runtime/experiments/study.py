@@ -8,13 +8,12 @@ facts.
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 FORMAT = 1
 """Format number of all files; it is part of the config hash."""

@@ -1,11 +1,12 @@
 """State of a study, read from its folder."""
 
+from dataclasses import dataclass
+
 from runtime.experiments.runner import Request, folder_hash, requested
 from runtime.experiments.storage.chunks import Chunks
 from runtime.experiments.storage.result_files import read_series, valid_result
 from runtime.experiments.study import Arrays, Study, config_facts, config_hash
 from runtime.library import Library
-from runtime.startup.data_classes import dataclass
 
 MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
 

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Generator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from runtime.experiments.study import Arrays, Row, Study, StudyConfig
 from runtime.library import Library, load
 from runtime.parallel import on_cluster
-from runtime.startup.data_classes import dataclass
 
 _here = threading.local()
 """Last prepared input of a thread of a worker, with its key."""

@@ -1,6 +1,6 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ a few seconds suffice for the others.
 
 import time
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
-from runtime.startup.data_classes import dataclass
 
 LEAST = 0.1
 """Least torque of a change that is expected of a column, over the RMS torque of its joint."""

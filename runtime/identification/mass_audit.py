@@ -8,11 +8,12 @@ below 1 − 0.05^(1/N) with 95 % confidence. Base parameters of a method without
 search; a controller that inverts M needs the answer.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import minimize
 
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 SAMPLES = 4096
 STARTS = 4

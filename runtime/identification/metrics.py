@@ -3,10 +3,10 @@
 Source: document Eqs. 2.37, 2.39, 5.1–5.4 with the errata to 5.4 and Sec. 3.3.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +35,6 @@ from runtime.identification.expected_accuracy import (
 )
 from runtime.library import Array, ConvexTask, Library
 from runtime.parallel import one_blas_thread
-from runtime.startup.data_classes import dataclass
 
 DECREMENT, MOST_STEPS = 1e-12, 50
 """Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of

@@ -10,6 +10,7 @@ normal with the root L_π of `Uncertainty`, so that a root of the covariance of 
 The file states π of its result.json and is refused beside another one.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.numerics.dense import solve_triangular
 from runtime.recording.formats.npz import open_npz
-from runtime.startup.data_classes import dataclass
 
 FILE = "posterior.npz"
 _ARRAYS = ("factor", "target", "base_matrix", "centre", "pi", "pi_root")

@@ -5,7 +5,7 @@ columns, split, weights, first guess. All methods that share an assembly use the
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,6 @@ from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, prepared_parts
 from runtime.recording.preprocessing.parts import rows_between
 from runtime.recording.settings import EVERYTHING
-from runtime.startup.data_classes import dataclass
 
 PARTS = ("train", "validation", "test")
 WITHOUT_FRICTION = (

@@ -1,9 +1,8 @@
 """One key of result.json: path, kind, shape, unit and the value of older files."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
-
-from runtime.startup.data_classes import dataclass
 
 
 class _Missing:

@@ -5,7 +5,7 @@ placements. Another gravity, other inertials or a newer generator leave π valid
 fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, lin
 from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
-from runtime.startup.data_classes import dataclass
 
 LARGEST = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""

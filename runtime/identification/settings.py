@@ -5,7 +5,7 @@ Each of them refuses the fields that it cannot use.
 """
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -15,7 +15,6 @@ from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:
     from runtime.simulation.controller_file import ClosedLoop

@@ -8,6 +8,7 @@ motion can be computed from it.
 """
 
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,6 @@ from runtime.library.user_builds import NAME
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.friction import OFFSET
 from runtime.recording.settings import WIDTHS
-from runtime.startup.data_classes import dataclass
 
 FILE = "statistics.npz"
 FORMAT = 1

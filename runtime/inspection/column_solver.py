@@ -7,6 +7,8 @@ step removes the error of the normal equations (corrected semi-normal equations,
 Methods for Least Squares Problems, Sec. 2.9.4 of the first edition).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,6 @@ from runtime.estimators.regression import Statistics
 from runtime.inspection.cross_validation import solved
 from runtime.library import Array
 from runtime.numerics.dense import lapack
-from runtime.startup.data_classes import dataclass
 
 LEAST = 1e-10
 """1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has

@@ -9,7 +9,7 @@ Without it a slow log, one block of which moves as no other does, counts against
 model.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Recording
 from runtime.recording.friction import unresolved, without_columns
-from runtime.startup.data_classes import dataclass
 
 UNKNOWN = 1e3
 """Factor on the spread of the prior of robots whose URDF states no masses."""

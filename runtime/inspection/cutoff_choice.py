@@ -19,7 +19,7 @@ are the least optimistic.
 This module and `cross_validation` are all of `--cutoff auto`.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import before_test, prepare
-from runtime.startup.data_classes import dataclass
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 """Cut-offs that are tried where the rate allows it, Hz."""

@@ -12,7 +12,7 @@ replaces the Coulomb column only where it reduces the mean square error by `LEAS
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names
 from runtime.recording.preprocessing import before_test, prepare
-from runtime.startup.data_classes import dataclass
 
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))
 """Strokes z_c of the Dahl column that are tried first, rad or m."""

@@ -3,14 +3,13 @@
 Trap numbers are those of the list in `runtime.inspection`.
 """
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.recording.notebook import html_table
-from runtime.startup.data_classes import dataclass
 
 ERROR, WARNING, INFO = "error", "warning", "info"
 LEVELS = (ERROR, WARNING, INFO)

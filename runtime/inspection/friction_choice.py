@@ -14,7 +14,7 @@ within `LEAST_GAIN`. AIC = N_eff ln(χ²/N) + 2 p is reported beside it.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,6 @@ from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import unresolved, without_columns
 from runtime.recording.preprocessing import before_test, prepare
-from runtime.startup.data_classes import dataclass
 
 _BASE = ("offset", "viscous", "coulomb")
 FRICTION_MODELS: dict[str, tuple[str, ...]] = {

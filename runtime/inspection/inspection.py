@@ -5,7 +5,7 @@ files, then units, order and clock of the motion, then order, sign and unit of t
 fit of the model.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.errors import RecordingError
@@ -35,7 +35,6 @@ from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw
 from runtime.recording.static_poses import static_poses
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ momentum, which needs no accelerations. δ is therefore the effect of a cut-off 
 band, or of too low a rate, on the rows alone; the noise of q and dq is in both.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
@@ -22,7 +22,6 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
 from runtime.recording.preprocessing.pipeline import on_grid
-from runtime.startup.data_classes import dataclass
 
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that

@@ -7,12 +7,12 @@ the compiler do nothing but compile.
 import hashlib
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import LibraryError
 from runtime.files import bytes_of, json_of, require_file
-from runtime.startup.data_classes import dataclass
 
 REFERENCE = "casadi"
 """Level that the others are compared with; compiled only on request."""

@@ -2,11 +2,10 @@
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

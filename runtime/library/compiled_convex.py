@@ -6,6 +6,7 @@ on how many threads there are.
 
 import ctypes
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from runtime.library.parameters import N_PARAMETERS
 from runtime.library.tile_arrays import padded, padded_size, zeros
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ and since jobs share nothing the answers do not depend on how many.
 
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library.tile_arrays import LANES, padded, padded_size, zeros
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -3,12 +3,12 @@
 import ctypes
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library.tile_arrays import LANES, padded_size, zeros
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,12 @@
 """Folder of a robot: by name among trusted places, or by the path that the user typed."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import LibraryError
 from runtime.files import sha256_of
 from runtime.library.user_builds import NAME, built_folders, is_user_build
-from runtime.startup.data_classes import dataclass
 
 
 class ForeignRobotError(LibraryError):

@@ -1,7 +1,7 @@
 """`manifest.json`: the contract between what was generated and what runs."""
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.parameters import PI_NAMES
 from runtime.library.user_builds import NAME
-from runtime.startup.data_classes import dataclass
 
 FORMAT = 4
 

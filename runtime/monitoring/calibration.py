@@ -12,7 +12,7 @@ whose centre ξ = 0 is the Gaussian tail. z solves (k/T) P(s > z) = rate/n. Sour
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from runtime.library import Array, Library
 from runtime.monitoring.contacts import PAUSE_S, RELEASE
 from runtime.monitoring.observation import Detector, Signals, observe
 from runtime.recording import Recording
-from runtime.startup.data_classes import dataclass
 
 PEAKS = 100
 """Largest number k of peaks per joint to which a tail is fitted."""

@@ -1,11 +1,11 @@
 """Contacts of a log: where the external torque exceeds its threshold, with time, joint and size."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 RELEASE = 0.5
 """Share of the threshold below which a contact ends."""

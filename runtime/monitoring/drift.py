@@ -16,6 +16,7 @@ by the number of hypotheses (Bonferroni).
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from runtime.library import Array, Library
 from runtime.monitoring.hypotheses import Hypothesis, hypotheses
 from runtime.monitoring.model import model_of
 from runtime.recording import Recording
-from runtime.startup.data_classes import dataclass
 
 ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""

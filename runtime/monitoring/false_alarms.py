@@ -10,12 +10,12 @@ Source: Rice 1945; Leadbetter, Lindgren & Rootzén 1983, Ch. 7.
 """
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 UNITS = {"second": 1.0, "minute": 60.0, "hour": 3600.0, "day": 86400.0, "week": 604800.0}
 _SHORT = {"s": "second", "min": "minute", "h": "hour", "d": "day"}

@@ -8,6 +8,7 @@ link, all base parameters, or a delay of the torque (−dτ̂/dt).
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from runtime.library.parameters import link_columns
 from runtime.monitoring.model import MonitoredModel
 from runtime.recording.friction_column import COLUMNS
 from runtime.recording.preprocessing import segments
-from runtime.startup.data_classes import dataclass
 
 GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
 """Parts of a robot that are distinguished."""

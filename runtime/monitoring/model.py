@@ -6,6 +6,8 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,6 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
 from runtime.recording.friction_column import COLUMNS, JointMotion
-from runtime.startup.data_classes import dataclass
 
 MEMORY, POSITION = "dahl", "position"
 """Friction column whose state follows from the path."""

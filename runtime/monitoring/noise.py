@@ -12,6 +12,7 @@ add its dry friction there, and so is the beginning of a motion, where friction 
 unknown state.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.preprocessing import segments
-from runtime.startup.data_classes import dataclass
 
 KEPT = 0.6
 """Share of a low-pass's cut-off up to which it leaves a residual as it is (2 % in amplitude)."""

@@ -8,7 +8,7 @@ last term are those of `state_terms`. Without further logs z_j is that of a Gaus
 `runtime.monitoring.calibration` takes it from free motion.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from runtime.monitoring.observer import ObserverSettings, external_torque, obser
 from runtime.monitoring.state_terms import state_terms
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing import differentiate, on_grid
-from runtime.startup.data_classes import dataclass
 
 WITHIN_S = 0.025
 """Time in which r shows 95 % of a step unless it is stated [s]."""

@@ -12,6 +12,7 @@ which is cleaner than a measured speed where encoders are fine. Source: De Luca 
 """
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +23,6 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.recording.preprocessing import segments
-from runtime.startup.data_classes import dataclass
 
 BANDWIDTH = 100.0
 """K_O of the observer unless it is stated [1/s]."""

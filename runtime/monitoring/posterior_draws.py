@@ -11,6 +11,8 @@ that the draws spread as the intervals of the result do. Friction follows from Ï
 normal distribution. Source: Neal 2011, Sec. 5.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -29,7 +31,6 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording.friction import names_where
-from runtime.startup.data_classes import dataclass
 
 TRAJECTORIES = 12
 """Hamiltonian trajectories of each chain."""

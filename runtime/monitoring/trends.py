@@ -7,6 +7,7 @@ significant where its p-value (Student's t), times the number of slopes, is belo
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -15,7 +16,6 @@ from scipy.special import stdtr, stdtrit
 
 from runtime.errors import RecordingError
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 ALPHA = 0.01
 """Probability that a history without a trend shows one."""

@@ -6,11 +6,12 @@ With fewer than six joints before the link, or in a singular posture, only some 
 from τ_ext. w is the smallest one that explains it; lengths are scaled by `LENGTH`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 LENGTH = 0.1
 """Length that makes moments comparable to forces [m]."""

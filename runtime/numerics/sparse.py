@@ -4,13 +4,14 @@ Clarabel reads the attributes of a matrix by name, and imports `scipy.linalg.cyt
 `cython_lapack` when it solves a program with semidefinite cones.
 """
 
+from dataclasses import dataclass
+
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.numerics import Array
 from runtime.numerics.extension import extension
-from runtime.startup.data_classes import dataclass
 
 for _name in ("cython_blas", "cython_lapack"):
     extension(f"scipy.linalg.{_name}", ("__pyx_capi__",))

@@ -3,12 +3,11 @@
 τ_j = k_j i_j        k in N·m/A or N/A
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 LARGEST = 0.1

@@ -7,13 +7,13 @@ entry point of the group "symgen.friction_columns" of another package).
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.registry import Registry
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:  # settings name the widths of the columns by this registry
     from runtime.library import Library

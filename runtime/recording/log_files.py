@@ -4,7 +4,7 @@ Which columns of which file are read, the recipe states; without one, the defaul
 format does.
 """
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, R
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.control_law import NUMBERS
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
-from runtime.startup.data_classes import dataclass
 
 PICKLES = (".pt", ".pth", ".pkl", ".pickle")
 """Suffixes of files that only unpickling reads."""

@@ -7,13 +7,13 @@ A `Recording` has what its log had; these classes have no optional fields.
 """
 
 import dataclasses
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.recording.recording import FloatArray, Recording
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

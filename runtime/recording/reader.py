@@ -6,6 +6,7 @@ angle.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,6 @@ from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.unit_conversion import converted, usable_rows
-from runtime.startup.data_classes import dataclass
 
 
 def read_recording(

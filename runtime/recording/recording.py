@@ -8,7 +8,7 @@ files; `preprocessing` prepares them.
 import copy
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -22,7 +22,6 @@ from runtime.recording.notebook import Framed, html_table
 from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.settings import Preparation
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.friction_column import widths_of
-from runtime.startup.data_classes import dataclass
 
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 

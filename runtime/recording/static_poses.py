@@ -6,12 +6,12 @@ Coulomb friction has opposite signs after two approaches from opposite sides, so
 the mean. The rows have dq = ddq = 0 and contain gravity alone.
 """
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from runtime.recording.recording import FloatArray, Recording
-from runtime.startup.data_classes import dataclass
 
 REST_SPEED = 0.02
 """Speed below which a joint rests [rad/s or m/s]: two counts of a servo's encoder in 0.2 s."""

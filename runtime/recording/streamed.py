@@ -1,7 +1,7 @@
 """A log that stays in its file; any rows of it become a `Recording` without the others."""
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 
@@ -18,7 +18,6 @@ from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.unit_conversion import converted
-from runtime.startup.data_classes import dataclass
 
 LARGE = 200_000_000
 """Size of a file above which a log is streamed by default [bytes]."""

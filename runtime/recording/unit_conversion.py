@@ -3,6 +3,7 @@
 The order of the steps from a number in a file to a joint angle is that of `recipe`.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from runtime.recording.consistency import unwrap
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray
-from runtime.startup.data_classes import dataclass
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
 _AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}

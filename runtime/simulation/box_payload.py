@@ -1,5 +1,6 @@
 """A box in the hand of a virtual robot: P = m [[Σ, c], [cᵀ, 1]],  Σ = diag(L²)/12 + c cᵀ."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,6 @@ from runtime.errors import IdentificationError
 from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
-from runtime.startup.data_classes import dataclass
 
 LARGEST = 1e6
 """Largest number of a payload that is read, kg and m."""

@@ -7,7 +7,7 @@ states.
 """
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from itertools import count
 
 import numpy as np
@@ -19,7 +19,6 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.mechanism import require_no_springs
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@
 The controller is computed torque with the URDF's model. IDIM-IV and DIDIM simulate it.
 """
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from runtime.files import replacing, toml_of
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation import Controller, Plant, follow, per_joint, sample_times
-from runtime.startup.data_classes import dataclass
 
 _KEYS: dict[str, dict[str, tuple[type, ...]]] = {
     "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))

@@ -7,6 +7,7 @@ their range; there are no shapes, no actuators, no compensation of gravity. MuJo
 depth first: `Engine.places` maps the joints of the library to it.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.library.manifest import JointFacts
 from runtime.library.parameters import lam_parts, links
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

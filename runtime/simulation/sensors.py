@@ -7,11 +7,12 @@ A robot has a gain g = 1 + N(0, gain²) and a bias b = N(0, bias²) per joint fo
 is drawn for every log.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array
 from runtime.simulation.settings import Sensors
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import difflib
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.files import toml_of
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 FOLDER = Path(__file__).parent / "robots"
 LAWS = ("computed_torque", "feedforward")

@@ -15,6 +15,7 @@ joints follow others, with `friction` against it. Same seeds, same bits.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,6 @@ from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.reduced_engine import ReducedEngine
 from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
-from runtime.startup.data_classes import dataclass
 
 ASTRAY = 0.5
 """Distance from the reference at which the simulation is stopped, rad or m."""

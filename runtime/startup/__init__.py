@@ -1,1 +1,1 @@
-"""What keeps the start of a command short: no compilation of classes, imports at first use."""
+"""What keeps the start of a command short: imports at first use."""

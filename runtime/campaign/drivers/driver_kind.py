@@ -1,6 +1,7 @@
 """The record of a kind of driver, and what adapters of makers' libraries share."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
 
@@ -9,7 +10,6 @@ import numpy as np
 from runtime.campaign.driver import Driver
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

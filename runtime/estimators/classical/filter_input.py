@@ -17,6 +17,8 @@ takes it for motion becomes overconfident about the inertia. Source: instruments
 variables (Söderström 2018, Ch. 6); their use in a filter is ours.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import NeedsError, RecordingError
@@ -28,7 +30,6 @@ from runtime.recording.friction import COLUMNS, names_where
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import differentiate, low_pass
 from runtime.recording.preprocessing.segments import segments, uniform_step
-from runtime.startup.data_classes import dataclass
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 """Friction columns that the state of a filter can hold."""

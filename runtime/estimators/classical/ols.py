@@ -6,7 +6,7 @@ Source: Gautier 1997; document Sec. 3.1.3.
 """
 
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
 from runtime.recording.friction import COLUMNS, FrictionColumn
-from runtime.startup.data_classes import dataclass
 
 RANK_TOLERANCE = 1e-9
 """Singular value of the normalised columns, relative to the largest, below which a direction counts

@@ -8,7 +8,7 @@ first guess.
 Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import clarabel
 import numpy as np
@@ -27,7 +27,6 @@ from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.numerics.dense import block_diag
 from runtime.numerics.order import median
 from runtime.numerics.sparse import solve_conic
-from runtime.startup.data_classes import dataclass
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""

@@ -5,11 +5,12 @@ P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) deter
     ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links
-from runtime.startup.data_classes import dataclass
 
 _UNIT = np.eye(4)
 _SYMMETRIC = np.array(

@@ -6,6 +6,8 @@ its multipliers name the priors that contradict each other (Farkas). Then the Ne
 `newton` minimises within the subspace of the equations, with logarithmic barriers.
 """
 
+from dataclasses import dataclass
+
 import clarabel
 import numpy as np
 
@@ -18,7 +20,6 @@ from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 from runtime.numerics.dense import block_diag, null_space
 from runtime.numerics.sparse import solve_conic
-from runtime.startup.data_classes import dataclass
 
 BARRIER = 1e-2
 """Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""

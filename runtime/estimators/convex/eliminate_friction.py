@@ -4,12 +4,13 @@ min over φ of ‖R [K π; φ] − r‖² is ‖A π − b‖² + const: with Q�
 are what Q₂ᵀ leaves of R K and r (a Schur complement without normal equations). φ follows from π.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression import Statistics
 from runtime.library import Array
 from runtime.numerics.dense import pivoted_qr, solve_triangular
-from runtime.startup.data_classes import dataclass
 
 RANK_TOLERANCE = 1e-9
 """Pivot of unit columns, relative to the first, below which a column counts as dependent."""

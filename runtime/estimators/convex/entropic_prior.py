@@ -6,6 +6,8 @@ a weight of κ trusts every direction of P0 to a relative standard deviation of 
 Source: Lee, Wensing & Park 2019 for the divergence; the floor is this project's.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -13,7 +15,6 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.bodies import Bodies, bodies_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
-from runtime.startup.data_classes import dataclass
 
 THIN = 0.05
 """Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that

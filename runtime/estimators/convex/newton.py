@@ -8,7 +8,7 @@ The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ 
 backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 γ.
 """
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, link_columns
 from runtime.numerics.dense import solve_positive
-from runtime.startup.data_classes import dataclass
 
 ARMIJO = 1e-4
 """Share of the predicted decrease that a step must reach."""

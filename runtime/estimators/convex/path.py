@@ -7,6 +7,7 @@ term of the prior the logarithm alone would have no minimiser. No cone solver is
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import ConvexProblem, Minimum, convex_problem, minimise
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
-from runtime.startup.data_classes import dataclass
 
 SMALLEST_GAP = 1e-7
 """Certificate at the end of the path, relative to the loss."""

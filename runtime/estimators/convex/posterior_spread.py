@@ -5,6 +5,8 @@ units of the prior the information is 1 + (Ã R)ᵀ(Ã R), R Rᵀ = (κ B)⁻¹,
 Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.convex.bodies import Bodies
@@ -18,7 +20,6 @@ from runtime.library.parameters import (
     mass,
 )
 from runtime.numerics.dense import block_diag
-from runtime.startup.data_classes import dataclass
 
 DETERMINED = 0.1
 """Posterior over prior variance below which a parameter counts as determined by the data."""

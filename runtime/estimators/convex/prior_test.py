@@ -12,6 +12,8 @@ and more in 96 of 100 logs.
 Source: Box 1980 for the prior predictive test; the release of single links is this project's.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.convex.compiled import solve
@@ -21,7 +23,6 @@ from runtime.estimators.convex.newton import convex_problem
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
 from runtime.numerics.quantiles import chi2_quantile
-from runtime.startup.data_classes import dataclass
 
 SIGNIFICANCE = 1e-4
 """Probability of an alarm on a right prior. The noise S is known to some 15 %, which moves T by as

@@ -6,6 +6,7 @@ problems are one call.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from runtime.estimators.optimizers import (
 from runtime.estimators.regression import CompressedObjective
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import AdamProblem, Array, CompiledAdam
-from runtime.startup.data_classes import dataclass
 
 CHUNK = 500
 """Iterations between two reports of progress and checks for Ctrl-C."""

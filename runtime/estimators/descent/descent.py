@@ -1,5 +1,7 @@
 """A descent: problem, compressed samples, and a start; the same for every optimiser."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.optimizers import Status
@@ -8,7 +10,6 @@ from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, LeastSquares
 from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
-from runtime.startup.data_classes import dataclass
 
 STATUS = {
     0: Status.MAX_ITERATIONS,

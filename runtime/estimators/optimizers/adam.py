@@ -4,11 +4,11 @@ Source: document Eqs. 4.42–4.46; ε stands outside the square root.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.estimators.optimizers.loop import Array, Status
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,11 @@ non-linear least squares problems*, 2004, algorithm 3.16.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.estimators.optimizers.loop import Array, Status
-from runtime.startup.data_classes import dataclass
 
 _LARGEST_DAMPING = 1e200
 """μ beyond which no step is tried any more."""

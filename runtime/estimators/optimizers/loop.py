@@ -7,13 +7,12 @@ stopping on validation samples (`descend_validated`) and a trace down to the end
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ Source: Bartlett 1950 for smoothed periodograms, Müller 2007 for cosines; the w
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.numerics.cosines import cosines, is_fast_length
 from runtime.numerics.dense import basis_of_joints
-from runtime.startup.data_classes import dataclass
 
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:

@@ -9,13 +9,13 @@ Source: profile likelihood of Gaussian noise with unknown variances (Murphy & va
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.library import Array
 from runtime.numerics.dense import triangle_of_joints
-from runtime.startup.data_classes import dataclass
 
 CHI_SQUARE_95 = 3.841458820694124
 """95 % quantile of χ² with one degree of freedom."""

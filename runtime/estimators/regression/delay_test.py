@@ -8,11 +8,12 @@ of its parameters, and `score_test` finds the rest. The time step comes from pos
 velocities of the samples.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.score_test import FreeFit, score_test
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 MARGIN = 1.6
 """Factor on the quantile for errors of the friction model, as in the test of the gains."""

@@ -3,7 +3,7 @@
 Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.files import replacing, require_file
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz
-from runtime.startup.data_classes import dataclass
 
 EXPLAINED = 1e-9
 """Remainder of a column of length one below which other columns explain it."""

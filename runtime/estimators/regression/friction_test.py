@@ -7,6 +7,8 @@ deviations of gears that viscous, Coulomb and offset columns leave in the residu
 inertial parameters takes up a part of them, so that its intervals are too narrow.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.score_test import (
@@ -17,7 +19,6 @@ from runtime.estimators.regression.score_test import (
 )
 from runtime.library import Array, Library
 from runtime.numerics.quantiles import chi2_quantile
-from runtime.startup.data_classes import dataclass
 
 PEAK, SIGN = 0.15, 0.05
 """Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""

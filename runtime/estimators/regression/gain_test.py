@@ -10,6 +10,8 @@ that of the column of one joint alone with one.
 Source: Gautier & Briot 2014 for the regression with gains; `score_test` for the test.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.samples import Samples
@@ -21,7 +23,6 @@ from runtime.estimators.regression.score_test import (
 )
 from runtime.library import Array, Library
 from runtime.numerics.quantiles import chi2_quantile
-from runtime.startup.data_classes import dataclass
 
 MARGIN = 1.6
 """Factor on the quantile of all joints from which the result is doubted, as in the test of the

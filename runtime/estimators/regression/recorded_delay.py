@@ -6,7 +6,7 @@ A commanded torque is fitted with the links of the URDF: friction and rotor iner
 free links would imitate a delay (kp d dq like viscous friction, kd d ddq like inertia).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.interpolation import interpolate
-from runtime.startup.data_classes import dataclass
 
 ROWS = 900
 """Number of rows of the profile: some hundred of them are independent."""

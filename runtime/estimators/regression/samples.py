@@ -1,6 +1,6 @@
 """Prepared recording → samples: motion, torque and friction columns of an identification."""
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,6 @@ from runtime.errors import IdentificationError, NeedsError
 from runtime.library import Array, Library
 from runtime.recording import Recording, friction
 from runtime.recording.prepared import DifferentiatedRecording, prepared_of
-from runtime.startup.data_classes import dataclass
 
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""

@@ -8,7 +8,7 @@ columns. Every Z that is a function of the motion gives a valid test.
 Source: Breusch & Pagan 1980 for score tests.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.numerics.dense import triangle_of_joints
 from runtime.numerics.quantiles import chi2_quantile
-from runtime.startup.data_classes import dataclass
 
 SIGNIFICANCE = 1e-4
 """Probability of an alarm where the columns are absent, as in the test of the prior."""

@@ -6,7 +6,7 @@ holds. A straight way is the quintic 10 s³ − 15 s⁴ + 6 s⁵.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from runtime.excitation.proof.certificate import DISTANCES, Certificate, certifi
 from runtime.excitation.proof.joint_bounds import KINDS
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 PATHS = 4
 """Number of paths with corners that are made; the shortest motion is taken."""

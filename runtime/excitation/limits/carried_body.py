@@ -4,12 +4,13 @@ The body is rigid in a moving link. It adds its ten parameters to those of the l
 a distance from the capsules of the other links and from a table. Files are read elsewhere.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Array
 from runtime.library.parameters import link_columns
-from runtime.startup.data_classes import dataclass
 
 EMPTY_HAND = "empty hand"
 """What a certificate states of the load where no body is carried."""

@@ -11,6 +11,7 @@ e · d is piecewise linear with kinks where p_i = ±h_i: its zero is exact. The 
 is that of |P − Q| with both closest points fixed in their links. Source: Danskin's theorem.
 """
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -20,7 +21,6 @@ from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.distance_limits import Clearance, body_of
 from runtime.excitation.limits.interval_bounds import Body, IntervalBounds
 from runtime.library import Array, Library, ProxyFacts
-from runtime.startup.data_classes import dataclass
 
 LABEL = "carried body"
 _INSIDE = 1e-12

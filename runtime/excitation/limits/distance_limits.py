@@ -9,6 +9,7 @@
 """
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,6 @@ from runtime.excitation.limits.interval_bounds import ROUNDING, Body, IntervalBo
 from runtime.excitation.limits.nonlinear_limits import SMOOTH, Constraint
 from runtime.excitation.limits.sampled_motion import SampledMotion, times
 from runtime.library import Array, Library, ProxyFacts
-from runtime.startup.data_classes import dataclass
 
 LENGTH = 0.1
 """Unit of distances in constraints, m: what is missing or left by this is one whole limit."""

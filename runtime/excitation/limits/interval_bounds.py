@@ -5,10 +5,11 @@ that move both bodies leave the distance, and each of the others moves a point a
 distance from the axis, at most.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 ROUNDING = 1e-12
 """Of a value, relative to its bound: 64 ε of the motion, and some thousand operations."""

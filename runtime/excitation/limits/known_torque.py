@@ -4,10 +4,11 @@ The library computes p(q). Derivatives are central differences of it: of a sprin
 1e-8, and across a corner of a piecewise linear curve they are those of its chord.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 STEP = 1e-5
 """Step of first differences, rad or m, or s along a motion: ε^⅓ of the usual sizes."""

@@ -8,12 +8,13 @@ and some model of the band reaches this. Each is the largest of functions that a
 one per corner of the band, and all corners have the same bounds of derivatives.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.limits.interval_bounds import ROUNDING, IntervalBounds
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 _MANY = 10
 """Parameters above which the whole regressor takes less time than its columns."""

@@ -11,6 +11,7 @@ on the limit and is −1 or less far from it. The physics comes from the robot's
 Constraints of torques are in `torque_limits`, those of places and distances in `distance_limits`.
 """
 
+from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -18,7 +19,6 @@ import numpy as np
 from runtime.excitation.limits.interval_bounds import IntervalBounds
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 
 class Constraint(Protocol):

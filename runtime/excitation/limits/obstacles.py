@@ -8,6 +8,7 @@ box counts as the capsule around it: its axis is parallel to the longest edge.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -20,7 +21,6 @@ from runtime.excitation.limits.distance_limits import Clearance, body_of
 from runtime.excitation.limits.interval_bounds import IntervalBounds
 from runtime.files import toml_of
 from runtime.library import Array, Library, ProxyFacts
-from runtime.startup.data_classes import dataclass
 
 OBSTACLE = "obstacle"
 """Kind of the limit in certificates."""

@@ -5,12 +5,13 @@ rate, tip speed and the margins of its pairs of proxies. A table, a box of the t
 request.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import CarriedBody
 from runtime.excitation.limits.obstacles import Obstacle
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

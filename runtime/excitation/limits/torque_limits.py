@@ -9,6 +9,7 @@
 largest change of the torque, or of its rate, is added to both signs.
 """
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +20,6 @@ from runtime.excitation.limits.model_band import ModelBand
 from runtime.excitation.limits.nonlinear_limits import SMOOTH
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

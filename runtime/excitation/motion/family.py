@@ -1,12 +1,12 @@
 """Bases of motions: what each of them provides, and the record by which a user selects it."""
 
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 
 class Basis(Hashable, Protocol):

@@ -5,13 +5,14 @@ cosine   cos ws − 1 + ½w² u² (Eqs. 3.24–3.27), its own mirror image about
 fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from runtime.excitation.motion.family import BasisFamily, in_time
 from runtime.excitation.motion.polynomial import UnitPolynomial
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 _S = Polynomial([0.0, 1.0])
 _U = Polynomial([0.0, 1.0, -1.0])

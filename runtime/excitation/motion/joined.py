@@ -1,13 +1,12 @@
 """Motions one after another, each from the rest in which the one before ends."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 GAP = 1e-6
 """Largest distance between the end of a motion and the start of the next [rad, m]."""

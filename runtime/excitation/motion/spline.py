@@ -1,5 +1,6 @@
 """Quintic B-splines on equal intervals without the outermost ones, or ending at another place."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -7,7 +8,6 @@ import numpy as np
 
 from runtime.excitation.motion.family import BasisFamily, in_time
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

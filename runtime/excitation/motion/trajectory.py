@@ -1,11 +1,12 @@
 """Motions q(t) = home + Σ_m a_m φ_m(t) per joint, at rest at both ends (Eqs. 3.24–3.28)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.basis import COSINE, Basis
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,11 @@
 """The record of a file format of motions, and what its writers share."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from runtime.excitation.proof.certified_motion import CertifiedMotion
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that a
 the motion: `constraint_bounds`, which states what is proven there.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,6 @@ from runtime.excitation.limits.unchecked import unchecked, unstated
 from runtime.excitation.proof.joint_bounds import KINDS, interval_count, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
 

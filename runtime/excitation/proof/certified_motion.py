@@ -3,7 +3,7 @@
 Also the same path at another speed, and motions scaled back onto the limits that they touch.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +14,6 @@ from runtime.excitation.motion.joined import JoinedMotion
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use, certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.library import Library
-from runtime.startup.data_classes import dataclass
 
 AnyMotion = TypeVar("AnyMotion", Trajectory, JoinedMotion, Trajectory | JoinedMotion)
 

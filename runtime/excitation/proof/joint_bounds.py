@@ -9,6 +9,7 @@ The same inequality on long intervals shows which of them may hold the largest b
 only these are divided, and the result is that of short intervals everywhere.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,7 +19,6 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.family import Basis
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 INTERVALS = 4000
 """Fewest intervals of the grid over half the duration; over all of it twice as many."""

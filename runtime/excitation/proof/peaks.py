@@ -1,10 +1,11 @@
 """Largest bounds of the rows of one constraint over the intervals of a motion."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, TimedConstraint
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,13 @@
 """Convex programmes with a few variables and many rows, by Clarabel."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 TOLERANCE = 1e-9
 """Tolerance of the programmes: relative gap and feasibility."""

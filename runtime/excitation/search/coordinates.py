@@ -4,13 +4,14 @@ S whitens the limits of the joints, scaled so that a point of size one reaches a
 computed from the coefficients a; slopes are carried back, ∂f/∂x = Sᵀ ∂f/∂vec(a).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ point of the group "symgen.criteria".
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +38,6 @@ from runtime.excitation.search.measures import (
 from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library
 from runtime.registry import Registry
-from runtime.startup.data_classes import dataclass
 
 PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
 """Size of the unknowns of a payload: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Generator
 from contextlib import closing
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,6 @@ from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
-from runtime.startup.data_classes import dataclass
 
 Ended = dict[int, tuple[float, Array]]
 """Target and coefficients (n, M) of every start and variation that ended, by number."""

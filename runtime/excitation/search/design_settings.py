@@ -1,7 +1,7 @@
 """The options of a design: one frozen record, made whole or from keywords."""
 
 import difflib
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from runtime.excitation.motion.basis import BASES, COSINE
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 LONGEST = 3600.0
 """Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""

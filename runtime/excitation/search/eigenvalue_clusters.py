@@ -3,11 +3,12 @@
 This is what `polish` needs of C at one point.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 CLUSTER = 1.35
 """Eigenvalues within this factor of an extreme belong to its cluster."""

@@ -6,6 +6,7 @@ against speeds and torques.
 """
 
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from runtime.excitation.limits.joint_limits import Limits, inside
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 STEP = 1e-3
 """Step of the grid on which the limits hold, s."""

@@ -9,6 +9,8 @@ too: the part of Y_b that their columns explain determines nothing, and is proje
 (`noise_spectrum`).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -17,7 +19,6 @@ from runtime.excitation.search.nuisance import require_of_speed
 from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.recording.friction import OFFSET
-from runtime.startup.data_classes import dataclass
 
 NOISE = 0.05
 """Default torque noise, N·m or N."""

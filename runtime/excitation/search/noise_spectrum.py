@@ -10,6 +10,7 @@ the log will pass: what a motion has beyond its cut-off determines nothing.
 Source: Pintelon & Schoukens 2012, Ch. 2 (information of periodic excitation in coloured noise).
 """
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,6 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.library import Array
 from runtime.numerics.cosines import cosines
-from runtime.startup.data_classes import dataclass
 
 ORDER = 4
 """Order of the filter, which runs forwards and backwards."""

@@ -12,6 +12,8 @@ On a motion out and back the rows of an inertial regressor are even in dq: colum
 dq are orthogonal to them and drop out.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
@@ -19,7 +21,6 @@ from runtime.library import Array
 from runtime.recording import Friction
 from runtime.recording.friction import columns
 from runtime.recording.friction_column import COLUMNS, JointMotion
-from runtime.startup.data_classes import dataclass
 
 _DIFFERENCE = 1e-6
 """Step of the slope of a column in dq, rad/s: truncation 1e-9 at ε = 0.02, rounding 1e-10."""

@@ -7,6 +7,7 @@ correlated noise: their errors are larger by the root of the variance inflation.
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.numerics.cosines import cosines
 from runtime.recording import Friction, friction
-from runtime.startup.data_classes import dataclass
 
 SAMPLES = (COST_SAMPLES, 1000)
 """Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""

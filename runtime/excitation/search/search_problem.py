@@ -1,5 +1,6 @@
 """What a search is given, in a form that can be sent to other processes."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.excitation.limits.safety import Safety
@@ -7,7 +8,6 @@ from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ and is taken when log cond itself falls (trust region); g is elastic and enters 
 Independent of robots.
 """
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -22,7 +23,6 @@ from runtime.excitation.search.conic import Block, LinearRows, solve
 from runtime.excitation.search.eigenvalue_clusters import Spectrum, bending, of_trace_one, weight_of
 from runtime.excitation.search.elastic import MU, Curved, Nonlinear, corrected
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 RADIUS = 0.3
 """First Δ, for x that is scaled so that 1 reaches the bounds."""

@@ -5,6 +5,7 @@ the merit f + μ max(0, max g), see `elastic`. Independent of robots.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from runtime.excitation.search.elastic import MU, Curved, Nonlinear
 from runtime.excitation.search.least_distance import QuadraticProgramme
 from runtime.library import Array
 from runtime.numerics.dense import block_diag
-from runtime.startup.data_classes import dataclass
 
 Objective = Callable[[Array], tuple[float, Array]]
 

@@ -15,6 +15,7 @@ that the design depends on the seed alone.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +23,6 @@ import numpy as np
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.single_start import TRIED, Search
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 FIRST = 3
 """Number of random starts of a smooth criterion in the first round; none of them is given up."""

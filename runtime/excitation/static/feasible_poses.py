@@ -4,6 +4,8 @@ A pose q is reached from q − s and from q + s, all joints at once. Coulomb fri
 signs after the two approaches, so that it cancels in the mean of both torques.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -11,7 +13,6 @@ from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.joint_limits import DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 APPROACH = 0.05
 """Longest approach of a joint [rad, m]: beyond the backlash of usual gears."""

@@ -4,6 +4,8 @@ A torque of noise σ_j is read once after each of two approaches; the mean of bo
 covariance of β_g is then (2 Σ_k Y_gᵀ diag(σ⁻²) Y_g)⁻¹.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -12,7 +14,6 @@ from runtime.excitation.static.exchange import a_optimal
 from runtime.excitation.static.feasible_poses import feasible_poses, pose_range
 from runtime.excitation.static.gravity_regressor import gravity_columns, gravity_regressor
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 CANDIDATES = 1000
 """Number of feasible poses among which the design chooses."""

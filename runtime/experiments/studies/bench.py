@@ -1,6 +1,7 @@
 """Sec. 5.2 on the virtual FR3: tuning of the CAD model, adaptation to a payload, PC-IDIM-OLS."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import MASS, centre_of_mass, links, mass
 from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare as prepared
-from runtime.startup.data_classes import dataclass
 
 GUESS, BATCHES = 0, 3
 """Random streams of a trial, as in the Monte Carlo studies."""

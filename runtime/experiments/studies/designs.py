@@ -5,6 +5,7 @@ closest to those of the document; here every seed from 0 has its design, trainin
 starts. A row is the mean of the trials of one design.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from runtime.experiments.trials.scores import scorer_of
 from runtime.experiments.views import TORQUE
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
-from runtime.startup.data_classes import dataclass
 
 DESIGNS = 20
 """Number of designs; their seeds are the numbers from `DesignsConfig.seed` · 20 on."""

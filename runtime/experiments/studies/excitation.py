@@ -1,5 +1,7 @@
 """Sec. 3.4.2: search for exciting motions from several starts, and the path of the best one."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.samples import samples_of
@@ -13,7 +15,6 @@ from runtime.experiments.trials.motions import ROLES, condition, curves
 from runtime.experiments.views import motion
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

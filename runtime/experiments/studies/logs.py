@@ -4,7 +4,7 @@ Every log is a trial: an arm in MuJoCo that differs from its CAD model, with fri
 memory and sensors that have bias. Repeats are the training motion with other noise.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT
 from runtime.recording.preprocessing import prepare as prepared
 from runtime.simulation import Box, read_payload, record, sample_times, settings_of
-from runtime.startup.data_classes import dataclass
 
 EMPTY, LOADED = "empty", "payload"
 KEYS = ("q", "dq", "tau")

@@ -4,7 +4,7 @@ The plant has rotors, viscous and Coulomb friction, and a computed-torque contro
 has an error of 5 %. The test is another motion in closed loop, without noise.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Controller, Plant, closed_loop
 from runtime.simulation.controller_file import ClosedLoop
-from runtime.startup.data_classes import dataclass
 
 CAD, TRAINING, VALIDATION = range(3)
 """Random streams of the study."""

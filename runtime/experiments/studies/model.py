@@ -5,6 +5,8 @@ with τ of λ (Eq. 4.3), which are separate kernels; Fig. 3.2 compares Y π with
 the Taylor remainder of the loss (Eqs. 4.38–4.41).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -15,7 +17,6 @@ from runtime.experiments.trials.motions import designed
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal
-from runtime.startup.data_classes import dataclass
 
 JOINT = 4
 """Joint of Fig. 3.2, from 0."""

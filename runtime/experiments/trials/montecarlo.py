@@ -6,7 +6,7 @@ the same in all cases and for all methods.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.convex.map_estimate import fit_map
@@ -22,7 +22,6 @@ from runtime.experiments.trials.scores import Scorer, scorer_of
 from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
-from runtime.startup.data_classes import dataclass
 
 GUESS, NOISE, HELD_NOISE, BATCHES = range(4)
 """Random streams of a trial."""

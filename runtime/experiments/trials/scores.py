@@ -1,5 +1,7 @@
 """Metrics of one result: distance from the truth, torque errors, physical consistency."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.regression.samples import Samples
@@ -7,7 +9,6 @@ from runtime.experiments.study import Row
 from runtime.identification import metrics
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ means of batches.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
@@ -17,7 +18,6 @@ from scipy.special import stdtrit
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.identification.comparison.row import NOT_RUN, RAN, Figures, Row
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 UNCONSTRAINED = "ols"
 """Method whose growth of the error from training to test shows over-fitting."""

@@ -1,7 +1,8 @@
 """One row of a comparison: outcome of a method, with the figures that the advice uses."""
 
+from dataclasses import dataclass
+
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 

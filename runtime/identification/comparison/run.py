@@ -6,7 +6,7 @@ bounds of friction coefficients (map, pc-ols) count in the gap.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -26,7 +26,6 @@ from runtime.identification.single_log import identify_assembled
 from runtime.library import Array
 from runtime.parallel import one_blas_thread
 from runtime.recording.notebook import html_table
-from runtime.startup.data_classes import dataclass
 
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9

@@ -1,6 +1,7 @@
 """True parameters of a simulated log, from the file that `simulate` writes beside it."""
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,6 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.files import bytes_of, json_of
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 SUFFIX = ".truth.json"
 

@@ -5,12 +5,13 @@
 The algebra of `one_log`: Gauss–Newton, evidence and covariance on one triangle per channel.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.library import Array, Library
 from runtime.numerics.dense import block_diag
-from runtime.startup.data_classes import dataclass
 
 SCALE = 2e-3
 """Relative standard deviation of a scale."""

@@ -10,6 +10,7 @@ Wensing & Park 2019) to second order; Gautier & Briot 2014 for the scale by a kn
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,7 +36,6 @@ from runtime.recording.current_gains import (
 )
 from runtime.recording.friction import DRIVE, geared
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 MOST_ROWS, FEWEST = 1500, 100
 """Rows that are used, and fewest that suffice."""

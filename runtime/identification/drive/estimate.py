@@ -6,7 +6,7 @@ The first d is the minimum of the profile of the loss (`recorded_delay`).
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import default_terms, geared
 from runtime.recording.preprocessing import before_test
-from runtime.startup.data_classes import dataclass
 
 SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
 """Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %

@@ -12,6 +12,8 @@ with X of all unknowns, S the density of the residual noise and D the entropic p
 approximation, MacKay 2003, Ch. 27). Columns of π are in units of its prior.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,6 @@ from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.numerics.dense import basis_of_joints, block_diag, triangle_of_joints
 from runtime.recording.preprocessing.segments import segments
-from runtime.startup.data_classes import dataclass
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""

@@ -1,11 +1,11 @@
 """Estimate of the drives of a robot: delay, encoder bias, armature and friction of every joint."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 COLUMNS = {
     "armature": ("rotor",),

@@ -8,7 +8,7 @@ predicts the held-out torque of the other: an error that rises belongs to the ro
 not to intervals that are too narrow. The covariance between the sides is not counted.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from runtime.identification.drive.result import DriveFit, places_of
 from runtime.identification.identified import Identification
 from runtime.library import Array
 from runtime.numerics.quantiles import chi2_quantile
-from runtime.startup.data_classes import dataclass
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05

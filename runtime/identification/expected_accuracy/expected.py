@@ -9,6 +9,8 @@ proportion to the time for which the same motion continues. Earlier logs are fur
 d is the distance of the model of a log from its data (`runtime.estimators.estimate_error`).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.convex import CAD, Prior, Reduced, com_sigma, prior_of, reduce, spread_of
@@ -22,7 +24,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
 from runtime.numerics.dense import block_diag
 from runtime.recording.friction import OFFSET
-from runtime.startup.data_classes import dataclass
 
 ARM_ERROR = 0.03
 """Relative error of an arm's links for which the error of a payload is stated."""

@@ -7,8 +7,7 @@ and σ of parameters that the data determine decreases like 1/√t. Another moti
 """
 
 from collections.abc import Mapping, Sequence
-
-from runtime.startup.data_classes import dataclass
+from dataclasses import dataclass
 
 WORTHWHILE = 0.10
 """Gain above which further recording is recommended."""

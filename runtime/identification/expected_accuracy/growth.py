@@ -1,12 +1,13 @@
 """Standard deviations over the recording time of a motion."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.startup.data_classes import dataclass
 
 KNOTS = 24
 """Number of instants; they are closer together at the beginning, where σ decreases fastest."""

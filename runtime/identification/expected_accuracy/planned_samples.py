@@ -1,5 +1,7 @@
 """Samples that identification takes from a planned or recorded motion."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -15,7 +17,6 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 MIRRORED = 0.05
 """Largest distance of the way back from the way out, over the range of the joint: controllers

@@ -11,6 +11,7 @@ from an empty and a loaded run of the same session.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction
 from runtime.recording.friction import OFFSET, JointMotion, columns
-from runtime.startup.data_classes import dataclass
 
 MOST_ROWS = 1500
 """Largest number of instants that stand for a session."""

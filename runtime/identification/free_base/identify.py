@@ -4,6 +4,8 @@ The rows of `rows` are given to the method map (entropic prior at the URDF, the 
 so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -28,7 +30,6 @@ from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import motion_of
-from runtime.startup.data_classes import dataclass
 
 SHARE = 0.6
 """Share of the log that is trained on."""

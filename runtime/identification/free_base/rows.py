@@ -7,6 +7,8 @@ are eliminated by multiplication with a basis of the null space of their Jacobia
 Errors of the sensors of vertical forces are columns of their own, see `vertical_sensors`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,6 @@ from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.friction.coupled_motors import Coupling
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
-from runtime.startup.data_classes import dataclass
 
 ROWS = ("all", "base", "joints")
 """Choices of rows."""

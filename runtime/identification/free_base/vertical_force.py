@@ -1,12 +1,13 @@
 """Sum of the vertical contact forces: measured, by the URDF and by the identified model."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.identification.free_base.rows import contact_jacobian
 from runtime.identification.free_base.vertical_sensors import reading_errors
 from runtime.library import Array, Library
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

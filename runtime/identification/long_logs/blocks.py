@@ -9,7 +9,7 @@ once; its rows are then stored in a temporary file.
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -21,7 +21,6 @@ from runtime.recording.formats.spool import Spool
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import SIGNALS, FloatArray
 from runtime.recording.streamed import RawRows
-from runtime.startup.data_classes import dataclass
 
 BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""

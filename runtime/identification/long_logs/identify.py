@@ -10,7 +10,7 @@ Every method that needs only factors and sums of the samples can be used.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,6 @@ from runtime.recording import (
 from runtime.recording.friction import default_terms, geared, left_out_note, without_columns
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.recording import ALL
-from runtime.startup.data_classes import dataclass
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""

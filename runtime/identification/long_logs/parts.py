@@ -6,6 +6,7 @@ No block reaches beyond its part, so that no row of the test part has an effect 
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,6 @@ from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of, he
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,12 +3,13 @@
 c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.estimators.convex import Bodies
 from runtime.library import Array
 from runtime.library.parameters import inertia_entries
-from runtime.startup.data_classes import dataclass
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 """Names of the ten values: kg, m ×3, kg·m² ×6, with the inertia about the centre of mass."""

@@ -9,7 +9,7 @@ Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
 """Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""

@@ -1,10 +1,11 @@
 """An identified payload with its uncertainty, as `estimate` returns it."""
 
+from dataclasses import dataclass
+
 from runtime.identification.payload.body import NAMES, Body
 from runtime.identification.payload.mount import Mount
 from runtime.library import Array
 from runtime.recording.notebook import html_table
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ It is given as numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or as a JSON in t
 mount.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.files import json_of
 from runtime.library import Array
 from runtime.library.parameters import inertia_matrix
-from runtime.startup.data_classes import dataclass
 
 FORMAT = 1
 """Number of the format of payload.json; it is raised by a change that readers would misread."""

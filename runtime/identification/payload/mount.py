@@ -6,13 +6,14 @@ X = [[R, p], [0, 1]]:
     P_link = X P_F Xᵀ,  a linear map of π.   R, p: pose of F in the link's frame
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import Bodies, bodies_of
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Known model of the arm: parameters and friction, from the URDF or a result of identify."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,6 @@ import numpy as np
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@ joints share, transfers it to joints that the payload hardly loads. Correlated r
 N_eff samples (`coloured_noise`). Source: Gautier & Briot 2014 for the joint problem.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +20,6 @@ from runtime.library import Array, Library
 from runtime.numerics.quantiles import chi2_quantile
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
-from runtime.startup.data_classes import dataclass
 
 Claims = NDArray[np.bool_]
 LARGEST = 0.1

@@ -7,7 +7,7 @@ six entries of an unknown inertia of the payload are further unknowns.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import OFFSET, geared, spread
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 RUNS = ("empty", "loaded")
 FEWEST = 50

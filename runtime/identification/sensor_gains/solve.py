@@ -7,11 +7,11 @@ residuals is maximum likelihood. b_j, one per run, is eliminated by subtracting 
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 _ITERATIONS = 60
 _CONVERGED = 1e-9

@@ -6,13 +6,13 @@ by the one that their covariances predict. A ratio above one means that the logs
 noise.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from runtime.identification.metrics import TorqueError
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 AGREEING = 2.0
 """Ratio of spread to expected spread below which logs agree; with three logs the ratio itself

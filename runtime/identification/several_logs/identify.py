@@ -1,7 +1,7 @@
 """One fit to several logs, and the comparison of the logs by further fits (`agreement`)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,6 @@ from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import default_terms, geared
-from runtime.startup.data_classes import dataclass
 
 ONE_LOG_ONLY = (
     *("preparation", "validation", "test", "lam0", "controller", "certify", "friction_prior"),

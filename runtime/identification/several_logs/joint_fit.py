@@ -8,6 +8,7 @@ hole in time, so that no derivative or filter crosses it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,6 @@ from runtime.recording.friction import OFFSET as OFFSET_COLUMN
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepared_parts
 from runtime.recording.recording import SIGNALS
-from runtime.startup.data_classes import dataclass
 
 OFFSET = OFFSET_COLUMN.name
 PAUSE = 10.0

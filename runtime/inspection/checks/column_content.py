@@ -6,10 +6,10 @@ velocities with the accelerations, positions are the smoothest, and what is left
 commanded copy of a signal correlates with it and is smoother than the measurement.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 

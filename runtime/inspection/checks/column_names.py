@@ -4,8 +4,7 @@
 """
 
 import re
-
-from runtime.startup.data_classes import dataclass
+from dataclasses import dataclass
 
 KINDS: dict[str, tuple[str, ...]] = {
     "acceleration": ("ddq", "qdd", "acc", "acceleration", "accelerations"),

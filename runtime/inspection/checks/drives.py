@@ -5,7 +5,7 @@
 A commanded torque includes what rotors and friction of the drives take before it reaches the links.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction import DRIVE, ROTOR
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 DOMINANT = 0.5
 """Share of the torque that the links leave unexplained from which on the drives dominate."""

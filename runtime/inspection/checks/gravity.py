@@ -9,7 +9,7 @@ friction, consistent bodies decide: under P(π) ≻ 0 (maximum a posteriori with
 sign fits. Another direction than that of the model: `gravity_direction`.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe
-from runtime.startup.data_classes import dataclass
 
 MUCH = 0.6
 """Residual with another sign over that with the present one, below which it is reported."""

@@ -7,13 +7,14 @@ dissipates: P_j = mean(c |dq_j| + v dq_j²) > 0 in every real joint, so that P_j
 opposite sign. Standard deviations are those of coloured noise.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 EPSILON = 0.05
 """Width of the smooth sign of dq, rad/s."""

@@ -3,7 +3,7 @@
 The checks themselves are `torque_signs`, `gravity` and `model_fit`.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from runtime.inspection.checks.signals import REST_SPEED
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction
 from runtime.recording.preprocessing import prepare
-from runtime.startup.data_classes import dataclass
 
 ROWS = 900
 """Number of rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms."""

@@ -7,12 +7,11 @@ kinova-ros #366, xarm_ros2 #98, piper_sdk #73 and its Q&A.
 """
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.library import Library
 from runtime.recording import Recipe
-from runtime.startup.data_classes import dataclass
 
 CURRENT, MEASURED, COMPENSATED, MODEL = "current", "measured", "compensated", "model"
 """A motor current; the whole torque of a joint; a torque without gravity (and friction); the output

@@ -8,13 +8,13 @@ Source: Patterson & Thompson 1971 for the restricted likelihood; Gelman 2006 for
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.library import Array, Library
 from runtime.monitoring.fleet.hierarchy import FleetFit
 from runtime.monitoring.fleet.unit import Unit, common_columns
-from runtime.startup.data_classes import dataclass
 
 GRID = 80
 """Values of τ, from 1/1000 of the smallest to the largest possible one."""

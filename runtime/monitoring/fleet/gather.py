@@ -11,6 +11,7 @@ import threading
 import zipfile
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from runtime.library import Library, load
 from runtime.monitoring.fleet.unit import Unit, unit_of
 from runtime.parallel import cores, on_cluster
 from runtime.recording.formats.npz import open_npz
-from runtime.startup.data_classes import dataclass
 
 PART = 32
 """Files of one part: some tenths of a second of work."""

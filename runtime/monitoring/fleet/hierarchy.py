@@ -16,6 +16,7 @@ Source: Lee, Wensing & Park 2019 (D); Dempster, Laird & Rubin 1977 for the alter
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,6 @@ from runtime.library.parameters import N_PARAMETERS
 from runtime.monitoring.fleet.alternation import alternate
 from runtime.monitoring.fleet.unit import Unit
 from runtime.numerics.dense import block_diag
-from runtime.startup.data_classes import dataclass
 
 LEAST = 3
 """Smallest number of units: two do not tell a spread from an outlier."""

@@ -5,7 +5,7 @@ inertias of the type. Its friction follows from β:  φ = f − G β + N(0, v).
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from runtime.library import Array, Library
 from runtime.numerics.dense import solve_triangular
 from runtime.recording.friction_column import widths_of
 from runtime.recording.settings import WIDTHS
-from runtime.startup.data_classes import dataclass
 
 LEAST_DENSITY = 1e-4
 """Smallest noise S: torques that are exact to rounding count as if known to 1 % of their unit."""

@@ -7,10 +7,11 @@ add up, and T = [[R, p], [0, 1]] transforms P to another frame. Source: Wensing,
 2018.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

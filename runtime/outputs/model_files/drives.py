@@ -1,10 +1,10 @@
 """Drives of an identified robot, as simulators' actuators need them: gains, delay, bias, σ."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from runtime.errors import ExportError
-from runtime.startup.data_classes import dataclass
 
 KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 """Values of one drive in result.json."""

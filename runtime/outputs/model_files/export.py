@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -13,7 +14,6 @@ from runtime.outputs.model_files.engines import Unreadable
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat, save
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 from runtime.recording import Friction
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

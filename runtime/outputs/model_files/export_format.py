@@ -5,13 +5,13 @@ of the group "symgen.export_formats" in another package.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from runtime.files import replacing
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

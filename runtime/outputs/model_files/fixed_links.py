@@ -6,6 +6,8 @@ physically consistent, the moving link gets the whole sum and the links fixed to
 also gets the inertia of links without mass.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import ExportError
@@ -13,7 +15,6 @@ from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
 from runtime.outputs.model_files.bodies import RigidBody, body_of, smallest_eigenvalue
 from runtime.outputs.model_files.urdf_tree import Tree
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ viscous dq → damping      coulomb tanh(dq/ε), dahl ζ → friction (both are 
 rotor ddq → armature      other columns have no counterpart and are listed in a note
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import ExportError
@@ -11,7 +13,6 @@ from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.recording.friction import COLUMNS
 from runtime.recording.friction.columns import DAHL
-from runtime.startup.data_classes import dataclass
 
 Values = tuple[float | None, ...]
 """One per joint; None where it is unknown, or negative and would drive the joint."""

@@ -1,5 +1,7 @@
 """A robot with identified bodies and friction, as every model file format writes it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -13,7 +15,6 @@ from runtime.outputs.model_files.fixed_links import LinkBodies, divide_bodies
 from runtime.outputs.model_files.joint_friction import JointFriction, joint_friction
 from runtime.outputs.model_files.urdf_tree import Tree, read_tree
 from runtime.recording import Friction
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

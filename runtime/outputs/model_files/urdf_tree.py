@@ -4,6 +4,7 @@ It was normalised by `symgen build`: revolute, continuous, prismatic and fixed j
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
@@ -15,7 +16,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import inertia_matrix
 from runtime.numerics.rotations import matrix_from_rpy
 from runtime.outputs.model_files.bodies import RigidBody
-from runtime.startup.data_classes import dataclass
 
 WORLD = "world"
 """Name of a root link that MuJoCo and SDF predefine."""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from runtime.errors import RuntimeFault
 from runtime.files import json_of
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
-from runtime.startup.data_classes import dataclass
 
 NAME = "compare.json"
 FORMAT = 1

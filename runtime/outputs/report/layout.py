@@ -1,6 +1,6 @@
 """Parts of a page: tables, sections and tiles of text, figures as inline SVG."""
 
-from runtime.startup.data_classes import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ Fourteen panels of lines take 30 ms; matplotlib takes 0.9 s and 0.4 s of imports
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from runtime.outputs.report.decimation import thinned
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -4,6 +4,7 @@ Other modules of the report rely on its shapes and types; optional parts are Non
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from runtime.outputs.report.several_logs import SeveralLogs, read_several_logs
 from runtime.outputs.report.sides import Row, read_sides
 from runtime.outputs.report.uncertainty import ResultUncertainty, read_uncertainty
 from runtime.recording.formats.npz import open_npz
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

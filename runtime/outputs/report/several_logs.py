@@ -1,10 +1,10 @@
 """Several logs in one fit: leave-one-log-out errors and repeatability, in tables."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from runtime.outputs.report.layout import ReportTable, Section
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True)

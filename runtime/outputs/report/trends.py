@@ -1,6 +1,7 @@
 """History of `watch` → one page: verdicts, and every estimated change over time and temperature."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -17,7 +18,6 @@ from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.style import CYCLE
 from runtime.outputs.report.svg import INK, page_figure, svg
-from runtime.startup.data_classes import dataclass
 
 GLOSSARY = (
     ("size", "estimate of one change from one log, as if nothing else had changed; bars are 95 %"),

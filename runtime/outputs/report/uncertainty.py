@@ -1,6 +1,7 @@
 """Uncertainty of a result in the report: σ per link, residuals per joint."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,6 @@ from numpy.typing import NDArray
 
 from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.layout import ReportTable, Section
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

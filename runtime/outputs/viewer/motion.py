@@ -1,5 +1,6 @@
 """A designed trajectory or a recording, interpolated at any time."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,6 @@ from runtime.errors import RecordingError
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import read_recording
-from runtime.startup.data_classes import dataclass
 
 RATE_HZ = 100.0
 """Sample rate of a trajectory [Hz]."""

@@ -7,6 +7,7 @@ AMENT_PREFIX_PATH. A link that is fixed to a moving link is drawn with it.
 
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -17,7 +18,6 @@ from defusedxml.ElementTree import ParseError, fromstring
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.files import text_of
 from runtime.library import Array, Library
-from runtime.startup.data_classes import dataclass
 
 BASE = "base"
 LINE_RADIUS = 0.012

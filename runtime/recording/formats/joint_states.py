@@ -5,6 +5,7 @@ out of order are sorted; a field that no message fills is missing.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ from runtime.recording.formats.bag_messages import messages
 from runtime.recording.formats.merged_messages import FIELDS, Publisher, merged
 from runtime.recording.formats.spool import Spool
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
-from runtime.startup.data_classes import dataclass
 
 MOST_JOINTS = 200
 Topic = dict[tuple[str, ...], Publisher]

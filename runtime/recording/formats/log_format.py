@@ -6,7 +6,7 @@ units, signs, order and gear are applied later, by the recipe.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Protocol
 
@@ -16,7 +16,6 @@ from runtime.errors import RecordingError
 from runtime.files import require_file
 from runtime.recording.formats.digests import Digests, reading
 from runtime.recording.formats.tables import FloatArray, LogTable
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
     from runtime.recording.recipes.recipe import Recipe, Signal, Time

@@ -9,14 +9,13 @@ messages are sorted in.
 
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.recording.formats.bag_messages import Message
 from runtime.recording.formats.spool import Spool
-from runtime.startup.data_classes import dataclass
 
 FIELDS = ("position", "velocity", "effort")
 PIECE = 2**15

@@ -4,6 +4,7 @@ import io
 import sys
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
-from runtime.startup.data_classes import dataclass
 
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""

@@ -6,6 +6,7 @@ cell of q is a list of n numbers. Nothing but numbers is decoded.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,7 +17,6 @@ from runtime.errors import RecordingError
 from runtime.files import require_file
 from runtime.recording.formats.optional_imports import imported
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, LogTable
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 BATCH = 65536

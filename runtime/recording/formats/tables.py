@@ -1,13 +1,13 @@
 """A table of numbers, in which each corrupt row is NaN and keeps the number of its line."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 Columns = tuple[str | int, ...]

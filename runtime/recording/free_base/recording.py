@@ -1,7 +1,8 @@
 """Data of a recording with a free base: motion of joints and base, contacts."""
 
+from dataclasses import dataclass
+
 from runtime.recording.recording import FloatArray
-from runtime.startup.data_classes import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

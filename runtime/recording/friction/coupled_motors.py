@@ -7,7 +7,7 @@ joint. The friction of a motor that drives one joint is that of the joint; its R
 columns are zero. Source: Gautier 1997 (coupled wrists), Khalil & Dombre 2002, Sec. 12.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,6 @@ from runtime.library import Library
 from runtime.recording.friction_column import COLUMNS
 from runtime.recording.recording import Recording
 from runtime.recording.settings import Friction
-from runtime.startup.data_classes import dataclass
 
 FloatArray = NDArray[np.float64]
 

@@ -5,6 +5,7 @@ a linear relation between signals survives only if all of them pass the same fil
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from runtime.recording import Recording
 from runtime.recording.preprocessing.segments import holes, segments, uniform_step
 from runtime.recording.preprocessing.zero_phase import zero_phase
 from runtime.recording.recording import ALL, FloatArray
-from runtime.startup.data_classes import dataclass
 
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
 """First words of the sentences that these filters add to the history."""

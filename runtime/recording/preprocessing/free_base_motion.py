@@ -9,7 +9,7 @@ unknown of the contacts: the force of a foot without a sensor enters the torques
 across its lift-off would bring it into rows whose equations do not contain it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from runtime.recording.preprocessing.free_base_conventions import (
 )
 from runtime.recording.preprocessing.segments import holes, resample
 from runtime.recording.recording import FloatArray, Recording
-from runtime.startup.data_classes import dataclass
 
 BoolArray = NDArray[np.bool_]
 _JITTER = 0.01

@@ -7,12 +7,11 @@ positions and velocities have unit, order, sign and gear of the measured ones. T
 the law; `runtime.recording.commanded_torque` computes the torque.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from runtime.errors import RecordingError
 from runtime.recording.settings import one_of
-from runtime.startup.data_classes import dataclass
 
 if TYPE_CHECKING:  # a recipe holds a law
     from runtime.recording.recipes.recipe import Signal

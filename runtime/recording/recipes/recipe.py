@@ -9,14 +9,13 @@ Nothing of this is guessed; a recipe states it. `recipe_file` reads recipes from
 """
 
 import dataclasses
-from dataclasses import field
+from dataclasses import dataclass, field
 from math import isfinite, pi
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
 from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
-from runtime.startup.data_classes import dataclass
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},

@@ -1,10 +1,11 @@
 """What an engine read from a file, in the order and with the names of the library."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.library import Array, Library
 from runtime.library.parameters import inertia_entries, pi_from_parts
-from runtime.startup.data_classes import dataclass
 
 STATES = 1000
 """Number of random states at which torques are compared."""

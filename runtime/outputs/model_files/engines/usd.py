@@ -1,5 +1,6 @@
 """Read USD by usd-core: bodies of the links, placements and friction of the joints."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,6 @@ from runtime.library import Array
 from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import Unreadable, pi_of
 from runtime.outputs.model_files.model import IdentifiedModel
-from runtime.startup.data_classes import dataclass
 
 INSTALL = "pip install 'symgen[export]'"
 SINGLE = 1e-6

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from runtime.files import json_of, require_file
 from runtime.outputs.report.experiments.curves import is_drawable
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet import rows_of
-from runtime.startup.data_classes import dataclass
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,14 @@
 """What `symgen identify` writes and prints of a result."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from runtime.cli.common import command_line, console, say, share_table, torque_table
 from runtime.cli.drive import print_drives
 from runtime.cli.several_logs import print_agreement
+from runtime.identification.friction_intervals import spring_lines
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
@@ -57,6 +59,7 @@ def finish(
     if shares is not None:
         console.print(shares)
     print_drives(facts)
+    _print_springs(facts)
     if agreement is not None:
         print_agreement(agreement)
     if result.uncertainty is not None:
@@ -97,6 +100,11 @@ def finish(
         say(f"statistics: {folder / STATISTICS}")
     else:
         (folder / STATISTICS).unlink(missing_ok=True)  # of a result that this one replaces
+
+
+def _print_springs(facts: Mapping[str, Any]) -> None:
+    for line in spring_lines(facts["friction"]):
+        say(line)
 
 
 def _exported(result: Identification, folder: Path) -> str:

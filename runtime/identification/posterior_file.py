@@ -67,15 +67,15 @@ class Posterior:
         phi = np.hstack([self.phi_slope(system) @ over_pi, self.phi_root(system)])
         beta = self.information.statistics.base_matrix @ over_pi
         beta = np.hstack([beta, np.zeros((len(beta), phi.shape[1] - beta.shape[1]))])
-        return np.vstack([beta, self._usual(phi)])
+        return np.vstack([beta, self.usual(phi)])
 
     def usual_phi_slope(self, system: Elimination) -> Array:
         """Slope ∂φ/∂π of the best φ, (n k, 10 n), the offset averaged over logs."""
-        return self._usual(self.phi_slope(system))
+        return self.usual(self.phi_slope(system))
 
     def usual_phi_root(self, system: Elimination) -> Array:
         """Root of the covariance of φ at known π, (n k, rank), the offset averaged over logs."""
-        return self._usual(self.phi_root(system))
+        return self.usual(self.phi_root(system))
 
     @staticmethod
     def phi_slope(system: Elimination) -> Array:
@@ -95,7 +95,7 @@ class Posterior:
             root[system.order[:rank]] = np.sqrt(self.information.density) * inverse
         return root / system.lengths[:, None]
 
-    def _usual(self, rows: Array) -> Array:
+    def usual(self, rows: Array) -> Array:
         """Rows of φ with the offsets of several logs averaged, (n k, …)."""
         if not self.logs:
             return rows

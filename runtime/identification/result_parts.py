@@ -9,6 +9,7 @@ import numpy as np
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
+from runtime.identification.friction_intervals import interval_facts
 from runtime.identification.identified import Identification
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
@@ -107,7 +108,7 @@ def uncertainty_facts(result: Identification) -> dict[str, Any] | None:
 
 
 def friction_facts(result: Identification) -> dict[str, Any] | None:
-    """Part `friction`: columns and coefficients; None where none was fitted."""
+    """Part `friction`: columns, coefficients and intervals; None where none was fitted."""
     if not result.phi.size:
         return None
     names = result.friction.columns
@@ -118,6 +119,7 @@ def friction_facts(result: Identification) -> dict[str, Any] | None:
         **result.friction.facts(),
         "columns": list(names),
         "values": result.usual_phi.tolist(),
+        **interval_facts(result),
         **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
 

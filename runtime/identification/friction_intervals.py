@@ -1,0 +1,127 @@
+"""Standard deviations and 95 % intervals of friction coefficients and stiffnesses of springs.
+
+To second order [π; φ] is normal. With the best φ at π, U φ = t − O π, and the root L_π of the
+covariance of π (`posterior_file`) a root of the covariance of φ is
+
+    L_φ = [−U⁻¹ O L_π, √S U⁻¹, φ − U⁻¹ (t − O π)]
+
+The last column is what the estimate differs from the best φ at its π, as in methods with other
+weights. Where a delay or encoder biases are estimated too, the covariance is that of `drive`, which
+contains them. A coefficient without an interval of this kind has NaN: its column is zero or a
+combination of other friction columns, it is held at the bound 0, or a net shares its torque.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.estimators.convex.eliminate_friction import RANK_TOLERANCE
+from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import Posterior
+from runtime.library import Array
+from runtime.recording.friction import names_where
+from runtime.recording.friction_column import SPRING
+
+HALF_WIDTH = 1.96
+"""Half width of a 95 % interval of a normal variable in standard deviations."""
+PART = 1e-6
+"""Share of a unit column in a combination that is zero above which its coefficient counts as not
+determined: the square root of rounding, 1e-8, with a margin."""
+
+
+def friction_sigma(result: Identification) -> Array | None:
+    """Standard deviations of `result.usual_phi`.
+
+    Args:
+        result: the identification.
+
+    Returns:
+        (n, k) in the units of the coefficients, NaN where the data determine none; None without
+        friction columns or without a posterior.
+    """
+    known, phi = result.uncertainty, result.usual_phi
+    if result.drive is not None and phi.size:
+        return result.drive.phi_sigma if result.drive.phi_sigma.shape == phi.shape else None
+    if known is None or known.information is None or result.net is not None or not phi.size:
+        return None
+    information, lib = known.information, result.lib
+    logs = len(result.log_names)
+    posterior = Posterior(information, result.pi, known.root, lib.n_joints, logs)
+    _, system = posterior.reduced(lib)
+    if system.lengths.size != result.phi.size:
+        return None
+    difference = result.phi.ravel() - system.phi(result.pi)
+    root = np.column_stack(
+        [posterior.phi_slope(system) @ known.root, posterior.phi_root(system), difference]
+    )
+    columns = information.statistics.factor[:, information.statistics.n_base :]
+    root[~determined(columns)] = np.nan
+    sigma = np.linalg.norm(posterior.usual(root), axis=1).reshape(phi.shape)
+    return np.where(_held_at_zero(result, phi), np.nan, sigma)
+
+
+def interval_facts(result: Identification) -> dict[str, Any]:
+    """Keys `sigma` and `interval_95` of the friction in result.json; empty without a posterior."""
+    sigma = friction_sigma(result)
+    if sigma is None:
+        return {}
+    phi = result.usual_phi
+    ends = np.stack([phi - HALF_WIDTH * sigma, phi + HALF_WIDTH * sigma], axis=2)
+    is_known = np.isfinite(sigma)
+    return {
+        "sigma": [
+            [value if np.isfinite(value) else None for value in row] for row in sigma.tolist()
+        ],
+        "interval_95": [
+            [pair.tolist() if known else None for pair, known in zip(*rows, strict=True)]
+            for rows in zip(ends, is_known, strict=True)
+        ],
+    }
+
+
+def spring_lines(facts: dict[str, Any] | None) -> list[str]:
+    """One line per spring of unknown stiffness: its constant with the 95 % interval.
+
+    Args:
+        facts: the part `friction` of result.json.
+
+    Returns:
+        The lines; the constant is in N·m/rad, or in N/m where the spring is between points or at a
+        sliding joint.
+    """
+    lines: list[str] = []
+    if facts is None:
+        return lines
+    for place, column in enumerate(facts["columns"]):
+        if column.startswith(SPRING):
+            value, ends = facts["values"][0][place], facts.get("interval_95")
+            pair = ends and ends[0][place]
+            spread = (
+                f", 95 % interval {pair[0]:.5g} to {pair[1]:.5g}" if pair else ", without interval"
+            )
+            lines.append(
+                f"spring {column.removeprefix(SPRING)}: stiffness {value:.5g}{spread} (SI units)"
+            )
+    return lines
+
+
+def determined(columns: Array) -> NDArray[np.bool_]:
+    """Whether each column (rows, m) is neither zero nor in a combination that is zero, (m,)."""
+    lengths = np.linalg.norm(columns, axis=0)
+    is_known = lengths > 0
+    unit = columns[:, is_known] / lengths[is_known]
+    if unit.size:
+        _, values, directions = np.linalg.svd(unit, full_matrices=True)
+        padded = np.zeros(len(directions))
+        padded[: len(values)] = values
+        dependent = directions[padded <= RANK_TOLERANCE * padded[0]]
+        is_known[is_known] = np.linalg.norm(dependent, axis=0) < PART
+    return is_known
+
+
+def _held_at_zero(result: Identification, phi: Array) -> NDArray[np.bool_]:
+    """Whether each coefficient (n, k) is at the bound 0 of friction that cannot drive a joint."""
+    bounded = names_where(lambda column: column.is_nonnegative)
+    names = result.friction.columns
+    return np.array([name in bounded for name in names], dtype=bool) & (phi == 0)

@@ -169,7 +169,7 @@ def test_identification_is_timed_or_skipped(home: Path, fr3: Library) -> None:
     robot = str(fr3.folder)
     report = script("bench_identify", "--robot", robot, "--rounds", "1", "--no-trials", home=home)
     labels = [row["label"] for row in report["rows"]] + list(report["skipped"])
-    assert len(labels) == len(set(labels)) == 11
+    assert len(labels) == len(set(labels)) == 12
     for row in report["rows"]:
         assert 0 < row["seconds"] < 1
         if row["numpy"] is not None:

@@ -29,7 +29,7 @@ OF_SCRIPTS = {
     f"--{name}"
     for name in (
         *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
-        *("free", "latest", "throughput", "resume", "serial", "compiled", "slopes"),
+        *("free", "latest", "only", "throughput", "resume", "serial", "compiled", "slopes"),
     )
 }
 """Options of the programs in scripts/ that pages name."""

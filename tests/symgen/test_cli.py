@@ -183,7 +183,7 @@ def test_check(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert code == 1
     assert "column-major" in out
     assert "+++ regenerated" in out
-    assert "differs, run: python -m symgen build" in out
+    assert "differs, run: symgen build" in out
     assert snapshot(tiny) == before
     (tiny / "kernels.c").unlink()
     assert run(capsys, "check", "--out", tiny.parent)[0] == 1
@@ -283,7 +283,7 @@ def test_describe_refuses_a_damaged_manifest(
     for words in ((), ("--json",)):
         sentence = refuses(capsys, tiny.parent, "describe", "tiny", *words)
         assert "is damaged" in sentence
-        assert "build the robot again with: python -m symgen build" in sentence
+        assert "build the robot again with: symgen build" in sentence
 
 
 def test_describe_prints_names_as_they_are(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:

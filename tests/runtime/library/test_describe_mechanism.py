@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from rich.console import Console
 
 from runtime.library import Library
 from tests.symgen.test_cli import run
@@ -17,11 +18,16 @@ from tests.symgen.test_cli import run
     ],
 )
 def test_joints_that_follow_others(
-    robot: str, line: str, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+    robot: str,
+    line: str,
+    request: pytest.FixtureRequest,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Property: joints that are not independent are listed with what moves them, and base
     parameters combine the parameters of all links.
     """
+    monkeypatch.setattr("symgen.cli.show.console", Console(width=160))  # no cell is folded
     lib: Library = request.getfixturevalue(robot)
     root = lib.folder.parent
     code, said, _ = run(capsys, "describe", lib.folder.name, "--out", root)

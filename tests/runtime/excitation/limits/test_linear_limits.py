@@ -40,7 +40,11 @@ def test_one_stated_torque_rate_is_named_where_it_is_not_checked() -> None:
     """Property: without `safety` every limit that a joint states is named as not checked."""
     for rate, is_named in (([np.inf, 10.0], True), ([np.inf, np.inf], False)):
         limits = {"torque_rate": np.array(rate), "tip_speed": np.inf}
-        robot = SimpleNamespace(limits=lambda limits=limits: limits, braking=None)
+        robot = SimpleNamespace(
+            limits=lambda limits=limits: limits,
+            braking=None,
+            manifest=SimpleNamespace(coupling=None),
+        )
         assert (RATE in unchecked(robot, None)) == is_named
 
 

@@ -11,14 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.excitation.search.search_problem import SearchProblem
+from runtime.library import load
+from tests.conftest import REPOSITORY
 from tests.runtime.processes import QUIET
 
 WAITING = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
 from runtime.excitation.search.processes import side_by_side
-from tests.runtime.excitation.search.test_processes import Nothing, Sleep
-for number, *_ in side_by_side(Nothing(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):
+from tests.runtime.excitation.search.test_processes import Sleep, small_problem
+for number, *_ in side_by_side(small_problem(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):
     print("waiting", flush=True)
 """
 
@@ -35,11 +38,10 @@ class Sleep:
         return 0.0, np.zeros(1)
 
 
-class Nothing:
-    """A problem without a search."""
-
-    def search(self) -> None:
-        return None
+def small_problem() -> SearchProblem:
+    """A problem that a worker is quick to prepare."""
+    lib = load(REPOSITORY / "generated/fr3")
+    return SearchProblem(lib.folder, lib.level, lib.home, harmonics=1, duration=1.0, seed=0)
 
 
 def test_ctrl_c_ends_the_workers_however_often_it_comes(tmp_path: Path) -> None:

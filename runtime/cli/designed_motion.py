@@ -20,7 +20,9 @@ from runtime.cli.predict_tables import print_design
 from runtime.excitation import Design, Information, predict
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION
+from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
@@ -69,6 +71,25 @@ def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, floa
             progress.update(task, completed=done, description=text)
 
         yield report
+
+
+def with_shown_unknowns(
+    lib: Library, settings: DesignSettings, planned: Information
+) -> tuple[DesignSettings, Information]:
+    """Settings and information without parameters that no motion shows, which a note names.
+
+    Args:
+        lib: the robot.
+        settings: of the design.
+        planned: noise, rate and unknowns of its log.
+
+    Returns:
+        Both, unchanged where random motions show all unknowns.
+    """
+    settings, planned, note = without_unseen(lib, settings, planned)
+    if note:
+        say(note)
+    return settings, planned
 
 
 def write_design(

@@ -17,7 +17,12 @@ from runtime.cli.design_defaults import (
     margin_of,
     require_plain,
 )
-from runtime.cli.designed_motion import MotionFiles, search_progress, write_design
+from runtime.cli.designed_motion import (
+    MotionFiles,
+    search_progress,
+    with_shown_unknowns,
+    write_design,
+)
 from runtime.cli.limit_options import (
     Box,
     Carry,
@@ -250,6 +255,7 @@ def excite_command(
         home=rest,
         margin=used,
     )
+    chosen, planned = with_shown_unknowns(lib, chosen, planned)
     if motions > 1:
         excite_several(
             lib,

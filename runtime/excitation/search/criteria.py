@@ -174,9 +174,10 @@ def sizes(lib: Library, information: Information) -> Array:
     Returns:
         (k,) kg, kg·m or kg·m².
     """
-    if information.columns is not None:
-        return PAYLOAD
-    return np.maximum(np.abs(lib.base_matrix @ lib.pi0), FLOOR)
+    every = np.maximum(np.abs(lib.base_matrix @ lib.pi0), FLOOR)
+    if information.left_out:
+        return np.delete(every, information.left_out)
+    return every if information.columns is None else PAYLOAD
 
 
 def _known(information: Information | None) -> Information:

@@ -17,7 +17,7 @@ from runtime.excitation.search.dask_workers import on_workers
 from runtime.excitation.search.design_settings import DesignSettings, settings_from
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.processes import Rounds, Started, in_turn, side_by_side
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.search_problem import problem_of
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
@@ -104,13 +104,7 @@ def design(
         raise IdentificationError(f"expected a budget above 0 s, got {budget:g}; give more seconds")
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
-    rest = lib.home if settings.home is None else np.asarray(settings.home, dtype=float)
-    problem = SearchProblem(
-        *(lib.folder, lib.level, rest, settings.harmonics, settings.duration, settings.seed),
-        *(settings.basis, settings.criterion, settings.information, settings.safety),
-        margin=settings.margin,
-    )
-    search = Search(lib, problem)
+    search = Search(lib, problem_of(lib, settings))
     search.require_rank()
     ended: Ended = {}
     tasks = rounds(settings.criterion, settings.starts, ended)

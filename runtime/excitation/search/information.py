@@ -37,6 +37,8 @@ class Information:
         rate: f, Hz.
         earlier: G₀ of earlier logs over β, (n_b, n_b); None without.
         columns: T, (n_b, k); None is the identity.
+        left_out: places in β of the parameters that T leaves out one by one, because no motion
+            shows them (`unseen_parameters`); empty where T is a payload's.
         friction: columns of every joint that are estimated beside the unknowns.
         spectrum: of the noise, and the planned filter; None is white noise and no filter.
     """
@@ -47,6 +49,7 @@ class Information:
     columns: Array | None = None
     friction: tuple[str, ...] = ()
     spectrum: NoiseSpectrum | None = None
+    left_out: tuple[int, ...] = ()
 
     def of_mean(self, mean: Array, duration: float) -> Array:
         """Information of the unknowns.

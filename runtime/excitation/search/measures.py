@@ -175,5 +175,6 @@ def too_many(excited: int, wanted: int, size: int) -> str:
     """
     return (
         f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
-        "raise --harmonics, or leave out unknowns (friction, a payload that too few joints turn)"
+        "raise --harmonics, widen the range of positions, or leave out unknowns (friction, a "
+        "payload that too few joints turn)"
     )

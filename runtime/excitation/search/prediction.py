@@ -6,7 +6,6 @@ beside the unknowns, theirs is the block of the inverse over all columns [Y_b F]
 correlated noise: their errors are larger by the root of the variance inflation.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +75,7 @@ class Prediction:
             the offsets of the torques. None where it is not identifiable.
         payload_com: σ of its centre of mass, (3,) m.
         notes: sentences on what is not identifiable.
+        left_out: places in β of the parameters that are kept and have no σ.
     """
 
     noise: Array
@@ -89,6 +89,7 @@ class Prediction:
     payload_mass: float | None
     payload_com: Array | None
     notes: tuple[str, ...]
+    left_out: tuple[int, ...] = ()
 
 
 def predict(
@@ -125,13 +126,18 @@ def predict(
             if not columns:
                 raise
             notes.append(f"with friction {', '.join(columns)}: {error}")
+    if known.left_out:
+        notes.append(
+            f"no figure counts the errors of the {len(known.left_out)} base parameters that no "
+            "motion within these limits shows"
+        )
     best = spreads[()]
     mass, com = _payload(lib, trajectory, known)
     return Prediction(
         known.noise,
         known.rate,
         known.earlier is not None,
-        known.columns is not None,
+        known.columns is not None and not known.left_out,
         tuple(scores),
         np.sqrt(np.diag(best)),
         np.sqrt(np.diag(spreads[names])) if names in spreads else None,
@@ -139,6 +145,7 @@ def predict(
         mass,
         com,
         tuple(notes),
+        known.left_out,
     )
 
 
@@ -274,35 +281,3 @@ def _payload(
         return payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
     except IdentificationError:
         return None, None
-
-
-def facts(prediction: Prediction) -> dict[str, object]:
-    """The prediction as a JSON object."""
-
-    def numbers(values: Iterable[float] | None) -> list[float] | None:
-        return None if values is None else [float(value) for value in values]
-
-    return {
-        "torque_noise": numbers(prediction.noise),
-        "rate_hz": prediction.rate,
-        "earlier_logs_count": prediction.has_earlier_logs,
-        "unknowns": "payload" if prediction.payload_only else "base parameters",
-        "criteria": [
-            {
-                "samples": score.samples,
-                "columns": score.columns,
-                "friction": list(score.friction),
-                "condition_number_of_unit_columns": score.condition,
-                "relative_error": score.relative_error,
-                "torque_error": score.torque_error,
-                "half_axis": score.half_axis,
-            }
-            for score in prediction.scores
-        ],
-        "sigma": numbers(prediction.sigma),
-        "sigma_with_friction": numbers(prediction.sigma_with_friction),
-        "sigma_of_torque_per_joint": numbers(prediction.torque),
-        "sigma_of_payload_mass": prediction.payload_mass,
-        "sigma_of_payload_com": numbers(prediction.payload_com),
-        "notes": list(prediction.notes),
-    }

@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.family import Basis
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import Information
-from runtime.library import Array
+from runtime.library import Array, Library
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,3 +42,21 @@ class SearchProblem:
     information: Information | None = None
     safety: Safety | None = None
     margin: float = 1.0
+
+
+def problem_of(lib: Library, settings: DesignSettings) -> SearchProblem:
+    """The problem of a design.
+
+    Args:
+        lib: the robot.
+        settings: of the design.
+
+    Returns:
+        The problem, whose home is that of the robot where the settings state none.
+    """
+    rest = lib.home if settings.home is None else np.asarray(settings.home, dtype=float)
+    return SearchProblem(
+        *(lib.folder, lib.level, rest, settings.harmonics, settings.duration, settings.seed),
+        *(settings.basis, settings.criterion, settings.information, settings.safety),
+        margin=settings.margin,
+    )

@@ -26,7 +26,7 @@ BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""
 FADING = 30.0
 """Time constants of the filter in the overlap."""
-AHEAD = 2
+AHEAD = 3
 """Largest number of blocks that are prepared while another one is used."""
 REACH = 4096
 """Rows of which at least one has a usable time stamp."""

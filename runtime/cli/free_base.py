@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from runtime.cli.common import command_line, console, numbers_option, say
+from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import ResultFolder, require_result_folder
+from runtime.cli.parts_of_log import fractions_of
 from runtime.errors import IdentificationError
 from runtime.library import Library
 
@@ -136,10 +137,7 @@ def _share(text: str) -> float:
     """Share of the training: B of "A,B", since map trains on the validation part as well."""
     if "," not in text:
         return _number(text, "--split")
-    a, b = numbers_option(text, 2, "--split")
-    if not 0 < a < b < 1:
-        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
-    return b
+    return fractions_of(text)[1]
 
 
 def _number(text: str, option: str) -> float:

@@ -21,7 +21,17 @@ def split_of(text: str | None) -> Split | None:
         return None
     if text == "all":
         return EVERYTHING
+    a, b = fractions_of(text)
+    return Split((0.0, a), (a, b), (b, 1.0))
+
+
+def fractions_of(text: str) -> tuple[float, float]:
+    """Ends of training and validation from "A,B".
+
+    Raises:
+        IdentificationError: they are not two increasing numbers between 0 and 1.
+    """
     a, b = numbers_option(text, 2, "--split")
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
-    return Split((0.0, a), (a, b), (b, 1.0))
+    return a, b

@@ -54,7 +54,8 @@ def without_unseen(
     more = min(2 * settings.harmonics, MOST_HARMONICS)
     if _shows_all(lib, replace(settings, harmonics=more), planned):
         return same
-    left = unseen(_motions(lib, settings), lib, planned.friction)
+    search = Search(lib, problem_of(lib, settings))
+    left = unseen(_motions(lib, search, MOTIONS), lib, planned.friction)
     if not left:
         return same
     kept = np.delete(np.eye(len(lib.base_columns)), left, axis=1)
@@ -108,18 +109,17 @@ def _shows_all(lib: Library, settings: DesignSettings, planned: Information) -> 
     gram = search.cost.correlations(search.guess(0)[None])[0]
     if rank(gram) < len(gram):
         return False
-    rows = lib.base_regressor(*_motions(lib, settings, 1)[0])
+    rows = lib.base_regressor(*_motions(lib, search, 1)[0])
     flat = rows.reshape(-1, rows.shape[2])
     return rank(flat.T @ flat) == flat.shape[1]
 
 
-def _motions(
-    lib: Library, settings: DesignSettings, count: int = MOTIONS
-) -> tuple[tuple[Array, Array, Array], ...]:
+def _motions(lib: Library, search: Search, count: int) -> tuple[tuple[Array, Array, Array], ...]:
     """Random motions within the limits of the joints, q, dq, ddq each."""
-    search = Search(lib, problem_of(lib, settings))
-    t = np.linspace(0.0, settings.duration, COST_SAMPLES)
+    problem = search.problem
+    t = np.linspace(0.0, problem.duration, COST_SAMPLES)
     guesses = (search.guess(number) for number in range(count))
-    home = search.problem.home
-    motions = (Trajectory(home, a, settings.duration, settings.basis).at(lib, t) for a in guesses)
+    motions = (
+        Trajectory(problem.home, a, problem.duration, problem.basis).at(lib, t) for a in guesses
+    )
     return tuple((q, dq, ddq) for q, dq, ddq, _ in motions)

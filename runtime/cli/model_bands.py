@@ -11,9 +11,7 @@ from runtime.excitation.limits.carried_body import CarriedBody
 from runtime.identification.payload.mount import mount_of
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
-
-QUANTILE = 1.959963984540054
-"""Of a normal distribution for two-sided 95 %."""
+from runtime.numerics.quantiles import NORMAL_95
 
 
 def band_of(
@@ -67,7 +65,7 @@ def band_of_prior(lib: Library, trust: str) -> Array:
             f"--model-band needs {', '.join(TRUST)} or a trust above 0, got '{trust}'"
         )
     root = bodies_of(lib).spread(prior_of(lib).centre)
-    return np.asarray(QUANTILE * np.sqrt((root**2).sum(axis=2) / kappa).ravel())
+    return np.asarray(NORMAL_95 * np.sqrt((root**2).sum(axis=2) / kappa).ravel())
 
 
 def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:

@@ -13,8 +13,8 @@ from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.current_gains.scaling import of_gain_one
-from runtime.identification.payload.output import NORMAL_95
 from runtime.library import Library
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recipe, plan_of, read_recording, recipe_text
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains

@@ -21,8 +21,9 @@ from runtime.identification.payload import (
     write_payload,
 )
 from runtime.identification.payload.body import NAMES
-from runtime.identification.payload.output import FILES, NORMAL_95
+from runtime.identification.payload.output import FILES
 from runtime.inspection.regressor_choice import noisy_accelerations
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 

@@ -13,9 +13,8 @@ from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import LAGS, autocorrelation, noise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.numerics.quantiles import NORMAL_95
 
-WHITE = 1.96
-"""Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
 BAND_SAMPLES = 200
 """Samples whose bands a report summarises."""
 
@@ -198,5 +197,5 @@ class Uncertainty:
 
 def white_share(rest: Array) -> Array:
     """Share of lags, per joint, whose autocorrelation white residuals (N, n) could have, (n,)."""
-    inside = np.abs(autocorrelation(rest)) < WHITE / np.sqrt(len(rest))
+    inside = np.abs(autocorrelation(rest)) < NORMAL_95 / np.sqrt(len(rest))
     return np.asarray(inside.sum(axis=0) / LAGS)

@@ -20,11 +20,10 @@ from runtime.estimators.convex.eliminate_friction import RANK_TOLERANCE
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import Posterior
 from runtime.library import Array
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.friction import names_where
 from runtime.recording.friction_column import SPRING
 
-HALF_WIDTH = 1.96
-"""Half width of a 95 % interval of a normal variable in standard deviations."""
 PART = 1e-6
 """Share of a unit column in a combination that is zero above which its coefficient counts as not
 determined: the square root of rounding, 1e-8, with a margin."""
@@ -67,7 +66,7 @@ def interval_facts(result: Identification) -> dict[str, Any]:
     if sigma is None:
         return {}
     phi = result.usual_phi
-    ends = np.stack([phi - HALF_WIDTH * sigma, phi + HALF_WIDTH * sigma], axis=2)
+    ends = np.stack([phi - NORMAL_95 * sigma, phi + NORMAL_95 * sigma], axis=2)
     is_known = np.isfinite(sigma)
     return {
         "sigma": [

@@ -28,6 +28,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.hypotheses import Hypothesis, hypotheses
 from runtime.monitoring.model import model_of
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recording
 
 ALPHA = 0.01
@@ -40,7 +41,6 @@ penalties, below which the whole model is named. Bodies of 0.3 kg on one link of
 by 0.3 to 0.5, the best link of a virtual FR3 whose links all differ by 4 % by 0.2 and less."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ from scipy.special import stdtr, stdtrit
 
 from runtime.errors import RecordingError
 from runtime.library import Array
+from runtime.numerics.quantiles import NORMAL_95
 
 ALPHA = 0.01
 """Probability that a history without a trend shows one."""
-NORMAL_95 = 1.959964
 MONTH = 365.25 / 12
 """Days of a month."""
 LEAST = 4

@@ -1,12 +1,13 @@
-"""Quantiles of the χ² distribution."""
+"""Quantiles of the normal and of the χ² distribution."""
 
+from functools import cache
 from importlib import import_module
+from types import ModuleType
 
 from runtime.numerics.extension import extension
 
-_special = extension("scipy.special._special_ufuncs", ("gammainccinv",)) or import_module(
-    "scipy.special"
-)
+NORMAL_95 = 1.959963984540054
+"""Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
 
 
 def chi2_quantile(freedom: float, above: float) -> float:
@@ -19,4 +20,11 @@ def chi2_quantile(freedom: float, above: float) -> float:
     Returns:
         x.
     """
-    return 2.0 * float(_special.gammainccinv(freedom / 2.0, above))
+    return 2.0 * float(_special().gammainccinv(freedom / 2.0, above))
+
+
+@cache
+def _special() -> ModuleType:
+    """Loaded at the first quantile of χ², so that the constant costs nothing."""
+    name = "scipy.special._special_ufuncs"
+    return extension(name, ("gammainccinv",)) or import_module("scipy.special")

@@ -17,9 +17,9 @@ from runtime import Identification, Recording, identify, identify_payload
 from runtime.excitation import Trajectory
 from runtime.identification.payload import ArmModel, KnownPayload, mount_of
 from runtime.identification.payload.body import Body, body_of
-from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import identify_gains
 from runtime.library import Library
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Plant, ideal
 from runtime.simulation.box_payload import Box

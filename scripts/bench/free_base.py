@@ -13,6 +13,7 @@ from rich.table import Table
 from bench.markdown import markdown_table, table_of
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.free_base import free_base_of
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest
@@ -143,7 +144,7 @@ def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "a
         before.append(np.linalg.norm(lib.base_matrix @ (lib.pi0 - true)) / np.linalg.norm(beta))
         consistent += result.is_consistent
         total, sigma = result.mass
-        covered += abs(total - true[::10].sum()) < 1.96 * sigma
+        covered += abs(total - true[::10].sum()) < NORMAL_95 * sigma
         feasible.append(log.feasible)
     return Trials(
         robot,

@@ -10,6 +10,7 @@ from bench.free_base import library
 from bench.markdown import markdown_table, table_of
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.vertical_force import VerticalForce
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import free_base_of
 from symgen.chain.document import MOVING, Document
@@ -101,8 +102,8 @@ def walking(data: Path, folder: Path) -> list[Walk]:
                 100 * vertical.spread / weight,
                 100 * _best_mass(vertical) / weight,
                 mass,
-                mass - 1.96 * sigma,
-                mass + 1.96 * sigma,
+                mass - NORMAL_95 * sigma,
+                mass + NORMAL_95 * sigma,
                 sum(verdict == "identified" for verdict in result.verdicts),
                 len(result.verdicts),
             )

@@ -16,11 +16,8 @@ import numpy as np
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.library import Array
 from runtime.numerics.dense import triangle_of_joints
+from runtime.numerics.quantiles import NORMAL_95, chi2_quantile
 
-CHI_SQUARE_95 = 3.841458820694124
-"""95 % quantile of χ² with one degree of freedom."""
-CHI_SQUARE_999 = 10.827566170662733
-"""99.9 % quantile: the range of a delay that is determined ends within the delays tried."""
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""
 FLAT_SHARE = 0.5
@@ -48,14 +45,15 @@ class DelayProfile:
     @property
     def is_flat(self) -> bool:
         """Whether the data do not determine a delay within the range."""
-        low, high = _interval(self.delays, self.loss, CHI_SQUARE_999 / 2)
+        # A delay that is determined has its 99.9 % interval within the delays tried.
+        low, high = _interval(self.delays, self.loss, chi2_quantile(1, 0.001) / 2)
         is_cut = low <= self.delays[0] or high >= self.delays[-1]
         return bool(is_cut or high - low > FLAT_SHARE * (self.delays[-1] - self.delays[0]))
 
     @property
     def sigma(self) -> float:
-        """Half the width of the interval over 1.96 [s]."""
-        return (self.interval[1] - self.interval[0]) / 3.92
+        """Standard deviation whose 95 % interval is as wide as that of δ [s]."""
+        return (self.interval[1] - self.interval[0]) / (2 * NORMAL_95)
 
     @property
     def gain(self) -> float:
@@ -104,7 +102,9 @@ def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) 
     loss = logs.sum(axis=1) * count / inflation / 2
     loss = loss - loss.min()
     middle = _vertex(delays, loss, best)
-    return DelayProfile(delays, loss, middle, _interval(delays, loss, CHI_SQUARE_95 / 2), variance)
+    return DelayProfile(
+        delays, loss, middle, _interval(delays, loss, chi2_quantile(1, 0.05) / 2), variance
+    )
 
 
 def _vertex(x: Array, y: Array, k: int) -> float:

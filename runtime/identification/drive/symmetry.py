@@ -18,7 +18,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive.result import DriveFit, places_of
 from runtime.identification.identified import Identification
 from runtime.library import Array
-from runtime.numerics.quantiles import chi2_quantile
+from runtime.numerics.quantiles import NORMAL_95, chi2_quantile
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05
@@ -53,7 +53,7 @@ class MirroredDrive:
     def sentence(self) -> str:
         """Where the sides disagree, and why."""
         sizes = [
-            " and ".join(f"{v:.3g} ± {1.96 * s:.2g}" for v, s in zip(*each, strict=True))
+            " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
             for each in zip(self.values, self.sigmas, strict=True)
         ]
         why = (

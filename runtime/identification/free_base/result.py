@@ -11,9 +11,7 @@ from runtime.estimators.verdicts import PRIOR_DOMINATED
 from runtime.files import replacing
 from runtime.identification.free_base.identify import FreeBaseIdentification
 from runtime.library.parameters import PI_NAMES, centre_of_mass, inertia, links, mass
-
-NORMAL = 1.96
-"""Half width of a 95 % interval in standard deviations."""
+from runtime.numerics.quantiles import NORMAL_95
 
 
 def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:
@@ -42,7 +40,7 @@ def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, A
         "total_mass": {
             "value": total,
             "sigma": sigma,
-            "interval": [total - NORMAL * sigma, total + NORMAL * sigma],
+            "interval": [total - NORMAL_95 * sigma, total + NORMAL_95 * sigma],
             "urdf": float(mass(links(result.lib.pi0)).sum()),
         },
         "errors": [

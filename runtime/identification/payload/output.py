@@ -19,8 +19,8 @@ from runtime.identification.payload.identified_payload import Payload
 from runtime.identification.payload.known import FORMAT
 from runtime.identification.payload.vendor_files import VENDOR_FILES, digits, vendor_texts
 from runtime.library import Array, Library
+from runtime.numerics.quantiles import NORMAL_95
 
-NORMAL_95 = 1.959964
 FILES = (
     *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
     *VENDOR_FILES,

@@ -2,6 +2,7 @@
 
 from runtime.identification.payload.body import Body
 from runtime.identification.payload.reading import ArmModel
+from runtime.numerics.quantiles import NORMAL_95
 
 _MODEL_ERROR = 0.1
 """Residual over the torque of the payload, above which the model of the arm dominates the error."""
@@ -24,7 +25,7 @@ def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
         return f"no significant payload ({1e3 * body.mass:.1f} g, σ {1e3 * body.sigma[0]:.1f} g)"
     if "mass" in weak:
         return "the recording does not determine the mass; move the payload against gravity"
-    return f"identified {body.mass:.4f} kg ± {1.96 * body.sigma[0]:.4f} kg (95 %)"
+    return f"identified {body.mass:.4f} kg ± {NORMAL_95 * body.sigma[0]:.4f} kg (95 %)"
 
 
 def notes_of(

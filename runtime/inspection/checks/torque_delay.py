@@ -14,6 +14,7 @@ from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recipe
 from runtime.recording.preprocessing.interpolation import interpolate
 
@@ -102,7 +103,7 @@ def _stated(grid: Array, cost: Array, late: float | None, sigma: float | None) -
             f"{1e3 * grid[0]:.0f} to {1e3 * grid[-1]:.0f} ms; record a faster motion to estimate it"
         )
         return Finding("delay", INFO, sentence, evidence, trap=2)
-    half = 1.96 * sigma
+    half = NORMAL_95 * sigma
     evidence["interval_s"] = [late - half, late + half]
     sentence = (
         f"the measured torque is stamped {1e3 * late:.1f} ms after the motion (95 % interval "

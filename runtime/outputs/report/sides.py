@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.outputs.report.layout import ReportTable, Section
 
 Row = tuple[str, str, str, str, str, str]
@@ -48,7 +49,7 @@ def sides_section(rows: tuple[Row, ...]) -> tuple[Section, ...]:
 
 def _row(each: Mapping[str, Any]) -> Row:
     sides = [
-        ", ".join(f"{float(v):.4g} ± {1.96 * float(s):.2g}" for v, s in zip(v, s, strict=True))
+        ", ".join(f"{float(v):.4g} ± {NORMAL_95 * float(s):.2g}" for v, s in zip(v, s, strict=True))
         for v, s in zip(each["values"], each["sigma"], strict=True)
     ]
     verdict = "yes" if each["agrees"] else "no"

@@ -14,6 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from runtime.library import Array
 from runtime.monitoring.history import read_history
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, trends_of
+from runtime.numerics.quantiles import NORMAL_95
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.style import CYCLE
@@ -139,7 +140,7 @@ def _figure(many: tuple[Series, ...], axis: _Axis, trends: Trends, name: str) ->
 def _panel(panel: Axes, series: Series, axis: _Axis, trends: Trends) -> None:
     x = axis.x[list(series.at)]
     known = np.isfinite(x)
-    x, size, half = x[known], series.size[known], 1.96 * series.sigma[known]
+    x, size, half = x[known], series.size[known], NORMAL_95 * series.sigma[known]
     panel.errorbar(x, size, yerr=half, fmt=".", color=CYCLE[0], elinewidth=0.8, markersize=3)
     panel.axhline(0, color=INK, linewidth=0.6)
     slope = axis.slope(series)

@@ -18,7 +18,7 @@ from runtime.numerics.dense import (
     solve_triangular,
 )
 from runtime.numerics.extension import extension
-from runtime.numerics.quantiles import chi2_quantile
+from runtime.numerics.quantiles import NORMAL_95, chi2_quantile
 from runtime.numerics.rotations import matrix_from_rpy
 from runtime.numerics.sections import (
     both_directions,
@@ -106,8 +106,9 @@ def test_nonnegative_least_squares_are_those_of_scipy(compiled: bool, monkeypatc
     assert np.array_equal(solution, optimize.nnls(TALL, right)[0])
 
 
-def test_quantile_and_rotation_are_those_of_scipy() -> None:
-    """Oracle: chdtri and Rotation.from_euler."""
+def test_quantiles_and_rotation_are_those_of_scipy() -> None:
+    """Oracle: ndtri, chdtri and Rotation.from_euler."""
+    assert special.ndtri(0.975) == NORMAL_95
     for freedom in (1, 7, 60):
         assert chi2_quantile(freedom, 0.05) == special.chdtri(freedom, 0.05)
     for rpy in RNG.uniform(-4, 4, (20, 3)):

@@ -164,6 +164,12 @@ def read_facts(path: Path) -> dict[str, Any]:
     facts = json_of(path)
     if not isinstance(facts, dict):
         raise TypeError(f"result: expected a table, got {facts!r:.40}")
+    if "free_base" in facts:
+        raise RecordingError(
+            f"'{path}' is the result of a robot with a free base, expected one of a fixed base; "
+            "use result.json and identified.urdf of its folder as they are, or build the robot "
+            "without --floating"
+        )
     number = facts.get("format", 1)
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise TypeError(f"'format': expected an integer above 0, got {number!r:.40}")

@@ -23,6 +23,8 @@ TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
 """Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
 its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""
 DEGREE = 180.0 / np.pi
+UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
+"""Slopes by unit of the time."""
 
 
 def check_consistency(recording: Recording) -> Recording:
@@ -38,10 +40,7 @@ def check_consistency(recording: Recording) -> Recording:
     looks = {
         "positions look like degrees": DEGREE,
         "velocities look like degrees per second": 1.0 / DEGREE,
-        "time looks like ms": 1e-3,
-        "time looks like us": 1e-6,
-        "time looks like ns": 1e-9,
-        "time looks like s declared as ms": 1e3,
+        **{f"time looks like {unit}": factor for unit, factor in UNITS_OF_TIME.items()},
     }
     for suspicion, factor in looks.items():
         joints = np.flatnonzero(np.abs(slopes / factor - 1.0) < 0.15)

@@ -17,8 +17,10 @@ from runtime.estimators.problem import Fit, NoiseFloor, Problem
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
+from runtime.identification.free_base.contact_order import require_contact_order
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
+    require_clock,
     require_forces_on_robot,
     require_joint_units,
 )
@@ -135,6 +137,7 @@ def identify_free_base(
         raise IdentificationError(
             f"expected a training share of 0.1 to 0.95 of the log, got {share:g}; use --split"
         )
+    require_clock(recording)
     motion = motion_of(recording, lib.joint_names, cutoff_hz)
     require_joint_units(lib, motion, recording.name)
     inside = np.flatnonzero(
@@ -147,6 +150,7 @@ def identify_free_base(
     train, test = motion.rows(first), motion.rows(second)
     trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
     require_forces_on_robot(lib, trained, recording.name)
+    require_contact_order(lib, train, recording.name)
     unknowns = len(lib.base_columns)
     floor = _noise_floor(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
     weights = thesis_weights(trained.samples.tau) if floor is None else floor.sigma**-2
@@ -192,10 +196,13 @@ def identify_free_base(
         )
     names, measured = _shown(tested)
     level = rms(measured)
-    after = rms(tested.samples.rigid(lib, fit.pi) + tested.samples.friction(fit.phi) - measured)
+    # The test part may have another number of equations than φ has rows; its first row counts.
+    by_sensors = tested.samples.columns @ fit.phi[0]
+    after = rms(tested.samples.rigid(lib, fit.pi) + by_sensors - measured)
     sensors = dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True))
     stated = problem.friction_prior
-    notes += notes_on_errors(level, after, sensors, None if stated is None else stated.sigma[0])
+    spread = None if stated is None else stated.sigma[0]
+    notes += notes_on_errors(level, after, sensors, spread, bool(recording.joint_names))
     return FreeBaseIdentification(
         lib=lib,
         pi=fit.pi,

@@ -6,8 +6,9 @@ from runtime.errors import IdentificationError
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
-from runtime.recording.consistency import DEGREE, slopes_of
-from runtime.recording.plausibility import OUTSIDE
+from runtime.recording.consistency import DEGREE, STRIDE, UNITS_OF_TIME, slopes_of
+from runtime.recording.free_base import FreeBaseRecording
+from runtime.recording.plausibility import OUTSIDE, SLOWEST
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.recording import Recording
 
@@ -19,6 +20,44 @@ _UNEXPLAINED = 0.5
 """Error over RMS of half of the rows from which a note states it."""
 _FAR = 3.0
 """Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
+
+
+def require_clock(recording: FreeBaseRecording) -> None:
+    """Refuse a time that is not in seconds.
+
+    Compared are joint velocities, else the velocity of the base, with the positions; a log
+    without them is refused where its rate is too low to differentiate.
+
+    Args:
+        recording: as read.
+
+    Raises:
+        IdentificationError: names the unit and what to do.
+    """
+    t, name = recording.t, recording.name
+    if recording.dq is not None:
+        measured = Recording(t, recording.q, dq=recording.dq)
+    elif recording.twist is not None:
+        velocity = np.einsum("nij,nj->ni", recording.rotation, recording.twist[:, :3])
+        measured = Recording(t, recording.position, dq=velocity)
+    else:
+        rate = 1.0 / float(np.median(np.diff(t)))
+        if rate < SLOWEST:
+            raise IdentificationError(
+                f"{name} has no velocities, and its rate of {rate:.3g} Hz is too low to "
+                "differentiate the positions; give t in s"
+            )
+        return
+    if len(t) <= 2 * STRIDE:
+        return
+    slopes = slopes_of(measured)
+    for unit, factor in UNITS_OF_TIME.items():
+        wrong = np.flatnonzero(np.abs(slopes / factor - 1.0) < _SLOPE)
+        if wrong.size:
+            raise IdentificationError(
+                f"{name}: time looks like {unit}, positions change by {slopes[wrong[0]]:.3g} times "
+                "the integral of the velocities; give t in s"
+            )
 
 
 def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None:
@@ -84,7 +123,11 @@ def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None
 
 
 def notes_on_errors(
-    rms: Array, after: Array, sensors: dict[str, float], sigma: Array | None
+    rms: Array,
+    after: Array,
+    sensors: dict[str, float],
+    sigma: Array | None,
+    joints_are_named: bool = True,
 ) -> tuple[str, ...]:
     """Notes on rows that the result does not explain, and on sensors far from what was stated.
 
@@ -93,6 +136,7 @@ def notes_on_errors(
         after: RMS errors of the result there, (k,).
         sensors: their errors by name, (K,).
         sigma: stated standard deviations of these errors, (K,); None without sensors' errors.
+        joints_are_named: whether the log names the columns of its joints.
 
     Returns:
         Sentences.
@@ -100,10 +144,11 @@ def notes_on_errors(
     notes = []
     share = float(np.median(after / np.maximum(rms, np.finfo(float).tiny)))
     if share > _UNEXPLAINED:
+        unnamed = "" if joints_are_named else " (the log has no array joints, which names them)"
         notes.append(
             f"half of the rows keep an error of {100 * share:.0f} % of their RMS or more: torques "
-            "and wrenches do not fit this robot and motion; check names and order of joints and "
-            "contacts, contact_position, contact_kind, contact_axes and units"
+            "and wrenches do not fit this robot and motion; check names and order of joints"
+            f"{unnamed} and contacts, contact_position, contact_kind, contact_axes and units"
         )
     for (name, value), spread in zip(sensors.items(), () if sigma is None else sigma, strict=True):
         if abs(value) > _FAR * spread:

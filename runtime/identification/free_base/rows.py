@@ -99,9 +99,11 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
         return FreeBaseRows(_samples(y, known, errors), basis, names, known)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
+        more = ", or torques and --rows all" if choice == "base" else ""
         raise IdentificationError(
             "the contact wrenches that were not measured leave no equation; give contact_wrench or "
-            "contact_force_z, contact_flags of the feet that are lifted, or torques and --rows all"
+            "contact_force_z, contact_flags of the feet that are lifted, contact_kind = 'point' "
+            f"for feet that transmit no moment{more}"
         )
     back = np.swapaxes(basis, 1, 2)
     left = np.einsum("nmk,nk->nm", back, known)

@@ -30,6 +30,22 @@ def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, .
     return word
 
 
+def names_of(arrays: dict[str, NDArray], key: str) -> tuple[str, ...]:
+    """Names of an array of texts or of bytes, which HDF5 and older NumPy write.
+
+    Args:
+        arrays: by key.
+        key: of the names.
+
+    Returns:
+        The names; none where the file has no such array.
+    """
+    values = np.atleast_1d(arrays.get(key, np.array([], dtype=str)))
+    if values.dtype.kind == "S":
+        values = np.char.decode(values, "utf-8")
+    return tuple(map(str, values))
+
+
 def numbers_of(
     arrays: dict[str, NDArray],
     key: str,

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.free_base.arrays import numbers_of, word_of
+from runtime.recording.free_base.arrays import names_of, numbers_of, word_of
 from runtime.recording.free_base.recording import Contacts
 from runtime.recording.recording import FloatArray
 
@@ -29,7 +29,7 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
     Raises:
         RecordingError: an array is missing, has another shape or contradicts another.
     """
-    links = tuple(map(str, np.atleast_1d(arrays.get("contact_links", np.array([], dtype=str)))))
+    links = names_of(arrays, "contact_links")
     size = len(links)
     given = sorted(key for key in arrays if key.startswith("contact_"))
     if given and not size:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.files import bytes_of
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.free_base.arrays import numbers_of
+from runtime.recording.free_base.arrays import names_of, numbers_of
 from runtime.recording.free_base.contacts import contacts_of
 from runtime.recording.free_base.pose import pose_of
 from runtime.recording.free_base.recording import FreeBaseRecording
@@ -98,7 +98,7 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         return numbers_of(arrays, key, name, sizes) if key in arrays else None
 
     rotation, position = pose_of(arrays, name, count)
-    names = tuple(map(str, arrays.get("joints", np.array([], dtype=str))))
+    names = names_of(arrays, "joints")
     if names and len(names) != shape[1]:
         raise RecordingError(
             f"{name} names {len(names)} joints, but q has {shape[1]} columns; name every column"

@@ -1,0 +1,110 @@
+"""Contacts of free bases: measured for a part of the time, in another order, by other writers."""
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.errors import RuntimeFault
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.library import Library
+from runtime.recording.free_base import free_base_of
+from tests.free_base_logs import Experiment, virtual_log
+from tests.robots import DATA
+from tests.runtime.conftest import Command
+
+Arrays = dict[str, Any]
+FEET = ("left_foot", "right_thigh")
+
+
+@pytest.fixture(scope="module")
+def arrays() -> Arrays:
+    text = (DATA / "hopper.urdf").read_text()
+    return virtual_log(text, FEET, 0, Experiment(count=200)).arrays
+
+
+@pytest.mark.parametrize("rows", [slice(0, 100), slice(100, 200)])
+def test_a_sensor_that_works_in_one_part_only(hopper: Library, arrays: Arrays, rows: slice) -> None:
+    """Property: training and test part may have different numbers of equations per instant."""
+    wrench = arrays["contact_wrench"].copy()
+    wrench[rows, 0] = np.nan
+    log = free_base_of(arrays | {"contact_wrench": wrench}, "log")
+    result = identify_free_base(log, hopper, "all", share=0.5)
+    assert len(result.after) == (9 if rows.start == 0 else 3)
+    whole = identify_free_base(free_base_of(arrays, "log"), hopper, "all")
+    mass, sigma = result.mass
+    # 95 % interval; exact data of six base rows determine the mass to rounding and prior.
+    assert abs(mass - whole.mass[0]) < 1.96 * sigma + 1e-6
+    assert np.linalg.norm(result.after) < np.linalg.norm(result.before)
+
+
+def test_exchanged_contacts_are_named(hopper: Library, arrays: Arrays) -> None:
+    """Property: wrenches under the name of another contact are refused, with the right order."""
+    links = arrays["contact_links"][::-1]
+    with pytest.raises(RuntimeFault, match="expected right_thigh, left_foot in this order"):
+        identify_free_base(
+            free_base_of(arrays | {"contact_links": arrays["contact_links"],
+                                   "contact_wrench": arrays["contact_wrench"][:, ::-1]}, "log"),
+            hopper,
+            "base",
+        )  # fmt: skip
+    with pytest.raises(RuntimeFault, match="contact_links"):
+        identify_free_base(free_base_of(arrays | {"contact_links": links}, "log"), hopper, "all")
+
+
+def test_columns_without_names_are_noted(hopper: Library, arrays: Arrays) -> None:
+    """Property: where rows stay unexplained, a log without names of joints gets a note."""
+    unnamed = {key: value for key, value in arrays.items() if key != "joints"}
+    mixed = {key: arrays[key][:, [2, 0, 1]] for key in ("q", "dq", "ddq", "tau")}
+    result = identify_free_base(free_base_of(unnamed | mixed, "log"), hopper, "joints")
+    assert any("no array joints, which names them" in note for note in result.notes)
+
+
+def test_contacts_that_hide_every_row_name_what_is_missing(hopper: Library, arrays: Arrays) -> None:
+    """Property: the sentence does not propose what the log and the command already state."""
+    unknown = {key: value for key, value in arrays.items() if key != "contact_wrench"}
+    everything = unknown | {"contact_flags": np.ones((200, 2))}
+    with pytest.raises(RuntimeFault, match="leave no equation") as raised:
+        identify_free_base(free_base_of(everything, "log"), hopper, "all")
+    assert "--rows all" not in str(raised.value)
+    assert "contact_kind = 'point'" in str(raised.value)
+    with pytest.raises(RuntimeFault, match="--rows all"):
+        identify_free_base(free_base_of(everything, "log"), hopper, "base")
+
+
+def test_names_as_bytes(hopper: Library, arrays: Arrays) -> None:
+    """Property: names of HDF5 and of older NumPy, which are bytes, are those of texts."""
+    names = {key: np.array([str(x).encode() for x in arrays[key]]) for key in ("joints",)}
+    names["contact_links"] = np.array([x.encode() for x in FEET])
+    log = free_base_of(arrays | names, "log")
+    assert log.contacts.links == FEET
+    assert log.joint_names == tuple(arrays["joints"])
+
+
+@pytest.mark.parametrize(
+    ("measured", "unit"), list(itertools.product(("dq", "base_twist", ""), (1e3, 1e6)))
+)
+def test_time_in_another_unit(hopper: Library, arrays: Arrays, measured: str, unit: float) -> None:
+    """Property: milliseconds and microseconds are named by velocities, else by the rate."""
+    gone = {"dq", "base_twist"} - {measured}
+    kept = {key: value for key, value in arrays.items() if key not in gone}
+    with pytest.raises(RuntimeFault, match=r"time looks like [mu]s|too low .* t in s"):
+        identify_free_base(
+            free_base_of(kept | {"t": unit * arrays["t"]}, "log"), hopper, cutoff_hz=20.0
+        )
+
+
+def test_other_commands_name_the_free_base(
+    hopper: Library, arrays: Arrays, tmp_path: Path, command: Command
+) -> None:
+    """Property: a sound result of a free base is not called damaged."""
+    path, out = tmp_path / "walk.npz", tmp_path / "out"
+    np.savez(path, **arrays)
+    done = command("identify", path, "--robot", hopper.folder, "--out", out, "--no-report")
+    assert done.code == 0, done.err
+    for words in (("evaluate", out, path), ("export", out), ("report", out), ("sample", out)):
+        done = command(*words)
+        assert done.code == 2
+        assert "is the result of a robot with a free base" in done.err, words

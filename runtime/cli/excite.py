@@ -23,6 +23,17 @@ from runtime.cli.designed_motion import (
     with_shown_unknowns,
     write_design,
 )
+from runtime.cli.excite_options import (
+    Document,
+    Export,
+    ExportRate,
+    FrictionColumns,
+    Home,
+    Pictures,
+    Processes,
+    Scheduler,
+    Speed,
+)
 from runtime.cli.limit_options import (
     Box,
     Carry,
@@ -50,7 +61,6 @@ from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import criterion_of
-from runtime.excitation.search.information import FRICTION
 from runtime.parallel import cores
 from runtime.simulation import sample_times
 
@@ -72,29 +82,9 @@ def excite_command(
     harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None,
     starts: Annotated[int, typer.Option(help="Number of searches; the best one is kept.")] = 5,
     budget: Budget = None,
-    processes: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
-            "4, with --document 10)."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT",
-            help="Search on the workers of this dask cluster instead (pip install "
-            "'symgen\\[cluster]'). Each worker loads the robot's folder, so it needs the same file "
-            "system.",
-        ),
-    ] = None,
-    export_rate: Annotated[
-        float | None,
-        typer.Option(
-            help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
-            "always."
-        ),
-    ] = None,
+    processes: Processes = None,
+    scheduler: Scheduler = None,
+    export_rate: ExportRate = None,
     seed: Seed = 0,
     static: Static = False,
     poses: Poses = None,
@@ -102,30 +92,9 @@ def excite_command(
         Path | None,
         typer.Option(metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."),
     ] = None,
-    export: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FORMAT",
-            help="Files for a robot, written only if the certificate holds; repeatable. "
-            f"{sentences_of(MOTION_FORMATS)}.",
-        ),
-    ] = None,
-    speed: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Speed of a stage in % of the designed speed, on the same path; "
-            "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
-            "a robot. File names end in -speed10. Default 100."
-        ),
-    ] = None,
-    document: Annotated[
-        bool,
-        typer.Option(
-            "--document",
-            help="Problem of the document: criterion cond, limits of position, velocity and "
-            "acceleration only. Such a motion can hit the table that an FR3 stands on.",
-        ),
-    ] = False,
+    export: Export = None,
+    speed: Speed = None,
+    document: Document = False,
     criterion: Annotated[
         str | None,
         typer.Option(help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}."),
@@ -142,25 +111,10 @@ def excite_command(
     log_rate: Annotated[
         float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
     ] = 100.0,
-    friction: Annotated[
-        str | None,
-        typer.Option(
-            metavar="COLUMNS",
-            help="Friction columns that are estimated too, with commas, or none; default "
-            f"{','.join(FRICTION)}, with --payload-only offset. All criteria but the document's "
-            "cond count them.",
-        ),
-    ] = None,
+    friction: FrictionColumns = None,
     earlier_log: EarlierLogs = None,
     payload_only: PayloadOnly = False,
-    home: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q",
-            help="Start and end position, one number per joint with commas, rad or m; default the "
-            "home of the robot.",
-        ),
-    ] = None,
+    home: Home = None,
     table: Table = None,
     unchecked: Unchecked = None,
     box: Box = None,
@@ -176,14 +130,7 @@ def excite_command(
     payload_band: PayloadBand = None,
     friction_band: FrictionBand = None,
     model_band: ModelBand = None,
-    pictures: Annotated[
-        bool,
-        typer.Option(
-            "--pictures",
-            help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
-            "velocity over position (-speed), path of the tip and distances (-space).",
-        ),
-    ] = False,
+    pictures: Pictures = False,
     until: Until = None,
     motions: Motions = 1,
     gain_error: GainError = 0.005,

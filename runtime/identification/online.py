@@ -8,7 +8,6 @@ The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,10 +28,10 @@ from runtime.identification.expected_accuracy import (
     SECONDS,
     GainOfRecording,
     Knowledge,
-    expected,
-    gained,
+    gained_by_same_motion,
     verdict,
 )
+from runtime.identification.online_estimate import OnlineEstimate, status_of
 from runtime.library import Array, ConvexTask, Library
 from runtime.parallel import one_blas_thread
 
@@ -41,31 +40,6 @@ DECREMENT, MOST_STEPS = 1e-12, 50
 steps."""
 PERFECT = 1e-12
 """Squared noise over squared torque below which data count as exact."""
-
-
-@dataclass(frozen=True, slots=True)
-class OnlineEstimate:
-    """The model after some samples.
-
-    Attributes:
-        pi: standard parameters, (10 n,), strictly consistent.
-        phi: friction coefficients, (n, k).
-        samples: N, less the forgotten ones.
-        rejected: number of samples left out because they were not finite.
-        variance: s² of the weighted residual; 1 where the weights are 1/σ².
-        steps: number of Newton steps.
-        converged: whether Newton reached its tolerance.
-        status: one sentence.
-    """
-
-    pi: Array
-    phi: Array
-    samples: float
-    rejected: int
-    variance: float
-    steps: int
-    converged: bool
-    status: str
 
 
 class OnlineEstimator:
@@ -212,17 +186,11 @@ class OnlineEstimator:
                 f"{self._count:g} samples do not determine {len(self._triangle) - 1} unknowns; add "
                 "more before the gain of further ones is computed"
             )
-        statistics, keep = self.statistics, self._forgetting
-        fresh = seconds * rate_hz
+        keep, fresh = self._forgetting, seconds * rate_hz
         ages = fresh if keep == 1.0 else (1 - keep**fresh) / (1 - keep)
         grown = (keep**fresh * self._count + ages) / self._count
-        unit = max(reduce(statistics, self._lib.n_joints)[0].variance, np.finfo(float).tiny)
         known = Knowledge(self._prior, self._pi, self._kappa)
-        now, later = (
-            expected(self._lib, statistics, known, u).by_name(self._lib)
-            for u in (unit, unit / grown)
-        )
-        return gained(now, later, seconds, "the same motion")
+        return gained_by_same_motion(self._lib, self.statistics, known, grown, seconds)
 
     def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
         """One sentence while recording: values that still improve by 10 %, or "stop".
@@ -257,14 +225,7 @@ class OnlineEstimator:
     def _estimate_of(
         self, phi: Array, variance: float, steps: int, converged: bool
     ) -> OnlineEstimate:
-        if converged:
-            status = f"converged after {steps} Newton steps"
-        elif steps:
-            status = "not converged; check units and outliers of the torque"
-        else:
-            status = "too few samples, or no torque yet: this is the first guess"
-        if self._rejected:
-            status += f"; {self._rejected} samples were not finite and were left out"
+        status = status_of(steps, converged, self._rejected)
         return OnlineEstimate(
             self._pi.copy(), phi, self._count, self._rejected, variance, steps, converged, status
         )

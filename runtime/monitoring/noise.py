@@ -22,7 +22,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.files import require_file
 from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
-from runtime.monitoring.observer import ObserverSettings
+from runtime.monitoring.observer_settings import ObserverSettings
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.preprocessing import segments
 

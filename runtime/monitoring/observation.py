@@ -18,7 +18,8 @@ from runtime.monitoring.contacts import Contact, contacts_of
 from runtime.monitoring.false_alarms import AlarmRate, levels, rate_by_stretches
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.noise import HeldOutResidual, ObserverNoise, noise_of_observer
-from runtime.monitoring.observer import ObserverSettings, external_torque, observer_settings
+from runtime.monitoring.observer import external_torque
+from runtime.monitoring.observer_settings import ObserverSettings, observer_settings
 from runtime.monitoring.state_terms import state_terms
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing import differentiate, on_grid

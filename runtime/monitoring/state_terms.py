@@ -12,7 +12,8 @@ import numpy as np
 from runtime.library import Array, Library
 from runtime.monitoring.model import CHUNK, MonitoredModel
 from runtime.monitoring.noise import REVERSAL_S, near
-from runtime.monitoring.observer import ObserverSettings, averaged
+from runtime.monitoring.observer import averaged
+from runtime.monitoring.observer_settings import ObserverSettings
 from runtime.recording.preprocessing import segments
 
 SLOPE_STEPS = 10

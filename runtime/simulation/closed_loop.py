@@ -7,11 +7,9 @@ states.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 from itertools import count
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
@@ -19,81 +17,7 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.mechanism import require_no_springs
-
-
-@dataclass(frozen=True, slots=True)
-class Plant:
-    """The robot that is simulated; values of joints are one number for all of them or (n,).
-
-    Attributes:
-        pi: true standard parameters, (10 n,).
-        viscous, coulomb: friction, N·m·s/rad and N·m.
-        offset: constant torque, N·m.
-        coulomb_speed: width of the smooth sign, rad/s.
-        rotor: inertia J of every motor, reflected to its joint, kg·m². The torque sensor does not
-            measure it, but without it no controller could hold a wrist.
-        position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m.
-    """
-
-    pi: Array
-    viscous: ArrayLike = 0.0
-    coulomb: ArrayLike = 0.0
-    offset: ArrayLike = 0.0
-    coulomb_speed: float = 0.03
-    rotor: ArrayLike = 0.1
-    position_noise: float = 0.0
-    velocity_noise: float = 0.0
-    torque_noise: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not np.isfinite(self.pi).all():
-            raise IdentificationError(
-                "the true parameters of the simulated robot are not finite; lower the perturbation"
-            )
-        for item in fields(self)[1:]:
-            value = np.asarray(getattr(self, item.name), dtype=float)
-            least = -np.inf if item.name == "offset" else 0.0
-            if not (np.isfinite(value) & (value >= least)).all():
-                raise IdentificationError(
-                    f"the simulated robot's {item.name.replace('_', ' ')} cannot be {value}; "
-                    "give a finite number, from 0 up"
-                )
-
-
-@dataclass(frozen=True, slots=True)
-class Controller:
-    """Computed torque: τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q).
-
-    Attributes:
-        pi: model of the controller, (10 n,); None is that of the URDF.
-        rotor: J_c; None is that of the plant.
-        stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,).
-        feels_noise: the controller uses the measured q and dq instead of the true ones.
-    """
-
-    pi: Array | None = None
-    rotor: ArrayLike | None = None
-    stiffness: ArrayLike = 225.0
-    damping: ArrayLike = 30.0
-    feels_noise: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class SimulatedMotion:
-    """States and torques at the beginning of every period, (N, n) each.
-
-    Attributes:
-        q, dq, ddq: states.
-        motor: torque that the controller commands.
-        link: torque behind the rotors, τ − J ddq.
-    """
-
-    q: Array
-    dq: Array
-    ddq: Array
-    motor: Array
-    link: Array
-
+from runtime.simulation.plant import Controller, Plant, SimulatedMotion, per_joint
 
 LONGEST_SUBSTEP = 2e-4
 """Longest integration step of the plant, s; one step leaves an error of order h³."""
@@ -279,25 +203,3 @@ def _law(lib: Library, plant: Plant, controller: Controller) -> ClosedLoopContro
         per_joint(n, controller.stiffness, "stiffness"),
         per_joint(n, controller.damping, "damping"),
     )
-
-
-def per_joint(n: int, value: ArrayLike, name: str) -> Array:
-    """One number for all joints, or one for each.
-
-    Args:
-        n: number of joints.
-        value: one number or (n,).
-        name: word for messages.
-
-    Returns:
-        (n,).
-
-    Raises:
-        IdentificationError: another shape.
-    """
-    array = np.asarray(value, dtype=float)
-    if array.shape not in {(), (n,)}:
-        raise IdentificationError(
-            f"{name} needs one number, or one for each of the {n} joints, got {array.size}"
-        )
-    return np.array(np.broadcast_to(array, (n,)))

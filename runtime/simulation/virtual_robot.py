@@ -26,9 +26,9 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation.box_payload import Box, pi_from_pseudo
-from runtime.simulation.closed_loop import SimulatedMotion
 from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.mujoco_engine import Engine
+from runtime.simulation.plant import SimulatedMotion
 from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.reduced_engine import ReducedEngine
 from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque

@@ -18,7 +18,7 @@ from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import virtual_robot
-from runtime.simulation.closed_loop import SimulatedMotion
+from runtime.simulation.plant import SimulatedMotion
 from runtime.simulation.virtual_robot import VirtualLog
 
 Array = NDArray[np.float64]

@@ -22,6 +22,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
+from runtime.identification.expected_accuracy.same_motion import gained_by_same_motion
 
 __all__ = [
     "SECONDS",
@@ -36,6 +37,7 @@ __all__ = [
     "expected",
     "facts",
     "gained",
+    "gained_by_same_motion",
     "growth",
     "motion_samples_of",
     "noise_of",

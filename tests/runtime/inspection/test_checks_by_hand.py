@@ -10,11 +10,11 @@ import pytest
 from runtime.inspection import proposed_preparation as proposal
 from runtime.inspection.checks import gear_coupling, other_model, torque_delay
 from runtime.inspection.checks.drives import rotor
-from runtime.inspection.checks.file_layout import _untitled
 from runtime.inspection.checks.frozen import frozen
 from runtime.inspection.checks.gravity_direction import _finding, _Fit
 from runtime.inspection.checks.lost_rows import lost_rows
 from runtime.inspection.checks.order_scores import mismatches
+from runtime.inspection.checks.signal_parts import _untitled
 from runtime.inspection.checks.units import units
 from runtime.inspection.checks.unknown_gains import stated
 from runtime.inspection.cutoff_choice import CutoffCandidate, CutoffChoice

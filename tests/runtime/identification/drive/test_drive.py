@@ -9,7 +9,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.drive import estimate
+from runtime.identification.drive import passes
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.linearised import bias_columns
 from runtime.identification.drive.result import DriveRequest
@@ -63,7 +63,7 @@ def test_exact_log_gives_the_truth(
         rates.append(settings.preparation.rate_hz)
         return identify(log, robot, settings, **options)
 
-    monkeypatch.setattr(estimate, "identify", counted)
+    monkeypatch.setattr(passes, "identify", counted)
     rng = np.random.default_rng(1)
     servo = replace(random_servo(lib, rng), pi=lib.pi0)
     log = recorded(servo_arrays(lib, servo, rng, noise=1e-3), tmp_path)

@@ -2,7 +2,7 @@
 
 | guard | refuses |
 |---|---|
-| `LimitsGuard` | positions, velocities and torques beyond the limits, numbers that are not finite |
+| `LimitsGuard` of `limits_guard` | limits of joints exceeded, numbers that are not finite |
 | `TrackingGuard` | a position far from the commanded one |
 | `ExternalTorqueGuard` | an external torque above a threshold, by the momentum observer |
 | `ClockGuard` | late or repeated samples, a clock that jumps |
@@ -15,6 +15,7 @@ import numpy as np
 
 from runtime.campaign.driver import Guard, Reference, Sample
 from runtime.campaign.guard_model import model_error, urdf_model
+from runtime.campaign.limits_guard import LimitsGuard
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.observer import Observer
@@ -33,61 +34,6 @@ LEVEL = 5.0
 reached 4.2 in 30 s of free motion."""
 LATE = 3.0
 """Periods without a sample after which data are stale; a jump of the robot's clock alike."""
-
-
-class LimitsGuard:
-    """Limits of the joints.
-
-    Args:
-        lib: library of the robot.
-        margin: share of velocity and torque limits that a sample may exceed, for noise.
-    """
-
-    name = "limits"
-
-    def __init__(self, lib: Library, margin: float = 0.05) -> None:
-        self._names = lib.joint_names
-        limits = lib.limits()
-        self._lower, self._upper = limits["lower"], limits["upper"]
-        self._most = {
-            "velocity": (1 + margin) * limits["velocity"],
-            "torque": (1 + margin) * limits["effort"],
-        }
-
-    def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on the first limit that is exceeded.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
-        for what, values in (
-            ("position", sample.q),
-            ("velocity", sample.dq),
-            ("torque", sample.tau),
-        ):
-            if not np.isfinite(values).all():
-                j = int(np.argmin(np.isfinite(values)))
-                return f"expected a finite {what} of {self._names[j]}, got {values[j]}"
-        outside = (sample.q < self._lower) | (sample.q > self._upper)
-        if outside.any():
-            j = int(np.argmax(outside))
-            return (
-                f"expected {self._names[j]} in [{self._lower[j]:.4g}, {self._upper[j]:.4g}], got "
-                f"{sample.q[j]:.4g}"
-            )
-        for what, values in (("velocity", sample.dq), ("torque", sample.tau)):
-            beyond = np.abs(values) > self._most[what]
-            if beyond.any():
-                j = int(np.argmax(beyond))
-                return (
-                    f"expected a {what} of {self._names[j]} up to {self._most[what][j]:.4g}, got "
-                    f"{values[j]:.4g}"
-                )
-        return None
 
 
 class TrackingGuard:

@@ -79,6 +79,23 @@ class JointMotion:
         if not self.manifest.loops:
             return self.all_positions(q), self.all_velocities(dq), self.all_velocities(ddq)
         self.require_closed(q)
+        return self.motion_or_nan(q, dq, ddq)
+
+    def motion_or_nan(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike
+    ) -> tuple[Array, Array, Array]:
+        """Motion of all joints as `all_motion`, with NaN where a loop cannot close.
+
+        Args:
+            q: (N, n) or (n,) positions of the independent joints [rad, m].
+            dq: velocities, shape of q [rad/s, m/s].
+            ddq: accelerations, shape of q [rad/s², m/s²].
+
+        Returns:
+            q_all, dq_all and ddq_all, (N, L) or (L,) each.
+        """
+        if not self.manifest.loops:
+            return self.all_motion(q, dq, ddq)
         motion = (self._of_joints(values) for values in (q, dq, ddq))
         positions, velocities, accelerations = self._binding.call("all_joints", *motion)
         return positions, velocities, accelerations

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from symgen.build.coupled_home import within_couplings
 from symgen.chain import Chain, Joint
 from symgen.collision import CollisionModel
 from symgen.collision.tables import collision_from_tables
@@ -157,11 +158,16 @@ def home_of(chain: Chain, config: RobotConfig) -> Vector:
 
     Returns:
         (n,) rad or m; without a home each joint is at zero or in the middle of its range, of a
-        closed chain in the assembly pose.
+        closed chain in the assembly pose. Where coupled joints would be at or beyond their limits
+        there, the home is a posture far from all limits.
     """
-    if config.home or chain.loops is None:
-        return config.home or tuple(_middle(joint) for joint in chain.coordinates)
-    return tuple(chain.loops.assembly[k] for k in chain.loops.independent)
+    if config.home:
+        return config.home
+    if chain.loops is not None:
+        return tuple(chain.loops.assembly[k] for k in chain.loops.independent)
+    usual = tuple(_middle(joint) for joint in chain.coordinates)
+    coupling = chain.coupling
+    return usual if coupling is None else within_couplings(chain, coupling, usual)
 
 
 def _middle(joint: Joint) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.dependent_joints import DependentVelocity
 from runtime.excitation.limits.distance_limits import TipSpeed
 from runtime.excitation.limits.nonlinear_limits import Braking
 from runtime.excitation.limits.safety import Safety
@@ -37,7 +38,7 @@ class FreePoses:
     def __init__(self, lib: Library, safety: Safety, ends: Array) -> None:
         self._lib = lib
         # Braking enters by the range; speeds and rates vanish at rest.
-        moving = Braking, TorqueRate, TipSpeed
+        moving = Braking, TorqueRate, TipSpeed, DependentVelocity
         self._limits = [
             one for one in constraints(lib, ends[0], safety) if not isinstance(one, moving)
         ]

@@ -14,6 +14,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation.approach.free_poses import FreePoses
 from runtime.excitation.approach.path import along, free_path, places
 from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.joint_limits import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Constraint
@@ -32,8 +33,13 @@ POINTS = (8, 16, 32, 64, 128)
 """Numbers of control points that are tried in turn on a way with corners."""
 SAMPLES = 400
 """Number of poses of a rounded way that are examined before its certificate."""
-TIMED = ("velocity", "acceleration", "jerk", "torque rate", "tip speed")
+TIMED = (
+    *("velocity", DependentVelocity.kind, "acceleration", "jerk"),
+    *("torque rate", "tip speed"),
+)
 """Limits that a longer duration keeps; they keep the share of the motion."""
+UNTIMED = {DependentPosition.kind, "tip box", *DISTANCES}
+"""Limits of the places on a way."""
 SHORTEST = 0.2
 """Shortest way [s]."""
 _ATTEMPTS = 40
@@ -156,7 +162,7 @@ def _sampled(
 ) -> Trajectory:
     """The motion with the shortest duration that keeps the limits at samples, to `_SLOWER`."""
     duration = max(SHORTEST, _least_duration(lib, moved, share))
-    timed = [one for one in limits if one.kind not in {"tip box", *DISTANCES}]
+    timed = [one for one in limits if one.kind not in UNTIMED]
     for _ in range(_ATTEMPTS):
         motion = np.array(
             replace(moved, duration=duration).at(lib, np.linspace(0.0, duration, SAMPLES + 1))
@@ -189,7 +195,7 @@ def _certified(lib: Library, moved: Trajectory, safety: Safety, share: float) ->
 
 def _use(certificate: Certificate, share: float) -> float | None:
     """Largest use of the limits that a longer duration keeps; None where another is exceeded."""
-    if any(use.kind in {"position", "tip box", *DISTANCES} for use in certificate.broken):
+    if any(use.kind in {"position", *UNTIMED} for use in certificate.broken):
         return None
     uses = [use.bound / (share if use.kind in TIMED else 1.0) for use in certificate.uses]
     return max(uses) if np.isfinite(uses).all() else None

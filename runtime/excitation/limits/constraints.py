@@ -4,6 +4,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import with_load
+from runtime.excitation.limits.dependent_joints import dependent_joints
 from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
 from runtime.excitation.limits.distances import distances
 from runtime.excitation.limits.known_torque import known_torque_of
@@ -27,7 +28,7 @@ def constraints(
     Args:
         lib: the robot.
         home: (n,) start and end position, rad or m.
-        safety: limits; None is the document's mode, without any.
+        safety: limits; None is the document's mode, in which dependent joints alone have any.
 
     Returns:
         One constraint per kind of limit.
@@ -35,9 +36,11 @@ def constraints(
     Raises:
         IdentificationError: `safety` needs limits or proxies that the robot does not state.
     """
+    dependents = dependent_joints(lib, home)
     if safety is None:
-        return ()
+        return dependents
     return (
+        *dependents,
         *_braking(lib, home),
         *_torques(lib, safety),
         *_tip(lib, safety),

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
 from runtime.excitation.limits.distance_limits import TipSpeed
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
@@ -31,7 +32,8 @@ def spared(constraint: Constraint, share: float) -> float:
     """
     if isinstance(constraint, TipSpeed):
         return (1 - share**2) / 2
-    return 1 - share if isinstance(constraint, Braking | Torque | TorqueRate) else 0.0
+    uses = Braking | Torque | TorqueRate | DependentPosition | DependentVelocity
+    return 1 - share if isinstance(constraint, uses) else 0.0
 
 
 class LimitRows:

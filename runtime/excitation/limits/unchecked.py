@@ -7,13 +7,11 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.excitation.limits.safety import Safety
 from runtime.library import Library
-from runtime.library.manifest import JointFacts
 
 TORQUE, BRAKING, RATE, TIP = "torque", "position-dependent velocity", "torque rate", "tip speed"
 SELF_COLLISION, TABLE, CARRIED = "self-collision", "table", "carried body"
 SPRINGS = "springs of unknown stiffness"
-FOLLOWERS = "joints with several masters"
-UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED, SPRINGS, FOLLOWERS)
+UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED, SPRINGS)
 """Kinds of limits that a certificate may leave out."""
 EVERYTHING = "all"
 """Word that accepts all of them."""
@@ -43,8 +41,8 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
             TIP: bool(np.isfinite(limits["tip_speed"])),
         }
         known = (kind for kind, is_stated in stated.items() if is_stated)
-        return (TORQUE, *known, SELF_COLLISION, TABLE, *_followers(lib))
-    missing = list(_followers(lib))
+        return (TORQUE, *known, SELF_COLLISION, TABLE)
+    missing: list[str] = []
     if not lib.pairs:
         missing.append(SELF_COLLISION)
     if safety.table is None:
@@ -56,26 +54,6 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
     ):
         missing.append(SPRINGS)
     return tuple(missing)
-
-
-def _followers(lib: Library) -> tuple[str, ...]:
-    """Limits of dependent joints that several joints move, which limit no single one of these."""
-    coupling = lib.manifest.coupling
-    if coupling is None:
-        return ()
-    limited = any(
-        (np.abs(row) > 0).sum() > 1 and any(np.isfinite([lower, upper, velocity]))
-        for row, (lower, upper, velocity) in zip(
-            np.asarray(coupling.matrix), map(_motion_limits, lib.manifest.all_joints), strict=True
-        )
-    )
-    return (FOLLOWERS,) if limited else ()
-
-
-def _motion_limits(joint: JointFacts) -> tuple[float, ...]:
-    """Position and velocity limits, ±inf where none are stated."""
-    values = joint.lower, joint.upper, joint.velocity
-    return tuple(np.inf if value is None else value for value in values)
 
 
 def unstated(lib: Library) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ class Use:
 
     Attributes:
         kind: position and braking (as a share of the way from home to the limit), velocity,
-            acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table,
-            obstacle.
+            acceleration, jerk, position and velocity of dependent joints, torque, torque rate,
+            tip box, tip speed, self-collision, table, obstacle.
         bound: largest use over all t; 1 is the limit itself. For distances it is
             1 + (limit − value)/0.1 m.
         where: joint, axis, pair or proxy of the largest use.

@@ -10,6 +10,7 @@ import numpy as np
 
 from runtime.errors import ExportError, IdentificationError
 from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.dependent_joints import DependentPosition
 from runtime.excitation.motion.joined import JoinedMotion
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use, certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
@@ -124,7 +125,7 @@ def fastest(motion: CertifiedMotion) -> float:
         and the box of the tip do not depend on it.
     """
     certificate = motion.certificate
-    stays = {"position", "tip box", *DISTANCES}
+    stays = {"position", DependentPosition.kind, "tip box", *DISTANCES}
     if any(use.kind in stays or not np.isfinite(use.bound) for use in certificate.broken):
         return 0.0
     low, high = (100, 101) if certificate.holds else (0, 100)

@@ -6,6 +6,8 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
   + |ddq|, and each factor is bounded on the interval by its ends and the next derivative.
 - torque, torque rate, tip box and speed, self-collision, table: PROVEN by `division`, where the
   robot has kernels of bounds.
+- position and velocity of joints that follow several others: PROVEN by `division`, as linear
+  combinations of the motion; of joints that a closed loop moves: MEASURED.
 - the same limits of robots with closed loops, and torque and torque rate of robots with springs of
   known stiffness or torque curves: MEASURED, not proven. ġ is exact at every sample (by kernels
   along the motion's derivatives, of springs by differences); g'' on an interval is taken
@@ -19,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runtime.excitation import Trajectory
+from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
 from runtime.excitation.limits.nonlinear_limits import Braking, TimedConstraint
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
@@ -71,6 +74,8 @@ def _is_proven(lib: Library, constraint: Braking | TimedConstraint) -> bool:
     """Whether the rise of a constraint is bounded by a theorem."""
     if isinstance(constraint, Torque | TorqueRate) and constraint.springs is not None:
         return False
+    if isinstance(constraint, DependentPosition | DependentVelocity):
+        return not lib.manifest.loops
     return isinstance(constraint, Braking) or lib.bounds_motions
 
 

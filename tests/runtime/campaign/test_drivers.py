@@ -8,7 +8,8 @@ import pytest
 
 from runtime import read_recording, write_recording
 from runtime.campaign.driver import START, Sample, Streamed
-from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
+from runtime.campaign.guards import KeyGuard, usual_guards
+from runtime.campaign.limits_guard import LimitsGuard
 from runtime.campaign.to_the_start import move_to
 from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
 from runtime.errors import IdentificationError, SimulationError

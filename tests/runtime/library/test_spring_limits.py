@@ -7,7 +7,7 @@ from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.known_torque import KnownTorque
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
-from runtime.excitation.limits.unchecked import FOLLOWERS, SPRINGS, unchecked
+from runtime.excitation.limits.unchecked import SPRINGS, unchecked
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
 from tests.runtime.library.test_coupled_library import motion
@@ -59,6 +59,3 @@ def test_the_certificate_holds_the_sum(wrist: Library) -> None:
     assert dense <= use.bound < 1.01 * dense
     assert not use.is_proven
     assert SPRINGS in unchecked(wrist, safety)
-    # left_roll and right_lift follow two joints, whose limits theirs do not narrow.
-    assert FOLLOWERS in unchecked(wrist, safety)
-    assert FOLLOWERS in unchecked(wrist, None)

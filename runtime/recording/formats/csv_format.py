@@ -14,6 +14,7 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
 from runtime.recording.formats.tables import LogTable
+from runtime.recording.formats.text_blocks import lines_of
 from runtime.recording.formats.text_rows import CsvRows, head_of_text
 from runtime.recording.formats.text_tables import (
     cells_of,
@@ -21,7 +22,6 @@ from runtime.recording.formats.text_tables import (
     decode,
     find_header,
     flat_table,
-    lines_of,
 )
 from runtime.recording.recipes.default_convention import columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time

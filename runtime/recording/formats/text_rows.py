@@ -9,7 +9,8 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.recording.formats.spool import Spool
 from runtime.recording.formats.tables import Columns, FloatArray
-from runtime.recording.formats.text_tables import csv_table, find_header, lines_of
+from runtime.recording.formats.text_blocks import lines_of
+from runtime.recording.formats.text_tables import csv_table, find_header
 
 PIECE = 2**23
 """Number of characters that are parsed at once; a line must be shorter."""

@@ -5,21 +5,26 @@ aligned; the reader drops it. Units, signs and order are left to `reader`.
 """
 
 import zlib
-from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import islice
 
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.plain_numbers import plain_numbers, plain_rows
 from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Columns, LogTable
+from runtime.recording.formats.text_blocks import (
+    RowForm,
+    behind,
+    flat_numbers,
+    lines_of,
+    number_in,
+    row_blocks,
+    split_cells,
+)
 
 SHOWN = 60
 """Largest number of characters of a line in a message."""
-PIECE = 2**14
-"""Number of characters that are divided at once; a short line takes 30 times its text."""
 GZIP = b"\x1f\x8b"
 """First bytes of gzip data."""
 
@@ -84,20 +89,11 @@ def _expanded(data: bytes, name: str) -> bytes:
     return content
 
 
-def lines_of(text: str) -> Iterator[str]:
-    """Lines of a text as `splitlines` divides it, in pieces."""
-    start = 0
-    while start < len(text):
-        end = text.find("\n", start + PIECE) + 1 or len(text)
-        yield from text[start:end].splitlines()
-        start = end
-
-
 def cells_of(line: str) -> tuple[list[str], str | None]:
     """Cells of a line and its separator: `;`, else tab, else comma, else blanks (None)."""
     line = line.lstrip("# ")  # a header may be written as a comment
     separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
-    return _split(line, separator), separator
+    return split_cells(line, separator), separator
 
 
 def find_header(lines: Iterable[str], wanted: tuple[str, ...], name: str) -> int:
@@ -178,32 +174,14 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
     if separator not in {",", None}:
         title = {";": "semicolons", "\t": "tabs"}[separator or ""]
         marks = [f"{name}: cells are separated by {title}, a comma is a decimal mark."]
-    body = _behind(text, first)
-    if separator is not None and body is not None:
-        plain = plain_rows(body, lines_of(body), separator, len(titles), picks)
-        if plain is not None:
-            return LogTable(plain, first + 1 + np.arange(len(plain)), (*remarks, *marks))
-    # A second look, line by line.
-    rows, numbers = array("d"), array("q")  # a list of lists takes four times the memory
-    widths: Counter[int] = Counter()
-    repeated = 0
-    corrupt = [np.nan] * len(picks)
-    for number, line in enumerate(islice(lines_of(text), first, None), start=first + 1):
-        stripped = line.strip()
-        if not stripped or stripped.startswith("#"):
-            continue
-        if names and stripped == reference.strip():
-            repeated += 1
-            continue
-        cells = _split(line, separator)
-        widths[len(cells)] += 1
-        good = len(cells) == len(titles)
-        rows.extend([_number(cells[i], separator) for i in picks] if good else corrupt)
-        numbers.append(number)
-    _check_widths(widths, len(titles), name)
+    form = RowForm(reference, bool(names), separator, len(titles), picks)
+    blocks = list(row_blocks(text, behind(text, first), first + 1, form))
+    _check_widths(sum((block.widths for block in blocks), Counter()), len(titles), name)
+    repeated = sum(block.repeated for block in blocks)
     remarks += [f"{name}: {repeated} repeated headers were left out."] * (repeated > 0)
-    values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(picks))
-    return LogTable(values, np.frombuffer(numbers, dtype=np.int64), (*remarks, *marks))
+    values = np.concatenate([block.values for block in blocks])
+    lines = np.concatenate([block.lines for block in blocks])
+    return LogTable(values, lines, (*remarks, *marks))
 
 
 def flat_table(text: str, width: int, name: str) -> LogTable:
@@ -222,12 +200,7 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     """
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
-    body = _behind(text, first)
-    numbers = None if body is None else plain_numbers(body)
-    if numbers is None:
-        lines = islice(lines_of(text), first, None)
-        each = array("d", (_number(line.strip(), None) for line in lines))
-        numbers = np.frombuffer(each, dtype=np.float64)
+    numbers = flat_numbers(text, behind(text, first))
     count, rest = divmod(len(numbers), width)
     remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
     if rest:
@@ -236,32 +209,10 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
 
 
-def _behind(text: str, count: int) -> str | None:
-    """Text behind its first lines; None where they are not in its first piece."""
-    head = text[: text.find("\n", PIECE) + 1 or len(text)].splitlines(keepends=True)
-    return text[sum(map(len, head[:count])) :] if count <= len(head) else None
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
-
-
-def _number(cell: str, separator: str | None) -> float:
-    """The number in a cell, or NaN."""
-    if "," in cell and separator != ",":
-        cell = cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else ""
-    if "_" in cell:
-        return np.nan
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
-
-
 def _first_numeric(lines: Iterable[str], name: str) -> int:
     for index, line in enumerate(lines):
         cells, separator = cells_of(line)
-        if cells and all(np.isfinite(_number(cell, separator)) for cell in cells):
+        if cells and all(np.isfinite(number_in(cell, separator)) for cell in cells):
             return index
     raise RecordingError(f"{name} holds no row of numbers; expected one, so export the log again")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording.formats import plain_numbers, text_tables
+from runtime.recording.formats import plain_numbers, text_blocks
 from runtime.recording.formats.text_tables import csv_table, flat_table
 
 ROWS = "t,a,b\n0.1,-1e-3,nan\n0.2, 4 ,1e400\n0.30000000000000004,5,6\n"
@@ -32,11 +32,34 @@ def test_a_table_is_that_of_single_lines(name: str, reader: str, monkeypatch) ->
         pytest.importorskip("pyarrow")
         monkeypatch.setattr(plain_numbers, "LONG", 0)
     at_once = csv_table(ODD[name], ("b", "t", "t"), "log.csv")
-    monkeypatch.setattr(text_tables, "plain_rows", lambda *_: None)
+    monkeypatch.setattr(text_blocks, "plain_rows", lambda *_: None)
     by_line = csv_table(ODD[name], ("b", "t", "t"), "log.csv")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert np.array_equal(at_once.lines, by_line.lines)
     assert at_once.remarks == by_line.remarks
+
+
+@pytest.mark.parametrize("odd", ["7,1", "x,1,2", "# a comment", "t,a,b", ""])
+def test_an_odd_line_costs_only_its_part(odd: str, monkeypatch) -> None:
+    """Property: the table of single lines, but cells near the odd line only are read singly."""
+    monkeypatch.setattr(text_blocks, "BLOCK", 4000)
+    monkeypatch.setattr(text_blocks, "PART", 200)
+    singly = []
+    number_in = text_blocks.number_in
+    rows = [f"0.{k},{k},-{k}e-3" for k in range(2000)]
+    for place in (0, 777, 2000):
+        text = "\n".join(["t,a,b", *rows[:place], odd, *rows[place:]]) + "\n"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(text_blocks, "number_in", lambda *a: singly.append(a) or number_in(*a))
+            at_once = csv_table(text, ("b", "t"), "log.csv")
+        assert len(singly) <= 2 * (200 / len("0.1,1,-1e-3\n") + 1)
+        singly.clear()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(text_blocks, "plain_rows", lambda *_: None)
+            by_line = csv_table(text, ("b", "t"), "log.csv")
+        assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
+        assert np.array_equal(at_once.lines, by_line.lines)
+        assert at_once.remarks == by_line.remarks
 
 
 def test_whole_numbers_are_parsed_at_once() -> None:
@@ -62,7 +85,7 @@ def test_flat_text_is_that_of_single_lines(odd: str, monkeypatch) -> None:
     """Property: one number per line; a line that is none keeps its place as NaN."""
     text = "title\n1\n2.5\r\n" + odd + "\n-3e-5\n4\n"
     at_once = flat_table(text, 2, "log.txt")
-    monkeypatch.setattr(text_tables, "plain_numbers", lambda *_: None)
+    monkeypatch.setattr(text_blocks, "plain_numbers", lambda *_: None)
     by_line = flat_table(text, 2, "log.txt")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert at_once.remarks == by_line.remarks

@@ -1,9 +1,8 @@
 """What `symgen identify` writes and prints of a result."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runtime.cli.common import command_line, console, say, share_table, torque_table
 from runtime.cli.drive import print_drives
@@ -20,8 +19,7 @@ STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outputs:
+class Outputs(NamedTuple):
     """Files that options switch on or off.
 
     Attributes:

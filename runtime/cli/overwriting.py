@@ -9,9 +9,8 @@ import os
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -25,8 +24,7 @@ PAGE = b'<meta name="generator" content="symgen">'
 """Mark of an HTML page of this package."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResultFolder:
+class ResultFolder(NamedTuple):
     """What a command writes into the folder of its result.
 
     Attributes:

@@ -8,8 +8,7 @@ Karush–Kuhn–Tucker conditions hold. Source: Portugal, Júdice & Vicente 1994
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +47,7 @@ NEGATIVE_CAUSE = (
 Answer = TypeVar("Answer")
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(NamedTuple):
     """Bounds of φ.
 
     Attributes:
@@ -61,8 +59,7 @@ class Bounds:
     upper: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Held:
+class Held(NamedTuple):
     """Coefficients that ended at a bound.
 
     Attributes:

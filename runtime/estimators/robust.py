@@ -14,7 +14,8 @@ Driessen 2006; all of them on blocks: ours.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,8 +51,7 @@ NORMAL = 1.4826
 _LISTED = 5
 
 
-@dataclass(frozen=True, slots=True)
-class RowWeights:
+class RowWeights(NamedTuple):
     """Weights of rows.
 
     Attributes:

@@ -17,10 +17,9 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -41,8 +40,7 @@ ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 
 
-@dataclass(frozen=True, slots=True)
-class KnownFriction:
+class KnownFriction(NamedTuple):
     """Friction coefficients of a type.
 
     Attributes:

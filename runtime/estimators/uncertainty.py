@@ -4,6 +4,7 @@
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ BAND_SAMPLES = 200
 """Samples whose bands a report summarises."""
 
 
-@dataclass(frozen=True, slots=True)
-class Information:
+class Information(NamedTuple):
     """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P]).
 
     Attributes:

@@ -1,7 +1,7 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,7 @@ from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
 
 
-@dataclass(frozen=True, slots=True)
-class WholeLog:
+class WholeLog(NamedTuple):
     """Figures over all rows of a streamed log, of which a result holds only windows.
 
     Attributes:
@@ -38,8 +37,7 @@ class WholeLog:
     with_friction: metrics.TorqueError | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class TrainedModel:
+class TrainedModel(NamedTuple):
     """A fit to the training part, where the result is a fit to all rows.
 
     Attributes:

@@ -1,8 +1,7 @@
 """One key of result.json: path, kind, shape, unit and the value of older files."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
 class _Missing:
@@ -12,8 +11,7 @@ class _Missing:
 MISSING = _Missing()
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
+class Key(NamedTuple):
     """One key of result.json.
 
     Attributes:

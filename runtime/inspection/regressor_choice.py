@@ -10,8 +10,9 @@ momentum, which needs no accelerations. δ is therefore the effect of a cut-off 
 band, or of too low a rate, on the rows alone; the noise of q and dq is in both.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ STILL = 0.02
 _ORDER = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Differentiation:
+class Differentiation(NamedTuple):
     """Quality of the accelerations of a preparation.
 
     Attributes:

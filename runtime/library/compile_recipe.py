@@ -7,9 +7,8 @@ the compiler do nothing but compile.
 import hashlib
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from runtime.errors import LibraryError
 from runtime.files import bytes_of, json_of, require_file
@@ -29,8 +28,7 @@ _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
 _WORD = re.compile(r"[a-z0-9_]{0,16}")
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(NamedTuple):
     """Files that are compiled alike, the level they make and the machine they are for ("": all).
 
     `gcc` are flags for a compiler that supports all of them; they shorten compilation. `beside` are
@@ -45,8 +43,7 @@ class Group:
     beside: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class CompileRecipe:
+class CompileRecipe(NamedTuple):
     """Content of `compile.json`; `digest` is that of its bytes, `files` are name → sha256."""
 
     digest: str

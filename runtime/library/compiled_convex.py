@@ -8,6 +8,7 @@ import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +43,7 @@ class ConvexTask:
     start: Array
 
 
-@dataclass(frozen=True, slots=True)
-class ConvexAnswer:
+class ConvexAnswer(NamedTuple):
     """Minimiser, loss, decrement and steps for each γ up to the first that failed."""
 
     points: Array

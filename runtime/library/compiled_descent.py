@@ -6,9 +6,8 @@ and since jobs share nothing the answers do not depend on how many.
 
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ _GROWTH = 2.0
 _POINTER = ctypes.POINTER(ctypes.c_double)
 
 
-@dataclass(frozen=True, slots=True)
-class LeastSquares:
+class LeastSquares(NamedTuple):
     """L = (‖R y − r‖² + ρ) · scale in y = [K π(λ); ψ]; R is upper triangular."""
 
     factor: Array
@@ -33,8 +31,7 @@ class LeastSquares:
     scale: float
 
 
-@dataclass(frozen=True, slots=True)
-class AdamProblem:
+class AdamProblem(NamedTuple):
     """One descent by Adam.
 
     Attributes:

@@ -3,7 +3,7 @@
 import ctypes
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ class _Job(ctypes.Structure):
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class ExcitationFunctions:
+class ExcitationFunctions(NamedTuple):
     """`excitation_cost` and `excitation_work` of one level."""
 
     cost: Callable[..., float]

@@ -1,8 +1,8 @@
 """Folder of a robot: by name among trusted places, or by the path that the user typed."""
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from runtime.errors import LibraryError
 from runtime.files import sha256_of
@@ -24,8 +24,7 @@ class ForeignRobotError(LibraryError):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class RobotFolder:
+class RobotFolder(NamedTuple):
     """Generated folder of a robot.
 
     Attributes:

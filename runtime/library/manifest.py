@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,7 @@ class ArgumentFacts:
         object.__setattr__(self, "size", math.prod(self.shape))
 
 
-@dataclass(frozen=True, slots=True)
-class KernelFacts:
+class KernelFacts(NamedTuple):
     """One kernel as the manifest describes it."""
 
     name: str
@@ -48,8 +47,7 @@ class KernelFacts:
     operations: int
 
 
-@dataclass(frozen=True, slots=True)
-class JointFacts:
+class JointFacts(NamedTuple):
     """Name, kind, moved link, unit and limits of a joint (None without), and where it stands.
 
     Its frame, that of the link it moves, lies in the frame of joint `parent` (−1: the base) with
@@ -70,8 +68,7 @@ class JointFacts:
     axis: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class CouplingFacts:
+class CouplingFacts(NamedTuple):
     """q_all = A q + b: `matrix` A (N, n), `offset` b (N,) [rad, m], `independent` (n,) indices."""
 
     independent: tuple[int, ...]
@@ -79,8 +76,7 @@ class CouplingFacts:
     offset: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class ProxyFacts:
+class ProxyFacts(NamedTuple):
     """A capsule rigid in `link` ("base": the fixed one): its axis in that frame and its radius, m.
 
     `joint` is the index of the joint that moves it, −1 for the base.
@@ -94,8 +90,7 @@ class ProxyFacts:
     radius: float
 
 
-@dataclass(frozen=True, slots=True)
-class PairFacts:
+class PairFacts(NamedTuple):
     """Names of two proxies and the distance that they must keep, m."""
 
     first: str
@@ -103,8 +98,7 @@ class PairFacts:
     margin: float
 
 
-@dataclass(frozen=True, slots=True)
-class BrakingFacts:
+class BrakingFacts(NamedTuple):
     """Velocity limits that shrink towards the ends of the range; (n,) each.
 
     max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower), convex in (q, dq).
@@ -116,8 +110,7 @@ class BrakingFacts:
     lower: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameFacts:
+class FrameFacts(NamedTuple):
     """A frame rigid in that of a moving link: R (3, 3) to the link's axes, origin [m]."""
 
     link: str

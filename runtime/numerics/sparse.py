@@ -4,7 +4,7 @@ Clarabel reads the attributes of a matrix by name, and imports `scipy.linalg.cyt
 `cython_lapack` when it solves a program with semidefinite cones.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import clarabel
 import numpy as np
@@ -17,8 +17,7 @@ for _name in ("cython_blas", "cython_lapack"):
     extension(f"scipy.linalg.{_name}", ("__pyx_capi__",))
 
 
-@dataclass(frozen=True, slots=True)
-class Columns:
+class Columns(NamedTuple):
     """Matrix in compressed columns.
 
     Attributes:

@@ -8,7 +8,7 @@ entry point of the group "symgen.friction_columns" of another package).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ if TYPE_CHECKING:  # settings name the widths of the columns by this registry
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class JointMotion:
+class JointMotion(NamedTuple):
     """Motion from which friction columns are computed; every column needs dq.
 
     Attributes:

@@ -6,8 +6,8 @@ Coulomb friction has opposite signs after two approaches from opposite sides, so
 the mean. The rows have dq = ddq = 0 and contain gravity alone.
 """
 
-from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ FEWEST = 3
 """Number of pairs from which on a log is one of poses."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Visit:
+class _Visit(NamedTuple):
     """Means over one rest, and the displacement of the approach."""
 
     t: float

@@ -9,6 +9,7 @@ Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import clarabel
 import numpy as np
@@ -223,8 +224,7 @@ class _Cones:
         return _Block(a, stored, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
 
 
-@dataclass(frozen=True, slots=True)
-class _Block:
+class _Block(NamedTuple):
     """Rows b − A x ∈ K, and which entries of A are stored."""
 
     a: Array

@@ -5,7 +5,7 @@ P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) deter
     ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ _SYMMETRIC = np.array(
 """An orthonormal basis of symmetric matrices, (10, 4, 4)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Bodies:
+class Bodies(NamedTuple):
     """Map P(π) = Σ π_i B_i of one body, the same for every link of every robot.
 
     Attributes:

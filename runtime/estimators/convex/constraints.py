@@ -7,6 +7,7 @@ its multipliers name the priors that contradict each other (Farkas). Then the Ne
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import clarabel
 import numpy as np
@@ -33,8 +34,7 @@ ACTIVE = 1e-2
 """Slack, relative to its scale, below which a half-space holds with equality."""
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """One linear prior, coefficients · π = value or ≤ value.
 
     Attributes:

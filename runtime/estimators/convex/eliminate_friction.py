@@ -5,6 +5,7 @@ are what Q₂ᵀ leaves of R K and r (a Schur complement without normal equation
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,7 @@ class Reduced:
         return self.rest / self.freedom
 
 
-@dataclass(frozen=True, slots=True)
-class Elimination:
+class Elimination(NamedTuple):
     """Triangular system that gives the best φ at a given π.
 
     Attributes:

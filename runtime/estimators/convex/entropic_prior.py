@@ -6,7 +6,7 @@ a weight of κ trusts every direction of P0 to a relative standard deviation of 
 Source: Lee, Wensing & Park 2019 for the divergence; the floor is this project's.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,8 +24,7 @@ CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
 """Trust κ in a model from CAD, in a gripper or payload, and in a model of unknown quality."""
 
 
-@dataclass(frozen=True, slots=True)
-class Prior:
+class Prior(NamedTuple):
     """Entropic prior around given bodies.
 
     Attributes:

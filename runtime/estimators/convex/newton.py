@@ -9,6 +9,7 @@ backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ MOST_HALVINGS = 60
 """Limit of halvings of one step."""
 
 
-@dataclass(frozen=True, slots=True)
-class HalfSpaces:
+class HalfSpaces(NamedTuple):
     """Half-spaces a_c · π ≤ l_c, kept strictly by a logarithmic barrier.
 
     Attributes:
@@ -50,8 +50,7 @@ class HalfSpaces:
         return np.asarray(self.limits - self.rows @ pi)
 
 
-@dataclass(frozen=True, slots=True)
-class Subspace:
+class Subspace(NamedTuple):
     """Affine subspace π = origin + basis z that linear equations leave free.
 
     Attributes:

@@ -7,7 +7,7 @@ term of the prior the logarithm alone would have no minimiser. No cone solver is
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,7 @@ EXPLAINED = 1e-9
 """Losses below this share of that of τ̂ = 0 count as rounding."""
 
 
-@dataclass(frozen=True, slots=True)
-class Path:
+class Path(NamedTuple):
     """Minimisers at falling weights γ, towards the optimum of all consistent models.
 
     Attributes:

@@ -5,7 +5,7 @@ units of the prior the information is 1 + (Ã R)ᵀ(Ã R), R Rᵀ = (κ B)⁻¹,
 Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ DETERMINED = 0.1
 """Posterior over prior variance below which a parameter counts as determined by the data."""
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
+class Spread(NamedTuple):
     """Covariance of π.
 
     Attributes:

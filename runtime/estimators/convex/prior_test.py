@@ -12,7 +12,7 @@ and more in 96 of 100 logs.
 Source: Box 1980 for the prior predictive test; the release of single links is this project's.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ LEAST_DENSITY = 1e-4
 the weighted unit, as in the maximum a posteriori."""
 
 
-@dataclass(frozen=True, slots=True)
-class PriorTest:
+class PriorTest(NamedTuple):
     """Result of the test.
 
     Attributes:

@@ -5,14 +5,14 @@ Source: document Eqs. 4.42–4.46; ε stands outside the square root.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from runtime.estimators.optimizers.loop import Array, Status
 
 
-@dataclass(frozen=True, slots=True)
-class AdamOptions:
+class AdamOptions(NamedTuple):
     """η, β₁, β₂, ε."""
 
     learning_rate: float = 1e-3

@@ -9,7 +9,7 @@ stopping on validation samples (`descend_validated`) and a trace down to the end
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +83,7 @@ class StoppingRule:
     threshold: float = 2e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Trace:
+class Trace(NamedTuple):
     """Losses at the iterations that were validated."""
 
     iteration: tuple[int, ...]

@@ -15,7 +15,7 @@ Source: Bartlett 1950 for smoothed periodograms, Müller 2007 for cosines; the w
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _LEAST = 0.02
 """Share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated."""
 
 
-@dataclass(frozen=True, slots=True)
-class ColouredNoise:
+class ColouredNoise(NamedTuple):
     """Noise of rows that are divided by their standard deviation.
 
     Attributes:

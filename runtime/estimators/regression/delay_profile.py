@@ -9,7 +9,7 @@ Source: profile likelihood of Gaussian noise with unknown variances (Murphy & va
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ FLAT_SHARE = 0.5
 """Width of the 99.9 % interval over that of the range from which on the profile is flat."""
 
 
-@dataclass(frozen=True, slots=True)
-class DelayProfile:
+class DelayProfile(NamedTuple):
     """Loss over the delay.
 
     Attributes:

@@ -8,7 +8,7 @@ of its parameters, and `score_test` finds the rest. The time step comes from pos
 velocities of the samples.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ USABLE_S = 10e-3
 bundled motions changes by 2 % in that time."""
 
 
-@dataclass(frozen=True, slots=True)
-class DelayTest:
+class DelayTest(NamedTuple):
     """Result of the test.
 
     Attributes:

@@ -7,7 +7,7 @@ deviations of gears that viscous, Coulomb and offset columns leave in the residu
 inertial parameters takes up a part of them, so that its intervals are too narrow.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ PEAK, SIGN = 0.15, 0.05
 """Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""
 
 
-@dataclass(frozen=True, slots=True)
-class FrictionTest:
+class FrictionTest(NamedTuple):
     """Result of the test.
 
     Attributes:

@@ -10,7 +10,7 @@ that of the column of one joint alone with one.
 Source: Gautier & Briot 2014 for the regression with gains; `score_test` for the test.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ GROWTH = 1.4
 follow the residuals, which contain a part of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class GainTest:
+class GainTest(NamedTuple):
     """Result of the test.
 
     Attributes:

@@ -6,7 +6,8 @@ A commanded torque is fitted with the links of the URDF: friction and rotor iner
 free links would imitate a delay (kp d dq like viscous friction, kd d ddq like inertia).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ CUTOFF_HZ, SHARE = 10.0, 0.2
 """Cut-off where the preparation has no filter [Hz], and the same over the rate of a slow log."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedDelay:
+class RecordedDelay(NamedTuple):
     """Delay of a recording.
 
     Attributes:

@@ -10,7 +10,7 @@ Wensing & Park 2019) to second order; Gautier & Briot 2014 for the scale by a kn
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +47,7 @@ LEAST = 1e-6
 """Singular value of unit friction columns over the largest, below which a direction is absent."""
 
 
-@dataclass(frozen=True, slots=True)
-class Weighed:
+class Weighed(NamedTuple):
     """A mass from a scale.
 
     Attributes:
@@ -85,8 +84,7 @@ class Weighed:
         return f"the mass of {what}, {self.kg:g} kg"
 
 
-@dataclass(frozen=True, slots=True)
-class _Rows:
+class _Rows(NamedTuple):
     """Channels with friction taken out.
 
     Attributes:

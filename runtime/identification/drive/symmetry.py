@@ -8,8 +8,8 @@ predicts the held-out torque of the other: an error that rises belongs to the ro
 not to intervals that are too narrow. The covariance between the sides is not counted.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ RISES = 1.05
 """Error with the drive of the other side over that with the joint's, from which on they differ."""
 
 
-@dataclass(frozen=True, slots=True)
-class MirroredDrive:
+class MirroredDrive(NamedTuple):
     """One quantity of two mirrored joints.
 
     Attributes:

@@ -7,15 +7,14 @@ add up, and T = [[R, p], [0, 1]] transforms P to another frame. Source: Wensing,
 2018.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from runtime.library import Array
 
 
-@dataclass(frozen=True, slots=True)
-class RigidBody:
+class RigidBody(NamedTuple):
     """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg·m²], axes of the link."""
 
     mass: float

@@ -1,8 +1,7 @@
 """Drives of an identified robot, as simulators' actuators need them: gains, delay, bias, σ."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from runtime.errors import ExportError
 
@@ -10,8 +9,7 @@ KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 """Values of one drive in result.json."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drives:
+class Drives(NamedTuple):
     """Drives of all joints in SI units; None where a value is unknown.
 
     Attributes:

@@ -6,7 +6,7 @@ physically consistent, the moving link gets the whole sum and the links fixed to
 also gets the inertia of links without mass.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,7 @@ from runtime.outputs.model_files.bodies import RigidBody, body_of, smallest_eige
 from runtime.outputs.model_files.urdf_tree import Tree
 
 
-@dataclass(frozen=True, slots=True)
-class LinkBodies:
+class LinkBodies(NamedTuple):
     """Rigid bodies of the links.
 
     Attributes:

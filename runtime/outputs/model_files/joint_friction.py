@@ -4,7 +4,7 @@ viscous dq → damping      coulomb tanh(dq/ε), dahl ζ → friction (both are 
 rotor ddq → armature      other columns have no counterpart and are listed in a note
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ TERMS = ("damping", "friction", "armature")
 """Terms of a simulator's joint; which column is which, `FrictionColumn.model_term` states."""
 
 
-@dataclass(frozen=True, slots=True)
-class JointFriction:
+class JointFriction(NamedTuple):
     """Joint friction as simulators describe it, per joint of the library.
 
     Attributes:

@@ -1,6 +1,6 @@
 """A robot with identified bodies and friction, as every model file format writes it."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,7 @@ from runtime.outputs.model_files.urdf_tree import Tree, read_tree
 from runtime.recording import Friction
 
 
-@dataclass(frozen=True, slots=True)
-class IdentifiedModel:
+class IdentifiedModel(NamedTuple):
     """Identified parameters of a robot and the kinematics of its URDF.
 
     Attributes:

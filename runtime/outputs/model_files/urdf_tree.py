@@ -4,7 +4,7 @@ It was normalised by `symgen build`: revolute, continuous, prismatic and fixed j
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
@@ -21,8 +21,7 @@ WORLD = "world"
 """Name of a root link that MuJoCo and SDF predefine."""
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(NamedTuple):
     """A joint of the URDF, fixed ones included.
 
     Attributes:
@@ -41,8 +40,7 @@ class Edge:
     upper: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Tree:
+class Tree(NamedTuple):
     """A URDF document; `root` is not shared and may be changed.
 
     Attributes:

@@ -4,9 +4,8 @@ import io
 import sys
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,8 +106,7 @@ def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:
     return LogTable(rows.astype(np.float64), np.arange(len(rows), dtype=np.int64))
 
 
-@dataclass(frozen=True, slots=True)
-class _Array:
+class _Array(NamedTuple):
     """Place of an array in a file."""
 
     offset: int

@@ -5,7 +5,7 @@ a linear relation between signals survives only if all of them pass the same fil
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ LOWEST = 1e-7
 """Cut-off over rate at which the poles of a low-pass are 1 in double precision."""
 
 
-@dataclass(frozen=True, slots=True)
-class Butterworth:
+class Butterworth(NamedTuple):
     """A low-pass for one clock.
 
     Attributes:

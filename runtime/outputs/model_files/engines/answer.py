@@ -1,6 +1,6 @@
 """What an engine read from a file, in the order and with the names of the library."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ class Unreadable(Exception):
         super().__init__(" ".join(str(reason).split()))
 
 
-@dataclass(frozen=True, slots=True)
-class Reloaded:
+class Reloaded(NamedTuple):
     """A robot as an engine read it from a file.
 
     Attributes:

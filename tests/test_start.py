@@ -60,7 +60,7 @@ UNUSED = (
 """Modules that a short log in a pipe has no use for: threads, signs of progress, other formats."""
 
 
-DATA_CLASSES = 76
+DATA_CLASSES = 78
 """Most data classes of `runtime` that `identify` defines; each compiles its methods, 0.6 ms of CPU
 time, a named tuple takes 0.05 ms."""
 

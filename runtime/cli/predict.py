@@ -24,6 +24,7 @@ from runtime.cli.predict_tables import (
 )
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.cli.robot import Yes, open_robot
+from runtime.cli.until import require_gain_error
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -41,6 +42,7 @@ from runtime.identification.expected_accuracy import (
     planned_recording,
     verdict,
 )
+from runtime.identification.expected_accuracy.promise import ModelError
 from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.simulation import sample_times
@@ -85,6 +87,14 @@ def predict_command(
     ] = None,
     payload_only: PayloadOnly = False,
     earlier_log: EarlierLogs = None,
+    gain_error: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Standard deviation of the torque gain of every joint, relative to one, for the "
+            "σ of predicted torque; residuals hardly show it.",
+        ),
+    ] = ModelError().gain,
     more: Annotated[
         str | None,
         typer.Option(
@@ -122,6 +132,7 @@ def predict_command(
     """
     lib = open_robot(robot, yes)
     require_unused([plot] if plot else [], overwrite, "--plot")
+    require_gain_error(gain_error)
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where the rate is out of range
     _require_rates_apply(
@@ -136,21 +147,24 @@ def predict_command(
     if plot is not None:
         _draw(situation, more, options, log_rate, plot)
     if as_json:
-        figures = _facts(situation, now, steps)
+        figures = _facts(situation, now, gain_error, steps)
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    _show(situation, now, steps)
+    _show(situation, now, gain_error, steps)
     if plot is not None:
         say(f"plot: {plot}")
 
 
 def _facts(
-    situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...]
+    situation: Situation, now: Expected, gain_error: float, steps: tuple[GainOfRecording, ...]
 ) -> dict[str, object]:
     lib, alone = situation.lib, situation.known.payload_only
     figures = situation.facts() | facts(now, lib, alone)
     if not alone:
-        figures["torque_of_unseen_motions"] = _unseen(now, lib).tolist()
+        torque, whole = _unseen(situation, now, gain_error)
+        figures["torque_of_unseen_motions"] = torque.tolist()
+        figures["gain_error"] = gain_error
+        figures["torque_of_unseen_motions_with_gains"] = None if whole is None else whole.tolist()
     if steps:
         figures["more"] = [
             {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
@@ -160,13 +174,18 @@ def _facts(
     return figures
 
 
-def _show(situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...]) -> None:
+def _show(
+    situation: Situation, now: Expected, gain_error: float, steps: tuple[GainOfRecording, ...]
+) -> None:
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
         console.print(base_table(now, lib))
         console.print(link_table(now, lib))
-        say(torque_sentence(_unseen(now, lib)))
+        torque, whole = _unseen(situation, now, gain_error)
+        say(torque_sentence(torque))
+        if whole is not None and gain_error:
+            say(torque_sentence(whole, gain_error))
     say(payload_sentence(now, alone))
     if not situation.from_residuals and situation.planned.sentence():
         say(situation.planned.sentence())
@@ -175,9 +194,11 @@ def _show(situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...
         say(verdict(steps))
 
 
-def _unseen(now: Expected, lib: Library) -> Array:
-    """σ of the torque of motions never seen, per joint."""
-    return now.torque(lib, unseen_joints(lib, lib.home))
+def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Array, Array | None]:
+    """σ of the torque of motions never seen, per joint, without and with errors of the gains."""
+    unseen = unseen_joints(situation.lib, situation.lib.home)
+    torque = now.torque(situation.lib, unseen)
+    return torque, situation.with_gains(torque, gain_error, unseen)
 
 
 def _moved(

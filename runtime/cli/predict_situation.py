@@ -13,7 +13,9 @@ from runtime.identification.expected_accuracy import (
     MotionSamples,
     Noise,
     expected,
+    gain_slopes,
     noise_of,
+    torque_of_gains,
 )
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
@@ -65,6 +67,23 @@ class Situation:
                 "motion that turns the last link about all axes (excite --payload-only designs one)"
             )
         return sigmas
+
+    def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array | None:
+        """σ of the torque of motions that are not in the log, errors of the torque gains included.
+
+        Args:
+            torque: σ by the residuals, (n,) N·m or N.
+            gain_error: standard deviation of every torque gain, relative to one.
+            unseen: mean of Y_bᵀ Y_b per joint over these motions, (n, n_b, n_b).
+
+        Returns:
+            (n,) N·m or N; None where rows are not of single joints (power of all joints).
+        """
+        lib = self.lib
+        if self.moved.samples.equations != lib.n_joints:
+            return None
+        slopes = gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
+        return np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
 
     def sentence(self) -> str:
         """Sentence on duration, samples, noise and unknowns."""

@@ -165,9 +165,20 @@ def prediction_sentences(prediction: Prediction) -> tuple[str, ...]:
     return (*lines, *(f"note: {note}" for note in prediction.notes))
 
 
-def torque_sentence(bands: Array) -> str:
-    """Sentence on the σ of predicted torque, (n,) N·m, for motions that are not in the log."""
+def torque_sentence(bands: Array, gain_error: float = 0.0) -> str:
+    """Sentence on the σ of predicted torque for motions that are not in the log.
+
+    Args:
+        bands: σ of every joint, (n,) N·m.
+        gain_error: standard deviation of the torque gains that σ counts, relative to one.
+
+    Returns:
+        The sentence.
+    """
     sigmas = ", ".join(f"{1000 * value:.2f}" for value in bands)
+    if gain_error:
+        off = f"{100 * gain_error:g} % off (--gain-error), which residuals hardly show"
+        return f"with torque gains that may be {off}: {sigmas} mN·m"
     return f"expected σ of the predicted torque, joint by joint: {sigmas} mN·m"
 
 

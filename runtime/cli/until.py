@@ -40,6 +40,16 @@ _FOLLOWING = {
 """Parameters that --until chooses."""
 
 
+def require_gain_error(gain_error: float) -> None:
+    """Check a value of --gain-error.
+
+    Raises:
+        RuntimeFault: it is no share of one.
+    """
+    if not 0 <= gain_error < 1:
+        raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
+
+
 def until_kind(context: typer.Context, until: str | None) -> str | None:
     """Kind of the target of --until.
 
@@ -110,8 +120,7 @@ def searched(
     """
     if until is None:
         return design(lib, settings, **search), {}, ()
-    if not 0 <= gain_error < 1:
-        raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
+    require_gain_error(gain_error)
     from runtime.campaign.shortest_session import shortest_session
     from runtime.campaign.target import target_of
 

@@ -3,7 +3,7 @@
 ideal     exact motion, friction of the columns that are fitted, white torque noise: the real
 error of other motions' torque against what `predict` expects
 MuJoCo    virtual arms with friction beyond the columns, gains, delays, a controller: the real
-error, and what `predict` expects from the residuals of the log
+error, and what `predict` expects from the residuals of the log and the accuracy of the gains
 """
 
 import time
@@ -24,9 +24,11 @@ from runtime.identification.expected_accuracy import (
     Knowledge,
     MotionSamples,
     expected,
+    gain_slopes,
     motion_samples_of,
     noise_of,
     planned_recording,
+    torque_of_gains,
 )
 from runtime.identification.single_log import identify
 from runtime.library import Array, Library
@@ -70,6 +72,7 @@ class Row:
         ideal: real error of ideal arms, RMS.
         virtual: real error of virtual arms, RMS.
         from_residuals: of `predict` with the residuals of the virtual arms' logs, RMS.
+        with_gains: the same with the errors of the gains that the virtual sensors have.
         cpu: seconds of the design.
     """
 
@@ -79,6 +82,7 @@ class Row:
     ideal: float
     virtual: float
     from_residuals: float
+    with_gains: float
     cpu: float
 
 
@@ -148,8 +152,8 @@ def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: i
     promised = _promised(lib, planned, np.full(lib.n_joints, NOISE), joints)
     errors = [_ideal(lib, motion, each, joints) for each in range(draws)]
     virtual = np.array([_virtual(lib, motion, each, joints) for each in range(arms)])
-    real, residual = np.sqrt(np.mean(virtual**2, axis=0))
-    return Row(shape, result.condition, promised, _rms(errors), real, residual, cpu)
+    real, residual, whole = np.sqrt(np.mean(virtual**2, axis=0))
+    return Row(shape, result.condition, promised, _rms(errors), real, residual, whole, cpu)
 
 
 def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
@@ -159,8 +163,10 @@ def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
     return _error(lib, log, None, pi, joints)
 
 
-def _virtual(lib: Library, motion: Trajectory, seed: int, joints: Array) -> tuple[float, float]:
-    """Real and expected error on the virtual arm with this seed."""
+def _virtual(
+    lib: Library, motion: Trajectory, seed: int, joints: Array
+) -> tuple[float, float, float]:
+    """Real error on the virtual arm with this seed, and that expected without and with gains."""
     log = record(lib, motion, seed=seed, truth_seed=seed)
     real = _error(lib, log.recording, PREPARATION, log.truth.pi, joints)
     moved = motion_samples_of(log.recording, lib, PREPARATION, TERMS)
@@ -168,7 +174,11 @@ def _virtual(lib: Library, motion: Trajectory, seed: int, joints: Array) -> tupl
     if noise is None:
         raise BenchError(f"the log of virtual arm {seed} has no noise")
     known = replace(Knowledge.of(lib), pi=noise.pi, error=noise.error)
-    return real, _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
+    promised = _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
+    slopes = gain_slopes(lib, moved, noise.sigma, known, noise.inflation)
+    stated = float(log.truth.settings.sensors.torque_gain[0])
+    gains = np.linalg.norm(torque_of_gains(lib, slopes, stated, joints))
+    return real, promised, float(np.hypot(promised, gains))
 
 
 def _error(
@@ -206,7 +216,7 @@ def _rms(values: list[float]) -> float:
 
 _HEAD = (
     *("M", "t_f s", "friction counted", "cond", "expected V", "real, ideal", "expected / real"),
-    *("real, MuJoCo", "by residuals", "real / by residuals", "CPU s"),
+    *("real, MuJoCo", "by residuals", "with gains", "real / with gains", "CPU s"),
 )
 
 
@@ -216,8 +226,8 @@ def table(report: Report) -> Table:
     caption = (
         f"Criterion mixed, all limits and a table, best of {report.starts} starts. Errors: RMS "
         f"torque error on unseen motions, mN·m, over {report.draws} ideal and {report.arms} "
-        "virtual arms. Expected and by residuals: what predict states of the planned motion and "
-        "of the logs."
+        "virtual arms. Expected, by residuals and with gains: what predict states of the planned "
+        "motion and of the logs, with the gain error of the virtual sensors."
     )
     return grid.table(_HEAD, _lines(report), title, caption)
 
@@ -239,6 +249,7 @@ def _lines(report: Report) -> Iterator[tuple[str, ...]]:
             f"{row.expected / row.ideal:.2f}",
             f"{1e3 * row.virtual:.0f}",
             f"{1e3 * row.from_residuals:.0f}",
-            f"{row.virtual / row.from_residuals:.2f}",
+            f"{1e3 * row.with_gains:.0f}",
+            f"{row.virtual / row.with_gains:.2f}",
             f"{row.cpu:.0f}",
         )

@@ -23,6 +23,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     planned_recording,
 )
 from runtime.identification.expected_accuracy.same_motion import gained_by_same_motion
+from runtime.identification.expected_accuracy.torque_gains import gain_slopes, torque_of_gains
 
 __all__ = [
     "SECONDS",
@@ -36,11 +37,13 @@ __all__ = [
     "base_names",
     "expected",
     "facts",
+    "gain_slopes",
     "gained",
     "gained_by_same_motion",
     "growth",
     "motion_samples_of",
     "noise_of",
     "planned_recording",
+    "torque_of_gains",
     "verdict",
 ]

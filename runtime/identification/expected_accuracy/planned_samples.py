@@ -50,7 +50,9 @@ class MotionSamples:
         """Duration [s]; every sample counts 1/rate."""
         return len(self.samples) / self.rate
 
-    def statistics(self, lib: Library, noise: Array, seconds: float | None = None) -> Statistics:
+    def statistics(
+        self, lib: Library, noise: Array, seconds: float | None = None, only: int | None = None
+    ) -> Statistics:
         """Factor of the rows over their noise.
 
         Args:
@@ -58,16 +60,20 @@ class MotionSamples:
             noise: σ of the torque, (n,) N·m or N.
             seconds: duration that counts [s], None for the whole motion; beyond the end the motion
                 is repeated.
+            only: index of the joint whose rows count; None for all.
 
         Returns:
             Compressed samples.
         """
+        weights = 1 / noise**2
+        if only is not None:
+            weights = np.where(np.arange(len(noise)) == only, weights, 0.0)
         repeats = None
         if seconds is not None:
             rows, count = len(self.samples), round(seconds * self.rate)
             repeats = np.full(rows, float(count // rows))
             repeats[: count % rows] += 1.0
-        return compress(lib, self.samples, 1 / noise**2, repeats)
+        return compress(lib, self.samples, weights, repeats)
 
     def require_columns(self, columns: tuple[str, ...]) -> None:
         """Refuse to follow a motion with other friction columns.

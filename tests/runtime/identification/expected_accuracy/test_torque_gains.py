@@ -1,0 +1,95 @@
+"""Errors of an identified model by wrong gains of the torque sensors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.excitation import Trajectory
+from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.excitation.trajectory_file import write_motion
+from runtime.identification.expected_accuracy import (
+    Knowledge,
+    MotionSamples,
+    gain_slopes,
+    motion_samples_of,
+    planned_recording,
+    torque_of_gains,
+)
+from runtime.library import Library
+from runtime.recording import Friction
+from tests.runtime.conftest import Command
+from tests.runtime.trials import with_friction
+
+NAMES = ("viscous", "coulomb", "offset")
+FAINT = np.full(2, 1e-6)
+"""Noise, N·m, beside which the prior has no weight."""
+
+
+def swing(double: Library) -> Trajectory:
+    a = np.random.default_rng(0).uniform(-0.05, 0.05, (2, 4))
+    return Trajectory(double.home, a, 4.0)
+
+
+@pytest.fixture(scope="module")
+def swung(double: Library) -> MotionSamples:
+    """A motion of two joints at 100 Hz."""
+    t = np.arange(401) / 100
+    planned = planned_recording(swing(double), t, double, "swung")
+    return motion_samples_of(planned, double, None, Friction(NAMES))
+
+
+def test_a_wrong_gain_by_least_squares(double: Library, swung: MotionSamples) -> None:
+    """Oracle: numpy's least squares over base parameters and friction, with one torque scaled."""
+    s = swung.samples
+    rows = double.base_regressor(s.q, s.dq, s.ddq)
+    whole = with_friction(rows, s.dq, NAMES)
+    beta = double.base_matrix @ double.pi0
+    slopes = double.base_matrix @ gain_slopes(double, swung, FAINT, Knowledge.of(double))
+    for joint in range(2):
+        wrong = np.zeros(rows.shape[:2])
+        wrong[:, joint] = rows[:, joint] @ beta
+        x = np.linalg.lstsq(whole, wrong.ravel(), rcond=None)[0]
+        # The prior and rounding × cond² of raw columns.
+        assert slopes[:, joint] == pytest.approx(x[: len(beta)], abs=1e-5 * np.abs(beta).max())
+
+
+def test_a_common_gain_scales_the_model(double: Library, swung: MotionSamples) -> None:
+    """Property: Σ s_j = π over the base, so that the error of the torque is that share of it."""
+    slopes = gain_slopes(double, swung, FAINT, Knowledge.of(double))
+    beta = double.base_matrix @ double.pi0
+    common = double.base_matrix @ slopes.sum(axis=1)
+    assert common == pytest.approx(beta, abs=1e-5 * np.abs(beta).max())  # as above
+    unseen = unseen_joints(double, double.home)
+    scaled = np.sqrt([(0.01 * beta) @ joint @ (0.01 * beta) for joint in unseen])
+    one = torque_of_gains(double, slopes.sum(axis=1, keepdims=True), 0.01, unseen)
+    assert one == pytest.approx(scaled, rel=1e-4)
+
+
+def test_a_strong_prior_does_not_follow_a_gain(double: Library, swung: MotionSamples) -> None:
+    """Property: with noise far above the torque the model stays at the URDF."""
+    slopes = gain_slopes(double, swung, np.full(2, 1e6), Knowledge.of(double))
+    assert np.abs(slopes).max() < 1e-6 * np.abs(double.pi0).max()  # (τ / σ)²
+
+
+def test_predict_states_both(command: Command, double: Library, tmp_path: Path) -> None:
+    """Property: the option reaches σ, whose square is that of the noise and of the gains."""
+    write_motion(swing(double), double, tmp_path / "motion.json")
+    plan = ("predict", "motion.json", "--robot", double.folder)
+    usual = json.loads(command(*plan, "--json").out)
+    less = json.loads(command(*plan, "--gain-error", "0.001", "--json").out)
+    noise = np.array(usual["torque_of_unseen_motions"])
+    assert less["torque_of_unseen_motions"] == noise.tolist()
+    both = [np.array(one["torque_of_unseen_motions_with_gains"]) for one in (usual, less)]
+    assert (usual["gain_error"], less["gain_error"]) == (0.005, 0.001)
+    parts = [both[0] ** 2 - noise**2, both[1] ** 2 - noise**2]
+    assert parts[0] == pytest.approx(25 * parts[1], rel=1e-9)  # rounding of the difference
+    lines = command(*plan).out.splitlines()
+    shown = ", ".join(f"{1000 * one:.2f}" for one in both[0])
+    start = "with torque gains that may be 0.5 % off (--gain-error), which residuals hardly show"
+    assert f"{start}: {shown} mN·m" in lines
+    assert "--gain-error" not in command(*plan, "--gain-error", "0").out
+    ran = command(*plan, "--gain-error", "-1")
+    assert ran.code == 2
+    assert "--gain-error is a share of one, such as 0.005, got -1" in ran.err

@@ -193,7 +193,9 @@ def _read(
 def _of_file(raw: Raw) -> list[Finding]:
     """Findings of the reader, and signals whose names stand for a command or a model (trap 4)."""
     findings = [Finding("corrupt_rows", WARNING, each, trap=9) for each in raw.dropped]
-    findings += [Finding("file_form", INFO, each, trap=9) for each in raw.remarks]
+    findings += [
+        Finding("file_form", INFO, each.removeprefix("Warning: "), trap=9) for each in raw.remarks
+    ]
     findings += [Finding("other_file", WARNING, each) for each in raw.pins]
     for kind, signal in raw.plan.signals().items():
         titles = [str(c) for c in signal.columns] or [signal.key or signal.file]

@@ -54,7 +54,10 @@ class LogFiles:
         """The recipe with its signals, or with those of the default convention."""
         if self.recipe.position is not None:
             return self._with_numbers(self.recipe)
-        default = self.reader(self.file_of(""), "").convention()
+        reader = self.reader(self.file_of(""), "")
+        default = reader.convention()
+        if self.recipe.law is not None:
+            reader.said = ()  # the law reads arrays that the convention does not know
         law = self.recipe.law or default.law
         plan = default.replace(
             time=self.recipe.time or default.time,

@@ -30,8 +30,10 @@ def require_plausible(recording: Recording, lib: Library) -> None:
     """
     require_joints(recording, lib)
     if recording.tau is None:
+        unread = [step for step in recording.history if " are not read; if they are " in step]
         raise IdentificationError(
             f"the recording '{recording.name}' has no torque, which identification needs"
+            + "".join(f"; {step.removeprefix('Warning: ').rstrip('.')}" for step in unread)
         )
     largest = float(np.abs(recording.tau).max())
     if largest < SMALLEST:

@@ -69,6 +69,7 @@ class Raw:
         name: of the recording.
         source: file name → sha256.
         pins: sentences about files that are not the published ones.
+        said: sentences about what the default convention does not read.
     """
 
     plan: Recipe
@@ -81,6 +82,7 @@ class Raw:
     name: str
     source: Mapping[str, str]
     pins: tuple[str, ...]
+    said: tuple[str, ...]
 
     @property
     def values(self) -> dict[str, FloatArray]:
@@ -90,7 +92,8 @@ class Raw:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences about the form of the files."""
-        return tuple(dict.fromkeys(said for t in self.tables.values() for said in t.remarks))
+        of_tables = (said for t in self.tables.values() for said in t.remarks)
+        return tuple(dict.fromkeys((*of_tables, *self.said)))
 
 
 def read_raw(
@@ -132,6 +135,7 @@ def read_raw(
         name=extras.texts.get("name", ("",))[0] or plan.name or place.stem,
         source=files.sha256,
         pins=tuple(files.pin_notes()),
+        said=files.remarks(),
     )
 
 

@@ -25,6 +25,7 @@ from runtime.recording.formats.text_tables import (
 )
 from runtime.recording.recipes.default_convention import columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.unread_signals import unread_columns
 from runtime.recording.recording import Recording
 
 FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torque", "N*m")}
@@ -53,8 +54,9 @@ class TextReader(LogReader):
         if (franka := _franka_convention(islice(lines_of(text), FRANKA_HEAD))) is not None:
             return franka
         place = find_header(lines_of(text), ("q1",), self.raw.name)
-        header = next(islice(lines_of(text), place, None))
-        return columns_convention(cells_of(header)[0], "csv", self.raw.name)
+        titles = cells_of(next(islice(lines_of(text), place, None)))[0]
+        self.said = unread_columns(titles, self.raw.name)
+        return columns_convention(titles, "csv", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Columns that a part of the recipe names.

@@ -10,6 +10,7 @@ from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile, 
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import arrays_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.unread_signals import unread_arrays
 
 
 class HdfReader(LogReader):
@@ -24,7 +25,9 @@ class HdfReader(LogReader):
         present = self._log().shapes
         groups = [key.removesuffix("q") for key in present if key.endswith("/q")]
         prefix = groups[0] if "q" not in present and len(groups) == 1 else ""
-        return arrays_convention(present, "hdf5", prefix)
+        plan = arrays_convention(present, "hdf5", prefix)
+        self.said = unread_arrays(self.arrays(), plan, self.raw.name)
+        return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part.

@@ -111,10 +111,12 @@ class LogReader:
 
     Attributes:
         raw: the file.
+        said: sentences of `convention` about what it does not read.
     """
 
     def __init__(self, raw: RawFile) -> None:
         self.raw = raw
+        self.said: Texts = ()
 
     def convention(self) -> "Recipe":
         """Recipe that describes a file which follows the default convention of the format.
@@ -166,7 +168,7 @@ class LogReader:
 
     def remarks(self) -> Texts:
         """Sentences about the form of the file."""
-        return ()
+        return self.said
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines of a text; `inspect` looks for titles in them."""

@@ -18,6 +18,7 @@ from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import arrays_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.unread_signals import unread_arrays
 from runtime.recording.recording import SIGNALS, Recording
 
 _TEXTS = ("name", "joint_names", "column_names", "history")
@@ -32,8 +33,11 @@ class NpzReader(LogReader):
 
     def convention(self) -> Recipe:
         """Recipe of the arrays that are there; q is always expected."""
-        present = NpzRows(self.raw.hashed()).keys if self.raw.in_place else self._content()
-        return arrays_convention(present, "npz")
+        if self.raw.in_place:
+            return arrays_convention(NpzRows(self.raw.hashed()).keys, "npz")
+        plan = arrays_convention(self._content(), "npz")
+        self.said = unread_arrays(self.arrays(), plan, self.raw.name)
+        return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part.

@@ -15,6 +15,7 @@ from runtime.recording.formats.parquet_rows import ParquetRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import KINDS, UNITS, columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.unread_signals import unread_columns
 from runtime.recording.recording import Recording
 
 
@@ -37,6 +38,7 @@ class ParquetReader(LogReader):
                 f"lists), but has {', '.join(titles[:8]) or 'none'}; rename them or describe them "
                 "in a recipe"
             )
+        self.said = unread_columns(titles, self.raw.name)
         return columns_convention(list(titles), "parquet", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:

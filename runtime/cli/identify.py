@@ -12,8 +12,7 @@ from runtime.cli.identify_output import Outputs, finish
 from runtime.cli.identify_request import (
     controller_of,
     prior_of,
-    require_for_several,
-    require_for_streamed,
+    require_one_log,
 )
 from runtime.cli.log_options import (
     AUTO,
@@ -217,7 +216,7 @@ def identify_command(
     folder = out or Path("results") / f"{Path(log).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, overwrite)
     if several:
-        require_for_several(controller, encoder_bias or symmetric)
+        require_one_log("several", controller, encoder_bias or symmetric)
         from runtime.cli.several_logs import identify_several
 
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options, delay)
@@ -230,7 +229,7 @@ def identify_command(
         lib, log, options, usable, robust, known.friction_model if known else None
     )
     if data.streamed is not None:
-        require_for_streamed(controller, encoder_bias or symmetric)
+        require_one_log("streamed", controller, encoder_bias or symmetric)
         from runtime.cli.streamed_log import streamed_result
 
         result = streamed_result(data.streamed, data, lib, settings, delay)

@@ -11,47 +11,36 @@ if TYPE_CHECKING:
     from runtime.simulation.controller_file import ClosedLoop
 
 
-def require_for_several(controller: Path | None, drives: object) -> None:
-    """Refuse options of one log where several are given.
+_ONE_LOG = {
+    "several": (
+        "--controller belongs to one log, but several are given; leave it out",
+        "--encoder-bias and --symmetric belong to one log, but several are given; identify each "
+        "alone",
+    ),
+    "streamed": (
+        "the closed loop of --controller is simulated over all samples, but the log is streamed; "
+        "leave out --controller, or give --no-stream",
+        "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; give "
+        "--no-stream",
+    ),
+}
+"""Logs → sentences that refuse --controller, and --encoder-bias with --symmetric."""
+
+
+def require_one_log(logs: str, controller: Path | None, drives: object) -> None:
+    """Refuse options that need the samples of one whole log.
 
     Args:
+        logs: "several" or "streamed".
         controller: value of --controller.
         drives: values of --encoder-bias and --symmetric.
 
     Raises:
         IdentificationError: one of them is given.
     """
-    if controller is not None:
-        raise IdentificationError(
-            "--controller belongs to one log, but several are given; leave it out"
-        )
-    if drives:
-        raise IdentificationError(
-            "--encoder-bias and --symmetric belong to one log, but several are given; identify "
-            "each alone"
-        )
-
-
-def require_for_streamed(controller: Path | None, drives: object) -> None:
-    """Refuse options that need the samples of the whole log, which is streamed.
-
-    Args:
-        controller: value of --controller.
-        drives: values of --encoder-bias and --symmetric.
-
-    Raises:
-        IdentificationError: one of them is given.
-    """
-    if controller is not None:
-        raise IdentificationError(
-            "the closed loop of --controller is simulated over all samples, but the log is "
-            "streamed; leave out --controller, or give --no-stream"
-        )
-    if drives:
-        raise IdentificationError(
-            "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; "
-            "give --no-stream"
-        )
+    for value, sentence in zip((controller, drives), _ONE_LOG[logs], strict=True):
+        if value:
+            raise IdentificationError(sentence)
 
 
 def prior_of(path: Path | None, lib: Library) -> "PriorFile | None":

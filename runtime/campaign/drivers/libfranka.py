@@ -78,12 +78,6 @@ class FrankaDriver(Driver):
     def exchange(self, reference: Reference) -> Sample:
         """Wait for the state of this millisecond and command the reference.
 
-        Args:
-            reference: of this period.
-
-        Returns:
-            The sample.
-
         Raises:
             NoSampleError: the connection or the motion has ended.
         """

@@ -122,12 +122,6 @@ class RosDriver(Driver):
     def exchange(self, reference: Reference) -> Sample:
         """Wait for the next message; the goal commands the references.
 
-        Args:
-            reference: of this period.
-
-        Returns:
-            The sample.
-
         Raises:
             NoSampleError: no message arrived in time.
         """

@@ -84,12 +84,6 @@ class UrDriver(Driver):
     def exchange(self, reference: Reference) -> Sample:
         """Command one reference for a period and read the state at its end.
 
-        Args:
-            reference: of this period.
-
-        Returns:
-            The sample.
-
         Raises:
             NoSampleError: the connection is lost, or the robot has stopped.
         """

@@ -73,7 +73,7 @@ def fit_map(
     least = LEAST_VARIANCE if floor is None else 1.0
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
-        phi, minimum, _ = _fitted(
+        phi, (minimum, _), _ = _solved(
             lib,
             _primed(problem, compress(lib, few, weights), least),
             bounds,
@@ -89,7 +89,7 @@ def fit_map(
         weights = weights_from(sigma, few.tau)
     statistics = problem.statistics(weights)
     primed = _primed(problem, statistics, least)
-    phi, minimum, _ = _fitted(lib, primed, bounds, weights, prior, kappa, least)
+    phi, (minimum, _), _ = _solved(lib, primed, bounds, weights, prior, kappa, least)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
     coloured = coloured_noise_of(lib, [train], statistics, weights)
@@ -140,20 +140,6 @@ def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
         f"{100 / np.sqrt(kappa):.2g} %"
     )
     return replace(fit, notes=(note, *fit.notes))
-
-
-def _fitted(
-    lib: Library,
-    statistics: Statistics,
-    bounds: Bounds,
-    weights: Array,
-    prior: Prior,
-    kappa: float,
-    least: float,
-) -> tuple[Array, Minimum, Held]:
-    """φ within its bounds and the minimum for one set of weights (m,) of white noise."""
-    phi, (minimum, _), held = _solved(lib, statistics, bounds, weights, prior, kappa, least)
-    return phi, minimum, held
 
 
 def _solved(

@@ -68,6 +68,29 @@ class Basis(Hashable, Protocol):
         """
 
 
+class ClosedForm:
+    """A basis whose functions in time follow from its derivatives by s."""
+
+    __slots__ = ()
+
+    def at(self: Basis, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """Functions in time, by the closed form.
+
+        Args:
+            lib: unused.
+            size: number of functions.
+            t: times, (N,) s.
+            duration: t_f, s.
+
+        Returns:
+            φ_m and three time derivatives, (N, size, 4).
+        """
+        del lib
+        derivatives = self.derivatives(4, size, t / duration)
+        powers = duration ** -np.arange(len(derivatives), dtype=float)
+        return np.moveaxis(derivatives * powers[:, None, None], 0, 2)
+
+
 @dataclass(frozen=True, slots=True)
 class BasisFamily:
     """A basis as users select it.
@@ -81,17 +104,3 @@ class BasisFamily:
     name: str
     sentence: str
     make: Callable[[bool], Basis]
-
-
-def in_time(derivatives: Array, duration: float) -> Array:
-    """Derivatives by t from those by s = t / t_f.
-
-    Args:
-        derivatives: d^k φ_m/ds^k, (orders, N, M).
-        duration: t_f, s.
-
-    Returns:
-        d^k φ_m/dt^k, (N, M, orders).
-    """
-    powers = duration ** -np.arange(len(derivatives), dtype=float)
-    return np.moveaxis(derivatives * powers[:, None, None], 0, 2)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from runtime.excitation.motion.family import BasisFamily, in_time
+from runtime.excitation.motion.family import BasisFamily, ClosedForm
 from runtime.excitation.motion.polynomial import UnitPolynomial
 from runtime.library import Array, Library
 
@@ -28,7 +28,7 @@ _JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)
 
 
 @dataclass(frozen=True, slots=True)
-class Cosine:
+class Cosine(ClosedForm):
     """Basis of the document: inertia, even in dq, and friction, odd in dq, are orthogonal."""
 
     zero_jerk: bool = False
@@ -58,7 +58,7 @@ class Cosine:
             φ_m and three time derivatives, (N, size, 4).
         """
         if self.zero_jerk:
-            return in_time(self.derivatives(4, size, t / duration), duration)
+            return ClosedForm.at(self, lib, size, t, duration)
         return fourier_basis(lib, size, t, duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
@@ -95,7 +95,7 @@ class Cosine:
 
 
 @dataclass(frozen=True, slots=True)
-class Fourier:
+class Fourier(ClosedForm):
     """Cosines and sines: half the condition number with as many harmonics, but not out and back."""
 
     zero_jerk: bool = False
@@ -118,21 +118,6 @@ class Fourier:
     def size(self, harmonics: int) -> int:
         """Number of functions: a cosine and a sine per harmonic."""
         return 2 * harmonics
-
-    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time, by the closed form.
-
-        Args:
-            lib: unused.
-            size: number of functions.
-            t: times, (N,) s.
-            duration: t_f, s.
-
-        Returns:
-            φ_m and three time derivatives, (N, size, 4).
-        """
-        del lib
-        return in_time(self.derivatives(4, size, t / duration), duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives of the cosines, then of the sines.

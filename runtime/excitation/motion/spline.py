@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runtime.excitation.motion.family import BasisFamily, in_time
-from runtime.library import Array, Library
+from runtime.excitation.motion.family import BasisFamily, ClosedForm
+from runtime.library import Array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -17,7 +17,7 @@ DEGREE = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Spline:
+class Spline(ClosedForm):
     """Local functions: a joint may rest while others move."""
 
     zero_jerk: bool = False
@@ -42,21 +42,6 @@ class Spline:
     def size(self, harmonics: int) -> int:
         """Number of functions: as many splines."""
         return harmonics
-
-    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time, by the closed form.
-
-        Args:
-            lib: unused.
-            size: number of functions.
-            t: times, (N,) s.
-            duration: t_f, s.
-
-        Returns:
-            φ_m and three time derivatives, (N, size, 4).
-        """
-        del lib
-        return in_time(self.derivatives(4, size, t / duration), duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives of piecewise polynomials; the fifth is constant between knots.

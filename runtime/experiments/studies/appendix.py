@@ -8,17 +8,8 @@ from runtime.library.parameters import LAM_NAMES, PI_NAMES, links
 LINKS, BASE = 7, 43
 
 
-def run(lib: Library, numbers: range, threads: int) -> list[Row]:
-    """Compute π and λ of every link, and β = K π.
-
-    Args:
-        lib: the robot.
-        numbers: of the trials.
-        threads: not used.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+def _run(lib: Library, numbers: range, threads: int) -> list[Row]:
+    """Compute π and λ of every link, and β = K π."""
     del numbers, threads
     pi = document_robot(lib)
     bodies, lam = links(pi), links(lib.lam_from_pi(pi))
@@ -32,16 +23,8 @@ def run(lib: Library, numbers: range, threads: int) -> list[Row]:
     return [*rows, head | {f"b_{k}": value for k, value in enumerate(beta, start=1)}]
 
 
-def finish(lib: Library, rows: list[Row]) -> StudyOutcome:
-    """Facts of the tables; there are no series.
-
-    Args:
-        lib: the robot.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(lib: Library, rows: list[Row]) -> StudyOutcome:
+    """Facts of the tables; there are no series."""
     del rows
     return StudyOutcome(
         facts={
@@ -57,8 +40,8 @@ def finish(lib: Library, rows: list[Row]) -> StudyOutcome:
 STUDY = Study(
     name="appendix",
     title="Parameters of the FR3: π, λ and base",
-    run=run,
-    finish=finish,
+    run=_run,
+    finish=_finish,
     cases={**{f"link {k}": f"link {k}" for k in range(1, LINKS + 1)}, "base": "all links"},
     methods={
         "pi": "standard parameters, Table B.4: kg, kg·m, kg·m² about the link origin",

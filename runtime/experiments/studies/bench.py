@@ -76,17 +76,8 @@ class BenchSetup:
     logs: Arrays
 
 
-def prepare(lib: Library, config: BenchConfig, needed: Arrays) -> BenchSetup:
-    """Prepare the logs as the document does, with the friction columns of every method.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the studies excitation and logs, by name.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: BenchConfig, needed: Arrays) -> BenchSetup:
+    """Prepare the logs as the document does, with the friction columns of every method."""
     parts = {}
     for case, logs in LOGS.items():
         for name, terms in _terms(config).items():
@@ -104,17 +95,8 @@ def _terms(config: BenchConfig) -> dict[str, Friction]:
     return {"map": PLAIN, "map-friction": config.friction, "map-dahl": config.dahl}
 
 
-def run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
-    """Fit all methods to both cases.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: number of them.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+def _run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
+    """Fit all methods to both cases."""
     lib, config = setup.lib, setup.config
     rows: list[Row] = []
     for case in LOGS:
@@ -174,16 +156,8 @@ def _row(
     return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})
 
 
-def finish(setup: BenchSetup, rows: list[Row]) -> StudyOutcome:
-    """Identify the payload on the known arm, and collect the facts of the data.
-
-    Args:
-        setup: from `prepare`.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: BenchSetup, rows: list[Row]) -> StudyOutcome:
+    """Identify the payload on the known arm, and collect the facts of the data."""
     del rows
     return StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
 
@@ -247,9 +221,9 @@ STUDY = Study(
     name="bench",
     title="Virtual FR3: parameter tuning, payload, PC-IDIM-OLS",
     config=BenchConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={
         "tuning": "CAD model tuned to the arm",
         "payload": "CAD model, unknown payload of 1.8 kg",

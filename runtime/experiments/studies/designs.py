@@ -58,33 +58,15 @@ class DesignsConfig:
     cases: tuple[Case, ...] = tuple(CASES)
 
 
-def prepare(lib: Library, config: DesignsConfig, needed: Arrays) -> tuple[Library, DesignsConfig]:
-    """Robot and config; every design is a trial.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: not used.
-
-    Returns:
-        Both.
-    """
+def _prepare(lib: Library, config: DesignsConfig, needed: Arrays) -> tuple[Library, DesignsConfig]:
+    """Robot and config; every design is a trial."""
     del needed
     document_robot(lib)  # refuses other robots
     return lib, config
 
 
-def run(setup: tuple[Library, DesignsConfig], numbers: range, threads: int) -> list[Row]:
-    """Means over the trials of some designs.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the designs.
-        threads: of the descents.
-
-    Returns:
-        A row per design, case and method.
-    """
+def _run(setup: tuple[Library, DesignsConfig], numbers: range, threads: int) -> list[Row]:
+    """Means over the trials of some designs."""
     lib, config = setup
     rows: list[Row] = []
     for number in numbers:
@@ -98,16 +80,8 @@ def run(setup: tuple[Library, DesignsConfig], numbers: range, threads: int) -> l
     return rows
 
 
-def finish(setup: tuple[Library, DesignsConfig], rows: list[Row]) -> StudyOutcome:
-    """Facts of the designs; there are no series.
-
-    Args:
-        setup: from `prepare`.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: tuple[Library, DesignsConfig], rows: list[Row]) -> StudyOutcome:
+    """Facts of the designs; there are no series."""
     del rows
     config = setup[1]
     first = DESIGNS * config.seed
@@ -154,9 +128,9 @@ STUDY = Study(
     name="designs",
     title="Ideal case over 20 designs of the motions",
     config=DesignsConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={case.name: sentence for case, sentence in CASES.items()},
     methods={method: METHODS[method] for method in BOTH},
     trials=DESIGNS,

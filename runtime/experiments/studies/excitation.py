@@ -41,17 +41,8 @@ class ExcitationSetup:
     search: Search
 
 
-def prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> ExcitationSetup:
-    """Set up the search in document mode.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: not used.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> ExcitationSetup:
+    """Set up the search in document mode."""
     del needed
     document_robot(lib)  # refuses other robots
     problem = SearchProblem(
@@ -60,17 +51,8 @@ def prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> Excitatio
     return ExcitationSetup(lib, config, Search(lib, problem))
 
 
-def run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
-    """Run the search from some starts: log cond before and after.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: not used; trials are computed one after another.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+def _run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
+    """Run the search from some starts: log cond before and after."""
     del threads
     search = setup.search
     rows: list[Row] = []
@@ -85,16 +67,8 @@ def run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
     return rows
 
 
-def finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
-    """Best three motions, strictly within their limits at 1 kHz, and the path of the tip.
-
-    Args:
-        setup: from `prepare`.
-        rows: rows of all trials.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
+    """Best three motions, strictly within their limits at 1 kHz, and the path of the tip."""
     lib, config, search = setup.lib, setup.config, setup.search
     ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[: len(ROLES)]
     shape = (lib.n_joints, -1)
@@ -145,9 +119,9 @@ STUDY = Study(
     name="excitation",
     title="Exciting trajectories of the FR3",
     config=ExcitationConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={"start": "every start of the search", "best": "the best start, inside its limits"},
     methods={"search": "D-optimal descent, then semidefinite programmes for log cond"},
     trials=ExcitationConfig().starts,

@@ -9,16 +9,8 @@ CASES = {
 }
 
 
-def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """Mean AIRM over the iterations of Adam.
-
-    Args:
-        setup: from `prepare`.
-        rows: rows of all trials.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Mean AIRM over the iterations of Adam."""
     return StudyOutcome(bands(setup, rows), data_facts(setup))
 
 
@@ -46,7 +38,7 @@ STUDY = monte_carlo(
     "ideal",
     "Ideal case: noise-free data, perturbed initial guess",
     CASES,
-    finish,
+    _finish,
     views=(
         *final_tables(("table-5.2", "table-5.3"), "Ideal conditions", CASES),
         *(figure(f"fig-5.{k}", case) for k, case in enumerate(CASES, start=1)),

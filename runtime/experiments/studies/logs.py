@@ -67,17 +67,8 @@ def roles(config: LogsConfig) -> tuple[str, ...]:
     return (*ROLES, *(f"repeat {k}" for k in range(1, config.repeats + 1)))
 
 
-def prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
-    """Design the motions of all logs.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the excitation study, by name.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
+    """Design the motions of all logs."""
     designs = designed(lib, needed)
     designs[2] = _design(lib, designs[0], config.test_seed)
     motions = {role: designs[k if k < len(ROLES) else 0] for k, role in enumerate(roles(config))}
@@ -93,17 +84,8 @@ def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
     return repaired(lib, search, search.refined(search.start(0)[1])).trajectory
 
 
-def run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
-    """Record one log per trial: first all without payload, then all with it.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: not used; trials are computed one after another.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+def _run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
+    """Record one log per trial: first all without payload, then all with it."""
     del threads
     names = roles(setup.config)
     rows: list[Row] = []
@@ -127,16 +109,8 @@ def run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
     return rows
 
 
-def finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
-    """Series `CASE/ROLE/q`, `…/dq`, `…/tau`, `CASE/pi`, and the motions of Figs. A.3 and A.4.
-
-    Args:
-        setup: from `prepare`.
-        rows: rows of all trials.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
+    """Series `CASE/ROLE/q`, `…/dq`, `…/tau`, `CASE/pi`, and the motions of Figs. A.3 and A.4."""
     lib, config = setup.lib, setup.config
     settings = settings_of(lib)
     motion = setup.motions["training"]
@@ -196,9 +170,9 @@ STUDY = Study(
     name="logs",
     title="Logs of the virtual FR3",
     config=LogsConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={EMPTY: "without payload", LOADED: "with a box of 1.8 kg"},
     methods={role: f"the {role} motion" for role in roles(LogsConfig())},
     trials=2 * len(roles(LogsConfig())),

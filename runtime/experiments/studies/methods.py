@@ -64,17 +64,8 @@ class MethodsSetup:
     test: Array
 
 
-def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup:
-    """Simulate three logs of the plant and set up the common problem.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the excitation study, by name.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup:
+    """Simulate three logs of the plant and set up the common problem."""
     pi = document_robot(lib)
     lam = lib.lam_from_pi(pi)
     cad = lam * (1 + config.cad * stream(config.seed, 0, CAD).normal(size=lam.size))
@@ -113,16 +104,8 @@ def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup
     return MethodsSetup(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
 
 
-def run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
+def _run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
     """Fit one method per trial.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: not used; trials are computed one after another.
-
-    Returns:
-        Rows of trials.parquet.
 
     Raises:
         KeyboardInterrupt: a method was interrupted.
@@ -156,16 +139,8 @@ def _figures(setup: MethodsSetup, f: Figures) -> Row:
     return row | per_joint("tau_error", percent) | per_joint("tau_rms", f.rms)
 
 
-def finish(setup: MethodsSetup, rows: list[Row]) -> StudyOutcome:
-    """Facts of the data; there are no series.
-
-    Args:
-        setup: from `prepare`.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: MethodsSetup, rows: list[Row]) -> StudyOutcome:
+    """Facts of the data; there are no series."""
     del rows
     config, parts = setup.config, setup.assembly.parts
     facts: dict[str, Any] = {
@@ -189,9 +164,9 @@ STUDY = Study(
     name="methods",
     title="Every method side by side",
     config=MethodsConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={"plant": "FR3 with rotors and friction, σ_q = 1e-4 rad, σ_τ = 0.05 N·m, 20 Hz"},
     methods={name: METHODS[name].sentence for name in METHODS.builtin},
     trials=len(METHODS.builtin),

@@ -52,33 +52,15 @@ class ModelSetup:
     samples: Samples
 
 
-def prepare(lib: Library, config: ModelConfig, needed: Arrays) -> ModelSetup:
-    """Exact motion and torque of the best trajectory.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the excitation study, by name.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: ModelConfig, needed: Arrays) -> ModelSetup:
+    """Exact motion and torque of the best trajectory."""
     pi = document_robot(lib)
     recording = ideal(lib, designed(lib, needed)[0], Plant(pi), config.rate_hz)
     return ModelSetup(lib, config, pi, recording, samples_of(recording, lib))
 
 
-def run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
-    """Largest torque differences and the slope of the Taylor remainder.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: not used.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+def _run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
+    """Largest torque differences and the slope of the Taylor remainder."""
     del numbers, threads
     tau = _torques(setup)
     steps, remainders = _taylor(setup)
@@ -99,16 +81,8 @@ def run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
     ]
 
 
-def finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
-    """Curves of the three figures.
-
-    Args:
-        setup: from `prepare`.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
+    """Curves of the three figures."""
     del rows
     tau, (steps, remainders) = _torques(setup), _taylor(setup)
     middle = int(np.flatnonzero(_straight(setup.config, steps))[0])
@@ -170,9 +144,9 @@ STUDY = Study(
     name="model",
     title="Checks of the model: regressors and gradient",
     config=ModelConfig(),
-    prepare=prepare,
-    run=run,
-    finish=finish,
+    prepare=_prepare,
+    run=_run,
+    finish=_finish,
     cases={
         "regressor": "Y π against Newton–Euler in π, all joints, N·m",
         "lambda": "Newton–Euler in λ against the same in π, all joints, N·m",

@@ -22,16 +22,8 @@ def _case(sigma: float) -> Case:
 CASES = {_case(sigma): f"σ = {sigma:g} N·m on the torque" for sigma in (0.01, 0.05, SEVERE)}
 
 
-def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """Bands of all cases, and both curves of one trial.
-
-    Args:
-        setup: from `prepare`.
-        rows: rows of all trials.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Bands of all cases, and both curves of one trial."""
     series = bands(setup, rows)
     number = min(THIRD, max(row["trial"] for row in rows))
     for method in BOTH:
@@ -48,7 +40,7 @@ STUDY = monte_carlo(
     "noise",
     "Robustness against torque noise",
     CASES,
-    finish,
+    _finish,
     views=(
         *final_tables(("table-5.6", "table-5.7"), "Torque noise", CASES),
         View(

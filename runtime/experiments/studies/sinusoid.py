@@ -27,32 +27,15 @@ def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Re
     return recording.replace(tau=tau)
 
 
-def prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
-    """Add samples of the sinusoidal motion to those of the designed motions.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the excitation study, by name.
-
-    Returns:
-        What all trials share.
-    """
+def _prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
+    """Add samples of the sinusoidal motion to those of the designed motions."""
     setup = setup_of(lib, config, needed)
     sines = samples_of(_sines(lib, config, setup), lib)
     return replace(setup, train={"sinusoidal": sines, **setup.train})
 
 
-def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """Motion of Fig. A.1.
-
-    Args:
-        setup: from `prepare`.
-        rows: not used.
-
-    Returns:
-        Series and facts.
-    """
+def _finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Motion of Fig. A.1."""
     del rows
     lib, config = setup.lib, setup.config
     _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
@@ -70,10 +53,10 @@ STUDY = monte_carlo(
     "sinusoid",
     "Sinusoidal against optimised training trajectory",
     CASES,
-    finish,
+    _finish,
     views=(
         *final_tables(("table-5.4", "table-5.5"), "Sines against design", CASES),
         motion("fig-A.1", "The sinusoidal training trajectory", "sine"),
     ),
-    prepare=prepare,
+    prepare=_prepare,
 )

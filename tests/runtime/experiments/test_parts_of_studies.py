@@ -33,7 +33,7 @@ def test_logs_of_the_training_are_repeated(monkeypatch, lib: Library) -> None:
 
     monkeypatch.setattr(logs, "record", record)
     setup = logs.LogsSetup(lib, config, lib.pi0, {name: name for name in names}, "box")
-    rows = logs.run(setup, range(10), 1)
+    rows = logs.STUDY.run(setup, range(10), 1)
     assert carried == [(name, loaded) for loaded in (False, True) for name in names]
     rms = np.sqrt(np.mean(signals.tau**2, axis=0))
     assert [rows[0][f"measured_rms_{k}"] for k in range(1, 8)] == pytest.approx(rms, rel=1e-14)
@@ -56,7 +56,7 @@ def test_the_plant_of_the_methods_has_the_noise_of_its_config(monkeypatch, lib: 
         methods, "assemble", lambda *args, **words: given.update(words, train=args[0]) or assembly
     )
     motions = {"duration": np.array(4.0), "coefficients": np.zeros((3, 7, 2))}
-    methods.prepare(lib, config, motions)
+    methods.STUDY.prepare(lib, config, motions)
     assert [plant.velocity_noise for plant in plants] == pytest.approx(
         [2 * np.pi * 30.0 * 1e-4] * 2 + [0.0]
     )
@@ -76,7 +76,7 @@ def test_a_method_without_figures_keeps_its_row(monkeypatch) -> None:
     for figures, more in ((None, {}), (0.5, {"airm": 0.5})):
         compared = SimpleNamespace(rows=[SimpleNamespace(status="ended", figures=figures)])
         monkeypatch.setattr(methods, "compare", lambda *_, c=compared, **_words: c)
-        (row,) = methods.run(setup, range(1), 1)
+        (row,) = methods.STUDY.run(setup, range(1), 1)
         assert row == {"case": "plant", "method": "map", "trial": 0, "status": "ended"} | more
 
 

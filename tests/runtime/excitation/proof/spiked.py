@@ -6,15 +6,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from runtime.excitation import COSINE
-from runtime.excitation.motion.family import in_time
-from runtime.library import Array, Library
+from runtime.excitation.motion.family import ClosedForm
+from runtime.library import Array
 
 BUMP = Polynomial([1.0, 0.0, -1.0]) ** 8
 """(1 − x²)⁸ on −1..1: seven derivatives vanish at both ends."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spiked:
+class Spiked(ClosedForm):
     """The cosines, and a bump at `middle` of half the width `half`, both in units of t_f."""
 
     middle: float
@@ -26,10 +26,6 @@ class Spiked:
 
     def size(self, harmonics: int) -> int:
         return harmonics + 1
-
-    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        del lib
-        return in_time(self.derivatives(4, size, t / duration), duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         x = (s - self.middle) / self.half

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 968fb0f9da978ad4f2497232559a4fa1f7b0be4e03df8fa7b99d72e21af4cf6e.
+ * Model 04f1eddb8a91878ee45e21645dd5ff0e7f9388bbe7f2a4ea91f90fd927b70c97.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "968fb0f9da978ad4f2497232559a4fa1f7b0be4e03df8fa7b99d72e21af4cf6e";
+    return "04f1eddb8a91878ee45e21645dd5ff0e7f9388bbe7f2a4ea91f90fd927b70c97";
 }
 
 #if defined(__x86_64__)

@@ -9,7 +9,7 @@
  *
  * Products of rows take half of the multiply-adds of an elimination, but squares round to the square
  * of the condition number. So the samples of a long log are turned by an orthogonal matrix into means
- * of 16 or 64 neighbours, which are eliminated, and differences from them, which are multiplied and
+ * of 16 to 256 neighbours, which are eliminated, and differences from them, which are multiplied and
  * folded into the triangle: differences of a log are small. Bounds of rounding of a trial and of the
  * result decide; where they say no, all rows are eliminated. */
 #include <stdint.h>
@@ -29,7 +29,7 @@ enum {
     HEIGHT = (N * DEPTH) | 1, /* vectors from column to column, off the powers of two */
     AHEAD = 4, /* tiles whose samples are on their way from memory */
     TRIAL = 4, /* blocks of samples that show whether products are accurate enough */
-    WINDOW = 4, /* blocks whose mean is eliminated where what changes slowly stays small */
+    WINDOW = 16, /* most blocks whose mean is eliminated where what changes slowly stays small */
     LEAST = 4096, /* samples below which all rows are eliminated */
     CACHED = 64 * 8, /* rows times lanes up to which a panel and the columns it changes stay in the first cache */
     TOGETHER = REGISTERS < 32 ? 3 : 4 /* columns that are changed together by four reflections */
@@ -48,6 +48,8 @@ enum {
 #include "fold.h"
 #include "gram.h"
 
+/* A window is chosen so that the rounding of its products may exceed that of the trial so many times. */
+#define RESERVE 1.0
 /* Sums of squares up to here count as zero: below, their power 3/2, by which a reflection divides,
  * leaves the range of numbers. */
 #define TINY 1e-200
@@ -394,12 +396,18 @@ static void sweep(vd *b, vd *r, long shift, int from, int to, int depth)
     }
 }
 
-/* DEPTH samples per lane, b[column][joint][tile] with rows [F Y_b tau], into the triangle r. Panels
+/* Rows of each joint that are eliminated for so many that are filled. */
+static int whole_depth(long filled)
+{
+    return filled > 8 ? DEPTH : filled > 4 ? 8 : 4;
+}
+
+/* `depth` samples per lane, b[column][joint][tile] with rows [F Y_b tau], into the triangle r. Panels
  * of many rows take the block in pieces. */
-static APART void eliminate(vd *b, vd *r, long k)
+static APART void eliminate(vd *b, vd *r, long k, int depth)
 {
     const long shift = N * k, size = shift + BASE + 1;
-    shape own = {.joint_count = 1, .depth = DEPTH};
+    shape own = {.joint_count = 1, .depth = depth};
     for (int joint = 0; joint < N; ++joint) {
         for (long m = 0; m < k; m += 4) {
             const int width = k - m < 4 ? (int)(k - m) : 4;
@@ -416,77 +424,148 @@ static APART void eliminate(vd *b, vd *r, long k)
         }
     }
     b += k * HEIGHT;
-    for (int from = 0, to, depth = DEPTH; from < PANELS; from = to, depth /= 2) {
-        to = fitting(from, depth);
-        for (int first = 0; first < DEPTH && from < to; first += depth) {
-            sweep(b + first, r, shift, from, to, depth);
+    for (int from = 0, to, piece = depth; from < PANELS; from = to, piece /= 2) {
+        to = fitting(from, piece);
+        for (int first = 0; first < depth && from < to; first += piece) {
+            sweep(b + first, r, shift, from, to, piece);
         }
     }
     vd *last = r + size * (size + 1) / 2 - 1, sum = *last * *last;
-    for (int i = 0; i < N * DEPTH; ++i) {
-        const vd tau = b[BASE * HEIGHT + i];
-        sum += tau * tau;
+    for (int joint = 0; joint < N; ++joint) {
+        for (int i = 0; i < depth; ++i) {
+            const vd tau = b[BASE * HEIGHT + joint * DEPTH + i];
+            sum += tau * tau;
+        }
     }
     *last = vd_sqrt(sum);
 }
 
-/* Columns c, ..., c + tall - 1 from `column` on and their products with those from `from` to `to`, of
- * which the first may be `column` itself; `at` is where columns begin in the triangle g. */
-static void add_products(product *p, const vd *b, vd *g, long size, long at, int column, int tall, long from, long to)
+/* The products of a block in the order in which columns stay in the first cache, and their sums. */
+typedef struct {
+    product *items; /* NULL where they are only counted */
+    long count, sums;
+} schedule;
+
+/* A product over the joints [from, to) of each run of joints that follow one another. The sums begin
+ * at s->sums. */
+static void enter(schedule *s, product p, const short *joints, int joint_count, int from, int to)
 {
-    long later = from;
-    p->a = b + column * HEIGHT;
-    for (int i = 0; i < tall; ++i) {
-        const long c = at + column + i;
-        p->g[i] = g + c * (2 * size - c - 1) / 2 + at + column;
+    for (int k = 0, next; k < joint_count; k = next) {
+        int first = joints[k], end = first + 1;
+        for (next = k + 1; next < joint_count && joints[next] == end; ++next) {
+            ++end;
+        }
+        p.fresh = k == 0 && first >= from;
+        first = first > from ? first : from;
+        end = end < to ? end : to;
+        if (first >= end) {
+            continue;
+        }
+        if (s->items) {
+            product *item = s->items + s->count;
+            *item = p;
+            item->a += first * DEPTH;
+            item->b += first * DEPTH;
+            item->rows = (short)((end - first) * DEPTH);
+            item->sums = s->sums;
+        }
+        ++s->count;
     }
-    if (from <= column) {
-        multiply_square(p, tall);
-        later = column + tall;
-    }
-    for (int i = 0; i < tall; ++i) {
-        p->g[i] += later - column;
-    }
-    p->b = b + later * HEIGHT;
-    multiply_range(p, tall, to - later);
+    s->sums += p.tall * p.broad;
 }
 
-/* Products of the differences of a block, added to the triangle g. */
-static APART void add_block(const vd *b, vd *g, long k)
+/* The width of the next of the fewest equal parts of `rest` columns. */
+static int next_part(long rest)
 {
-    const long shift = N * k, size = shift + BASE + 1;
-    product p;
+    const long parts = (rest + TALL - 1) / TALL;
+    return (int)((rest + parts - 1) / parts);
+}
+
+/* The products of friction columns, each of which has rows of one joint. */
+static void enter_friction(schedule *s, long k)
+{
     for (int joint = 0; joint < N; ++joint) {
-        p.joints = counting + joint;
-        p.joint_count = 1;
-        for (long m = 0; m < k; m += TALL) {
-            const int tall = k - m < TALL ? (int)(k - m) : TALL;
-            add_products(&p, b, g, size, joint * k, (int)m, tall, m, k);
-            for (int at = joint_at[joint], next; at < joint_at[joint + 1]; at = next) {
-                const int first = joint_columns[at];
-                for (next = at + 1; next < joint_at[joint + 1] && joint_columns[next] == first + next - at;) {
-                    ++next;
+        const short *of = joint_columns + joint_at[joint];
+        const int filled = joint_at[joint + 1] - joint_at[joint];
+        int tall;
+        for (long m = 0; m < k; m += tall) {
+            tall = next_part(k - m);
+            const short row = (short)(joint * k + m);
+            product p = {m * HEIGHT, m * HEIGHT, 0, (short)tall, (short)tall, 1, 0, row, row, 0};
+            enter(s, p, counting + joint, 1, 0, N);
+            p.square = 0;
+            for (long later = m + tall; later < k; later += p.broad) {
+                p.broad = (short)(k - later < BROAD ? k - later : BROAD);
+                p.b = later * HEIGHT;
+                p.column = (short)(joint * k + later);
+                enter(s, p, counting + joint, 1, 0, N);
+            }
+            for (int at = 0; at < filled; at += p.broad) {
+                for (p.broad = 1; p.broad < BROAD && at + p.broad < filled && of[at + p.broad] == of[at] + p.broad;) {
+                    ++p.broad;
                 }
-                for (int i = 0; i < tall; ++i) {
-                    const long c = joint * k + m + i;
-                    p.g[i] = g + c * (2 * size - c - 1) / 2 + shift + first;
-                }
-                p.a = b + m * HEIGHT;
-                p.b = b + (k + first) * HEIGHT;
-                multiply_range(&p, tall, next - at);
+                p.b = (k + of[at]) * HEIGHT;
+                p.column = (short)(N * k + of[at]);
+                enter(s, p, counting + joint, 1, 0, N);
             }
         }
     }
-    b += k * HEIGHT;
+}
+
+/* The products of all columns with those of [low, high) over the joints [from, to). */
+static void enter_zone(schedule *s, long k, int low, int high, int from, int to)
+{
     for (int r = 0; r < RUNS; ++r) {
-        for (int i = 0; i < runs[r].width; i += TALL) {
-            const int tall = runs[r].width - i < TALL ? runs[r].width - i : TALL;
+        const int end = runs[r].first + runs[r].width;
+        for (int c = runs[r].first, tall; c < end && c < high; c += tall) {
+            tall = next_part(end - c);
+            const short row = (short)(N * k + c);
+            product p = {(k + c) * HEIGHT, (k + c) * HEIGHT, 0, (short)tall, (short)tall, 1, 0, row, row, 0};
             for (int n = 0; n < runs[r].range_count; ++n) {
-                const sharing *s = ranges + runs[r].range + n;
-                p.joints = range_rows + s->rows;
-                p.joint_count = s->row_count;
-                add_products(&p, b, g, size, shift, runs[r].first + i, tall, s->from, s->to);
+                const sharing *with = ranges + runs[r].range + n;
+                const short *joints = range_rows + with->rows;
+                int first = with->from > low ? with->from : low;
+                const int last = with->to < high ? with->to : high;
+                if (with->from <= c && low <= c + tall - 1 && c + tall - 1 < high) {
+                    enter(s, p, joints, with->row_count, from, to);
+                }
+                first = first > c + tall ? first : c + tall;
+                if (first < last) {
+                    product q = p;
+                    q.square = 0;
+                    q.broad = (short)(last - first);
+                    q.b = (k + first) * HEIGHT;
+                    q.column = (short)(N * k + first);
+                    enter(s, q, joints, with->row_count, from, to);
+                }
             }
+        }
+    }
+}
+
+/* Zones of BROAD columns from the last one on, over as many rows as stay in the first cache while the
+ * columns before them pass. */
+static void enter_all(schedule *s, long k)
+{
+    enum { PIECES = (N * DEPTH + NEAR - 1) / NEAR, STRIDE = (N + PIECES - 1) / PIECES };
+    s->count = s->sums = 0;
+    enter_friction(s, k);
+    for (int high = BASE + 1; high > 0; high -= BROAD) {
+        const long sums = s->sums;
+        for (int from = 0; from < N; from += STRIDE) {
+            s->sums = sums;
+            enter_zone(s, k, high > BROAD ? high - BROAD : 0, high, from, from + STRIDE);
+        }
+    }
+    s->sums = (s->sums + W - 1) / W * W;
+}
+
+/* The rows [from, to) of each joint in a block become zero. */
+static APART void clear_rows(vd *b, long k, int from, int to)
+{
+    for (long i = from < to ? 0 : (k + BASE + 1) * N; i < (k + BASE + 1) * N; ++i) {
+        for (int row = from; row < to; ++row) {
+            b[i / N * HEIGHT + i % N * DEPTH + row] = vd_all(0.0);
         }
     }
 }
@@ -657,6 +736,12 @@ static long step_of(long size)
     return (size + W + 7) / 8 * 8;
 }
 
+/* Doubles that a schedule takes. */
+static long items_size(const schedule *s)
+{
+    return (s->count * (long)sizeof(product) + 63) / 64 * 8;
+}
+
 /* Doubles of `work` that _statistics needs with k friction columns per joint, and _statistics_join
  * for `count` triangles of `size` columns. */
 long OWN(statistics_work)(long k);
@@ -665,7 +750,9 @@ long OWN(statistics_work)(long k)
     const long size = N * k + BASE + 1, step = step_of(size);
     const long triangles = size * (size + 1) / 2 * LANES, means = HEIGHT * (k + BASE + 1) * LANES;
     const long block = means + N * k * LANES, joined = size * (LANES + 1) * step + team_size(size, LANES);
-    return 8 + 2 * triangles + means + N * (k + BASE + 1) * LANES + (block > joined ? block : joined);
+    schedule products = {0};
+    enter_all(&products, k);
+    return 8 + triangles + products.sums * LANES + items_size(&products) + means + N * (k + BASE + 1) * LANES + (block > joined ? block : joined);
 }
 
 long OWN(statistics_join_work)(long size, long count);
@@ -3593,13 +3680,14 @@ static void fill(const samples *s, long i, long apart, const double *sc, const d
 }
 
 /* DEPTH LANES samples into a block, of which each vector of lanes has a `part`: that of lane l in tile
- * t is first + l apart + t further. Zeros where there are no more. With `sums`, rows are turned into
- * differences; the first is number `age` of its window. */
-static void fill_block(const samples *s, long first, long apart, long further, double *b, long part, double *columns, double *sums, int age)
+ * t is first + l apart + t further. Where there are no more, zeros up to the depth that is returned.
+ * With `sums`, rows are turned into differences; the first is number `age` of its window. */
+static int fill_block(const samples *s, long first, long apart, long further, double *b, long part, double *columns, double *sums, int age)
 {
     TILE(q, DEPTH * N) = {0};
     TILE(sc, DEPTH * 2 * N);
     const long left = (s->n - first + further - 1) / further, tiles = left < DEPTH ? left : DEPTH, width = N * s->k;
+    const int depth = whole_depth(tiles);
     for (long t = 0; t < tiles; ++t) {
         const long i = first + t * further, rest = s->n - i;
         load(q + t * N * LANES, s->q + i * N, apart * N, N, (rest + apart - 1) / apart, rest * N);
@@ -3630,22 +3718,18 @@ static void fill_block(const samples *s, long first, long apart, long further, d
             fill(s, i, apart, sc + t * 2 * N * LANES, q + t * N * LANES, dq, ddq, tau, columns, h, (vd *)(b + h * part) + t, sums ? (vd *)(sums + h * N * (s->k + BASE + 1)) : 0, age + (int)t);
         }
     }
-    for (long t = tiles; t < DEPTH; ++t) {
-        for (int h = 0; h < LANES; h += W) {
-            for (long c = 0; c < s->k + BASE + 1; ++c) {
-                for (int joint = 0; joint < N; ++joint) {
-                    ((vd *)(b + h * part))[t + c * HEIGHT + joint * DEPTH] = vd_all(0.0);
-                }
-            }
-        }
+    for (int h = 0; h < LANES; h += W) {
+        clear_rows((vd *)(b + h * part), s->k, (int)tiles, depth);
     }
+    return depth;
 }
 
-/* What `statistics` works on: triangles r of rows and g of products, one per lane, a block b, a block
- * `up` of means, and sums of rows. */
+/* What `statistics` works on: triangles r of rows and sums g of `products`, one per lane, a block b, a
+ * block `up` of means, and sums of rows. */
 typedef struct {
     double *r, *g, *b, *up, *sums;
     long k, size, step, packed, part;
+    schedule products;
 } workplace;
 
 static void clear(double *x, long count)
@@ -3661,9 +3745,9 @@ static void eliminate_samples(const workplace *w, const samples *s, long first, 
     samples until = *s;
     until.n = end;
     for (; first < end; first += DEPTH * LANES) {
-        fill_block(&until, first, 1, LANES, w->b, w->part, w->b + w->part * LANES, 0, 0);
+        const int depth = fill_block(&until, first, 1, LANES, w->b, w->part, w->b + w->part * LANES, 0, 0);
         for (long h = 0; h < LANES; h += W) {
-            eliminate((vd *)(w->b + h * w->part), (vd *)(w->r + h * w->packed), w->k);
+            eliminate((vd *)(w->b + h * w->part), (vd *)(w->r + h * w->packed), w->k, depth);
         }
     }
 }
@@ -3682,14 +3766,11 @@ static void add_samples(const workplace *w, const samples *s, long blocks, long 
         }
         fill_block(s, i * DEPTH, blocks * DEPTH, 1, w->b, w->part, w->b + w->part * LANES, w->sums, inside * DEPTH);
         for (long h = 0; h < LANES; h += W) {
-            add_block((const vd *)(w->b + h * w->part), (vd *)(w->g + h * w->packed), w->k);
+            add_products(w->products.items, w->products.count, (const vd *)(w->b + h * w->part), (vd *)(w->g + h * w->products.sums));
         }
         --left;
         if (++inside < window && left > 0) {
             continue;
-        }
-        if (slot == 0) {
-            clear(w->up, w->part * LANES);
         }
         for (long h = 0; h < LANES; h += W) {
             keep_means((vd *)(w->sums + h * N * (w->k + BASE + 1)), (vd *)(w->up + h * w->part), w->k, slot, 1.0 / sqrt((double)(inside * DEPTH)));
@@ -3697,8 +3778,10 @@ static void add_samples(const workplace *w, const samples *s, long blocks, long 
         inside = 0;
         slot = (slot + 1) % DEPTH;
         if (slot == 0 || left == 0) {
+            const int filled = slot ? slot : DEPTH, depth = whole_depth(filled);
             for (long h = 0; h < LANES; h += W) {
-                eliminate((vd *)(w->up + h * w->part), (vd *)(w->r + h * w->packed), w->k);
+                clear_rows((vd *)(w->up + h * w->part), w->k, filled, depth);
+                eliminate((vd *)(w->up + h * w->part), (vd *)(w->r + h * w->packed), w->k, depth);
             }
         }
     }
@@ -3729,29 +3812,40 @@ static double *folded(const workplace *w, double *margin)
 {
     double *result = joined_lanes(w), *g = result + w->size * w->step;
     clear(g, w->size * w->step);
+    double *flat = g + w->size * w->step; /* sums of all lanes in the order of the products */
+    clear(flat, w->products.sums);
     for (long h = 0; h < LANES; h += W) {
-        const double *from = w->g + h * w->packed;
-        for (long c = 0; c < w->size; ++c) {
-            long j = c;
-            for (; j + W <= w->size; j += W) {
-                vd each[W];
-                UNROLL for (int i = 0; i < W; ++i, from += W) {
-                    each[i] = *(const vd *)from;
-                }
-                *(vu *)(g + c * w->step + j) += fold(each);
+        const vd *from = (const vd *)(w->g + h * w->products.sums);
+        for (long i = 0; i < w->products.sums; i += W) {
+            vd each[W];
+            UNROLL for (int l = 0; l < W; ++l) {
+                each[l] = from[i + l];
             }
-            for (; j < w->size; ++j, from += W) {
-                g[c * w->step + j] += vd_sum(*(const vd *)from);
-            }
+            *(vu *)(flat + i) += fold(each);
         }
     }
-    for (long c = 0; c < w->size; ++c) {
-        for (long j = 0; j < c; ++j) {
-            g[c * w->step + j] = g[j * w->step + c];
+    for (long n = 0; n < w->products.count; ++n) {
+        const product *p = w->products.items + n;
+        for (long i = 0; i < p->tall && p->fresh; ++i) {
+            for (long j = p->square ? i : 0; j < p->broad; ++j) {
+                const long row = p->row + i, column = p->column + j;
+                g[row * w->step + column] = g[column * w->step + row] = flat[p->sums + i * p->broad + j];
+            }
         }
     }
     *margin = fold_into(result, g, g + w->size * w->step, w->size, w->step);
     return *margin >= 1.0 ? result : 0;
+}
+
+/* Differences from a mean grow with the length of its window, and what they round to with the square:
+ * the most blocks of which as much remains as the trial may have missed. */
+static int longest_window(double margin)
+{
+    int window = 1;
+    while (window < WINDOW && RESERVE * (window + 1) * (window + 1) <= margin) {
+        ++window;
+    }
+    return window;
 }
 
 /* The triangle of n samples, size x size and row-major with size = N k + BASE + 1 columns
@@ -3765,24 +3859,28 @@ long OWN(statistics)(long n, const double *q, const double *dq, const double *dd
     const long size = N * k + BASE + 1, packed = size * (size + 1) / 2, part = HEIGHT * (k + BASE + 1);
     const long blocks = n / (DEPTH * LANES), apart = blocks / TRIAL;
     workplace w = {.k = k, .size = size, .step = step_of(size), .packed = packed, .part = part};
+    enter_all(&w.products, k);
     w.r = aligned(work);
     w.g = w.r + packed * LANES;
-    w.up = w.g + packed * LANES;
+    w.up = w.g + w.products.sums * LANES;
     w.sums = w.up + part * LANES;
-    w.b = w.sums + N * (k + BASE + 1) * LANES;
+    w.products.items = (product *)(void *)(w.sums + N * (k + BASE + 1) * LANES);
+    w.b = (double *)w.products.items + items_size(&w.products);
+    enter_all(&w.products, k);
     samples given = {n, k, q, dq, ddq, tau, columns, sample_weight, {0.0}};
     for (int i = 0; i < N; ++i) {
         given.root[i] = sqrt(weight[i]);
     }
     double *result = 0, margin;
     long multiplied = 0;
-    clear(w.r, 2 * packed * LANES);
+    clear(w.r, packed * LANES);
+    clear(w.g, w.products.sums * LANES);
     clear(w.sums, N * (k + BASE + 1) * LANES);
     if (products && n >= LEAST) {
         add_samples(&w, &given, blocks, apart, 0, 1);
         if (folded(&w, &margin)) {
             multiplied = blocks * DEPTH * LANES;
-            add_samples(&w, &given, blocks, apart, 1, margin >= WINDOW * WINDOW ? WINDOW : 1);
+            add_samples(&w, &given, blocks, apart, 1, longest_window(margin));
             eliminate_samples(&w, &given, multiplied, n);
             result = folded(&w, &margin);
         }

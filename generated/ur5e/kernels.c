@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4fc6e41066935b291822431ec0fa7c610dc3edc0422e17e82442b7eed9ff07b3.
+ * Model dac2904921e7ea2f3a11a1ef7c0341e7af9b1539de7e3f8134e05e776fe41a84.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "4fc6e41066935b291822431ec0fa7c610dc3edc0422e17e82442b7eed9ff07b3";
+    return "dac2904921e7ea2f3a11a1ef7c0341e7af9b1539de7e3f8134e05e776fe41a84";
 }
 
 #if defined(__x86_64__)

@@ -46,6 +46,16 @@ def compiled(lib: Library, s: Samples, weights, counts=None, products: bool = Tr
     return lib.compiled_statistics.triangle(*arrays, weights, counts, products)
 
 
+def inverse_of(factor: np.ndarray) -> np.ndarray:
+    """R⁻¹ of an upper triangle in its own precision."""
+    inverse = np.zeros_like(factor)
+    for i in reversed(range(len(factor))):
+        inverse[i] = -factor[i, i + 1 :] @ inverse[i + 1 :]
+        inverse[i, i] += 1
+        inverse[i] /= factor[i, i]
+    return inverse
+
+
 class Truth:
     """Factor of rows in 64 bits of mantissa, and errors of other factors in its units."""
 
@@ -58,11 +68,7 @@ class Truth:
             factor[i] = rest[i] / np.sqrt(rest[i, i])
             rest -= np.outer(factor[i], factor[i])
             rest[i, :] = rest[:, i] = 0
-        inverse = np.zeros_like(factor)
-        for i in reversed(range(size)):
-            inverse[i] = -factor[i, i + 1 :] @ inverse[i + 1 :]
-            inverse[i, i] += 1
-            inverse[i] /= factor[i, i]
+        inverse = inverse_of(factor)
         self.inverse = inverse
         # ‖|R⁻ᵀ| a‖ with the lengths a of the columns: what an elimination may amplify rounding by.
         self.condition = float(np.linalg.norm(np.abs(inverse.T) @ np.sqrt(np.diag(self.gram))))
@@ -94,6 +100,28 @@ def test_products_are_as_accurate_as_elimination(any_robot, name: str, k: int) -
         # the rows themselves round to, other compilations of Y_b, is in both errors.
         bound = truth.error(eliminated) + 2 * EPS * truth.condition
         assert truth.error(triangle) <= bound
+
+
+@pytest.mark.parametrize("k", [0, 5])
+def test_products_of_a_chain_in_pieces(lib: Library, k: int) -> None:
+    """Property: rows of seven joints, multiplied in two pieces, and more friction columns than a
+    register block is tall: R⁻ᵀ R̂ᵀR̂ R⁻¹ = 1 for the R of the elimination of the same rows.
+    """
+    s, weights = motion(lib, 1.0, min(k, 3)), np.linspace(0.5, 2.0, lib.n_joints)
+    more = [np.sin(i * s.q + s.dq) for i in range(s.columns.shape[2], k)]
+    columns = np.concatenate([s.columns, *(c[:, :, None] for c in more)], axis=2)
+    s = dataclasses.replace(s, columns=columns)
+    for level in levels_here(lib):
+        one_level = load(lib.folder, level)
+        triangle, multiplied = compiled(one_level, s, weights)
+        eliminated, _ = compiled(one_level, s, weights, products=False)
+        assert multiplied == N // 128 * 128
+        wide, reference = triangle.astype(Long), eliminated.astype(Long)
+        inverse = inverse_of(reference)
+        change = inverse.T @ (wide.T @ wide - reference.T @ reference) @ inverse
+        # Each rounds to at most 1.5 ε ‖|R⁻ᵀ| a‖ on such logs (see the page on estimators).
+        bound = 3 * EPS * np.linalg.norm(np.abs(inverse.T) @ np.linalg.norm(reference, axis=0))
+        assert np.linalg.norm(change.astype(float), 2) <= bound
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3])

@@ -12,11 +12,12 @@ import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
 from itertools import count
-from typing import Any, ParamSpec, TypeVar
-
-from threadpoolctl import ThreadpoolController
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from runtime.errors import IdentificationError, RuntimeFault
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 PATIENCE = 30.0
 """Time limit for the first worker of a cluster [s]."""
@@ -155,6 +156,8 @@ def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 @functools.lru_cache(maxsize=1)
-def _blas(modules: int) -> ThreadpoolController:
+def _blas(modules: int) -> "ThreadpoolController":
     """The loaded BLAS libraries; looked for anew only when modules were imported since."""
+    from threadpoolctl import ThreadpoolController
+
     return ThreadpoolController()

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
@@ -11,15 +11,15 @@ from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, require_method
-from runtime.estimators.prior_file import PriorFile
-from runtime.identification.drive.result import DriveRequest
-from runtime.identification.drive.symmetry import mirrored_joints
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction import default_terms
+
+if TYPE_CHECKING:
+    from runtime.estimators.prior_file import PriorFile
+    from runtime.identification.drive.result import DriveRequest
 
 
 def drive_request(
@@ -28,7 +28,7 @@ def drive_request(
     bias: bool | None,
     method: str,
     tied: tuple[str, ...] = (),
-) -> DriveRequest | None:
+) -> "DriveRequest | None":
     """What is estimated of the drives.
 
     Args:
@@ -47,12 +47,14 @@ def drive_request(
     wanted = bias if bias is not None else commanded and estimated
     if not (estimated or wanted or (commanded and method == "map")):
         return None
+    from runtime.identification.drive.result import DriveRequest
+
     return DriveRequest(estimated, delay == PER_JOINT, wanted, tied)
 
 
 def with_mirrored_links(
-    prior: PriorFile | None, lib: Library, symmetric: tuple[str, ...], is_tied: bool
-) -> PriorFile | None:
+    prior: "PriorFile | None", lib: Library, symmetric: tuple[str, ...], is_tied: bool
+) -> "PriorFile | None":
     """Inertial prior, with equations that tie the links of mirrored joints where requested.
 
     Args:
@@ -67,13 +69,19 @@ def with_mirrored_links(
     Raises:
         IdentificationError: --symmetric is missing or names no joints, or they are not mirrored.
     """
+    if not is_tied and not symmetric:
+        return prior
     if not is_tied:
+        from runtime.identification.drive.symmetry import mirrored_joints
+
         mirrored_joints(lib.joint_names, symmetric)
         return prior
     if not symmetric:
         raise IdentificationError(
             "--tie needs the names of the mirrored joints, got none; give --symmetric LEFT:RIGHT"
         )
+    from runtime.estimators.convex.constraints import Constraints
+    from runtime.estimators.prior_file import PriorFile
     from runtime.identification.drive.mirrored_links import mirrored_links
 
     usual = prior or PriorFile(None, Constraints())

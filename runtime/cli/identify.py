@@ -41,7 +41,7 @@ from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
-from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
@@ -81,7 +81,7 @@ def identify_command(
     preset: Annotated[
         str | None,
         typer.Option(
-            metavar="|".join(PRESETS),
+            metavar="|".join(PRESET_NAMES),
             help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
             "document, full uses all samples in every step; default full.",
         ),
@@ -263,9 +263,13 @@ def _with_progress(
     recording: Recording, lib: Library, settings: Settings, drives: "DriveRequest | None"
 ) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
-    chosen = PRESETS.get(str(settings.preset or "full"))
+    total = None
+    if METHODS[method].takes_preset:
+        from runtime.estimators.descent.fit import PRESETS
+
+        chosen = PRESETS.get(str(settings.preset or "full"))
+        total = chosen.rule.max_iterations if chosen else None
     with counting(state) as progress:
-        total = chosen.rule.max_iterations if chosen and METHODS[method].takes_preset else None
         task = progress.add_task(f"{method} on {lib.name}", total=total, state="")
 
         def report(iteration: int, best: float) -> None:

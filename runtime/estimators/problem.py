@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.estimators.friction_net import FrictionNet
-from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression import Statistics, compress_all
 from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
@@ -18,6 +16,8 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
 
 if TYPE_CHECKING:
+    from runtime.estimators.friction_net import FrictionNet
+    from runtime.estimators.optimizers import Trace
     from runtime.simulation.controller_file import ClosedLoop
 
 
@@ -195,13 +195,13 @@ class Fit:
     lam: Array | None
     status: str
     iterations: int | None = None
-    trace: Trace | None = None
+    trace: "Trace | None" = None
     optimum: float | None = None
     notes: tuple[str, ...] = ()
     weights: Array | None = None
     statistics: Statistics | None = None
     coloured_noise: ColouredNoise | None = None
-    net: FrictionNet | None = None
+    net: "FrictionNet | None" = None
     unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:

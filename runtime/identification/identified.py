@@ -1,21 +1,23 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runtime.estimators.friction_net import FrictionNet
-from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
-from runtime.identification.drive.result import DriveFit
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
+
+if TYPE_CHECKING:
+    from runtime.estimators.friction_net import FrictionNet
+    from runtime.estimators.optimizers import Trace
+    from runtime.identification.drive.result import DriveFit
 
 
 class WholeLog(NamedTuple):
@@ -104,19 +106,19 @@ class Identification(Framed):
     uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
-    trace: Trace | None
+    trace: "Trace | None"
     train: Recording
     validation: Recording
     test: Recording
     one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
-    net: FrictionNet | None = None
+    net: "FrictionNet | None" = None
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
     trained: TrainedModel | None = None
-    drive: DriveFit | None = None
+    drive: "DriveFit | None" = None
     is_joined: bool = False
     symmetric: tuple[Any, ...] = ()
 
@@ -267,7 +269,7 @@ def friction_error(result: Identification) -> metrics.TorqueError | None:
 
 
 def torque_of(
-    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
+    lib: Library, samples: Samples, pi: Array, phi: Array, net: "FrictionNet | None"
 ) -> Array:
     """τ̂ of a model with its friction.
 

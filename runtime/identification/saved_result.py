@@ -7,18 +7,20 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.estimators.friction_net import FrictionNet
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
 from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
+
+if TYPE_CHECKING:
+    from runtime.estimators.friction_net import FrictionNet
 
 LARGEST = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
@@ -72,7 +74,7 @@ class SavedResult(Framed):
     pi: Array
     friction: Friction
     phi: Array
-    net: FrictionNet | None
+    net: "FrictionNet | None"
     history: tuple[str, ...]
     preparation: Preparation
     model: ModelOfResult | None
@@ -169,7 +171,6 @@ def read_result(folder: Path) -> SavedResult:
             )
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
-        net = terms.get("net")
         saved = SavedResult(
             robot=str(facts["robot"]),
             method=str(facts["method"]),
@@ -178,7 +179,7 @@ def read_result(folder: Path) -> SavedResult:
             pi=np.array(facts["pi"], dtype=float),
             friction=Friction.from_facts(terms),
             phi=np.array(terms["values"], dtype=float),
-            net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
+            net=_net(terms.get("net")),
             history=tuple(map(str, facts["recording"]["history"])),
             preparation=_preparation(facts["recording"]["preparation"]),
             model=None if facts["model"] is None else _model(facts["model"]),
@@ -269,3 +270,12 @@ def require_model(
         f"here {now.digest[:12]}): the joints are the same, inertials, limits or the generator "
         "are not",
     )
+
+
+def _net(facts: Any) -> "FrictionNet | None":
+    """Networks of result.json; None where it has none."""
+    if not facts:
+        return None
+    from runtime.estimators.friction_net import FrictionNet
+
+    return FrictionNet(np.array(facts["theta"]), np.array(facts["scale"]))

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.adam import Preset
-from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 
 if TYPE_CHECKING:
+    from runtime.estimators.descent.adam import Preset
+    from runtime.estimators.prior_file import PriorFile
     from runtime.simulation.controller_file import ClosedLoop
 
 RENAMED = {"loop": "controller"}
@@ -55,8 +55,8 @@ class Settings:
     """
 
     method: str | None = None
-    preset: str | Preset | None = None
-    prior: PriorFile | None = None
+    preset: "str | Preset | None" = None
+    prior: "PriorFile | None" = None
     preparation: Preparation | None = None
     splitting: Split | None = None
     friction_columns: Friction | None = None

@@ -23,7 +23,6 @@ from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble
@@ -148,6 +147,8 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
     """The assembly with weights of its training rows, where the settings request them."""
     if not settings.robust:
         return assembly
+    from runtime.estimators.robust import require_robust, robust_problem
+
     require_robust(method)
     lib, t = assembly.problem.lib, assembly.parts[0].t
     problem, weights = robust_problem(assembly.problem)

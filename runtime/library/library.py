@@ -3,26 +3,14 @@
 import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.body_kernels import BodyKernels
-from runtime.library.compiled_closed_loop import (
-    ClosedLoopController,
-    ClosedLoopPlant,
-    CompiledClosedLoop,
-)
 from runtime.library.compiled_convex import CompiledConvex, ConvexTask
-from runtime.library.compiled_descent import (
-    AdamProblem,
-    CompiledAdam,
-    CompiledLevenberg,
-    LeastSquares,
-)
-from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.compiled_statistics import CompiledStatistics
 from runtime.library.control_kernels import ControlKernels
 from runtime.library.fixed_base_kernels import FixedBaseKernels
@@ -32,6 +20,20 @@ from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.proof_kernels import ProofKernels
 from runtime.library.safety_kernels import SafetyKernels
+
+if TYPE_CHECKING:
+    from runtime.library.compiled_closed_loop import (
+        ClosedLoopController,
+        ClosedLoopPlant,
+        CompiledClosedLoop,
+    )
+    from runtime.library.compiled_descent import (
+        AdamProblem,
+        CompiledAdam,
+        CompiledLevenberg,
+        LeastSquares,
+    )
+    from runtime.library.compiled_excitation import CompiledExcitation
 
 
 class Library(
@@ -147,8 +149,8 @@ class Library(
         return self._adam is not None
 
     def adam(
-        self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
-    ) -> CompiledAdam:
+        self, problems: "Sequence[AdamProblem]", options: dict[str, float], traces: int, batch: int
+    ) -> "CompiledAdam":
         """Compiled descents by Adam.
 
         Args:
@@ -163,16 +165,18 @@ class Library(
         Raises:
             LibraryError: this level has no compiled descent.
         """
+        from runtime.library.compiled_descent import CompiledAdam
+
         return CompiledAdam(self._needed(self._adam), problems, options, traces, batch)
 
     def levenberg(
         self,
         starts: Sequence[Array],
-        problems: Sequence[LeastSquares],
+        problems: "Sequence[LeastSquares]",
         options: dict[str, float],
         traces: int,
         cholesky: bool = False,
-    ) -> CompiledLevenberg:
+    ) -> "CompiledLevenberg":
         """Compiled Levenberg–Marquardt descents, in λ or log-Cholesky θ.
 
         Args:
@@ -188,6 +192,8 @@ class Library(
         Raises:
             LibraryError: this level has no compiled descent.
         """
+        from runtime.library.compiled_descent import CompiledLevenberg
+
         run = self._needed(self._levenberg)
         return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
 
@@ -219,7 +225,7 @@ class Library(
             raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
         return function
 
-    def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
+    def excitation_cost(self, home: Array, basis: Array) -> "CompiledExcitation | None":
         """Compiled log cond W̄_b of a trajectory and its gradient.
 
         Args:
@@ -229,6 +235,8 @@ class Library(
         Returns:
             None where this level has none.
         """
+        from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
+
         functions = self._binding.excitation()
         if functions is None:
             return None
@@ -236,12 +244,12 @@ class Library(
 
     def closed_loop(
         self,
-        body: ClosedLoopPlant,
-        law: ClosedLoopController,
+        body: "ClosedLoopPlant",
+        law: "ClosedLoopController",
         reference: Array,
         period: float,
         **options: Any,
-    ) -> CompiledClosedLoop:
+    ) -> "CompiledClosedLoop":
         """Compiled simulation of the robot under a computed-torque controller.
 
         Args:
@@ -255,5 +263,7 @@ class Library(
         Returns:
             Simulation that `run` continues.
         """
+        from runtime.library.compiled_closed_loop import CompiledClosedLoop
+
         function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
         return CompiledClosedLoop(function, body, law, reference, period, **options)

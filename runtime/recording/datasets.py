@@ -5,16 +5,12 @@ is pinned by commit and sha256 in the bundled recipe of the set, and is kept in 
 the operating system.
 """
 
-import logging
 import os
 import shutil
 from pathlib import Path
 
 from runtime.errors import RecordingError
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
-
-log = logging.getLogger(__name__)
-
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 """Logs that come with the package: <name>.npz."""
@@ -70,6 +66,9 @@ def _download(name: str) -> Path:
         base_url=source.base.replace("{commit}", source.commit),
         registry={file: f"sha256:{digest}" for file, digest in source.sha256.items()},
     )
+    import logging
+
+    log = logging.getLogger(__name__)
     try:
         for file in source.sha256:
             log.info("data set %s: fetching %s (commit %.8s)", name, file, source.commit)

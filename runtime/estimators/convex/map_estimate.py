@@ -7,6 +7,7 @@ uses `coloured_noise`, includes them.
 """
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from runtime.estimators.friction_bounds import (
     within_bounds,
 )
 from runtime.estimators.method import Method
-from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
@@ -29,6 +29,9 @@ from runtime.estimators.regression.residuals import inflation, noise, residuals,
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
+
+if TYPE_CHECKING:
+    from runtime.estimators.prior_file import PriorFile
 
 PASSES = 3
 """Re-estimations of the weights."""
@@ -116,7 +119,7 @@ def fit_map(
     )
 
 
-def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
+def fit_with_prior(problem: Problem, prior: "PriorFile | None" = None) -> Fit:
     """Maximum a posteriori with κ and the linear priors of a file.
 
     Args:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.descent.adam import Preset, Watch, descend, descend_many
 from runtime.estimators.descent.descent import Descent, descent_of
 from runtime.estimators.descent.levenberg_marquardt import levenberg_descend
@@ -26,11 +27,17 @@ from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
 from runtime.parallel import cores, one_blas_thread
 
-PRESETS = {
-    "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
-    "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
-    "full": Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
-}
+PRESETS = dict(
+    zip(
+        PRESET_NAMES,
+        (
+            Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
+            Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
+            Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
+        ),
+        strict=True,
+    )
+)
 
 THINNEST_AXIS = 1e-6
 """Σ_com eigenvalues below this fraction of the trace are raised to it after a descent in λ:

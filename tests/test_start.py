@@ -57,7 +57,7 @@ UNUSED = (
     *("concurrent.futures", "rich.status", "rich.progress"),
     *(f"runtime.recording.formats.{name}_format" for name in ("bag", "hdf5", "lerobot")),
     *(f"runtime.estimators.{name}" for name in ("optimizers.adam", "friction_net", "descent.fit")),
-    *("runtime.estimators.robust", "runtime.identification.current_gains.one_log"),
+    "runtime.identification.current_gains.one_log",
     *("runtime.library.compiled_descent", "runtime.library.compiled_closed_loop"),
 )
 """Modules that a short log in a pipe has no use for: threads, signs of progress, other formats and

@@ -74,6 +74,7 @@ def identify_free_base_log(
     """
     from runtime.identification.free_base.identify import SHARE, identify_free_base
     from runtime.identification.free_base.result import write_free_base
+    from runtime.identification.free_base.vertical_sensors import CROSSTALK
     from runtime.outputs.model_files import write_urdf
     from runtime.recording.free_base import read_free_base
 
@@ -121,6 +122,8 @@ def identify_free_base_log(
     for name, value in facts["sensors"].items():
         if name == "sharing":
             say(f"sensors: γ = {value:+.3f} while contacts share the load")
+        elif name in CROSSTALK:
+            say(f"sensors: {value:+.3f} N per N·m about {name[-1]} of the link")
         else:
             say(f"sensors: offset of {name} {value:+.2f} N")
     for link in facts["links"]:

@@ -8,15 +8,26 @@ from rich.table import Table
 
 from bench.free_base import library
 from bench.markdown import markdown_table, table_of
-from runtime.identification.free_base.identify import identify_free_base
-from runtime.identification.free_base.vertical_force import VerticalForce
+from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.vertical_force import VerticalForce, vertical_force
 from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.free_base import free_base_of
+from runtime.recording.free_base import FreeBaseRecording, free_base_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
 from symgen.chain.document import MOVING, Document
 
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
 """Low-passes of the walking log [Hz]."""
+DRIVER_HZ = 3.0
+"""First-order low-pass of the force sensors, the default of the robot's driver wholeBodyDynamics
+(forceTorqueFilterCutoffInHz), which its configuration leaves as it is. The model is identified in
+this band, and predicts in each."""
+SENSOR = (-0.0035, 0.0, -0.0605)
+"""Place of the force sensor of either foot in the frame of its link by the URDF, where both have
+the same axes [m]."""
+CROSSTALK = (0.0, 0.5)
+"""Standard deviation of what the sensors read of moments about x and y [N per N·m]: 0.39 to 0.69 in
+the secondary calibration of this robot's leg sensors (robots-configuration, iCubGenova04)."""
 OFFSET_N = 6.6
 """Standard deviation of the offset of a foot's sensor, 2 % of the weight of the robot [N]."""
 SHARING = 0.1
@@ -35,7 +46,11 @@ class Walk:
         cutoff: [Hz].
         urdf: RMS error of the URDF on the second half.
         bar: goal, `SHARE_OF_URDF` of that and at most `MOST`.
-        identified: RMS error of the model that was fitted to the first half.
+        identified: RMS error of the model that was fitted to the first half at `DRIVER_HZ`.
+        same_band: RMS error of a model that was fitted to the first half at this low-pass.
+        no_lag, no_crosstalk: RMS errors of models without one of the errors of the sensors, fitted
+            at `DRIVER_HZ`.
+        crosstalk: coefficient about y, fitted to the first half at this low-pass [N per N·m].
         constant: standard deviation of the measured sum on the second half.
         best_mass: RMS error of the URDF with the total mass that fits the second half best.
         mass, low, high: total mass and its 95 % interval [kg].
@@ -47,6 +62,10 @@ class Walk:
     urdf: float
     bar: float
     identified: float
+    same_band: float
+    no_lag: float
+    no_crosstalk: float
+    crosstalk: float
     constant: float
     best_mass: float
     mass: float
@@ -79,19 +98,29 @@ def walking(data: Path, folder: Path) -> list[Walk]:
         "t": log["t"] - log["t"][0],
         "base_position": log["base_pos"],
         "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
+        "contact_position": np.array([SENSOR, SENSOR]),
         "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
         "contact_force_z_sigma": np.full(2, OFFSET_N),
         "contact_force_z_sharing": np.array(SHARING),
+        "contact_force_z_crosstalk": np.array(CROSSTALK),
+        "contact_force_z_cutoff": np.array(DRIVER_HZ),
     }
     recording = free_base_of(arrays, "walking.npz")
+
+    def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
+        return identify_free_base(read, lib, "base", cutoff_hz=cutoff, share=0.5, trim_s=TRIM_S)
+
+    result = identified(recording)
+    without = []
+    for key in ("contact_force_z_cutoff", "contact_force_z_crosstalk"):
+        fewer = {name: values for name, values in arrays.items() if name != key}
+        part = free_base_of(fewer, "walking.npz")
+        without.append((part, identified(part)))
+    mass, sigma = result.mass
     rows = []
     for cutoff in CUTOFFS:
-        result = identify_free_base(
-            recording, lib, "base", cutoff_hz=cutoff, share=0.5, trim_s=TRIM_S
-        )
-        vertical, (mass, sigma) = result.vertical, result.mass
-        if vertical is None:
-            raise RuntimeError("expected vertical forces of both feet in walking.npz")
+        vertical, here = _predicted(recording, result, cutoff), identified(recording, cutoff)
+        others = [_predicted(part, fit, cutoff) for part, fit in (*without, (recording, here))]
         weight = vertical.weight
         rows.append(
             Walk(
@@ -99,6 +128,10 @@ def walking(data: Path, folder: Path) -> list[Walk]:
                 100 * vertical.before / weight,
                 min(SHARE_OF_URDF * 100 * vertical.before / weight, MOST),
                 100 * vertical.after / weight,
+                100 * others[2].after / weight,
+                100 * others[0].after / weight,
+                100 * others[1].after / weight,
+                here.sensors["crosstalk_y"],
                 100 * vertical.spread / weight,
                 100 * _best_mass(vertical) / weight,
                 mass,
@@ -111,18 +144,43 @@ def walking(data: Path, folder: Path) -> list[Walk]:
     return rows
 
 
+def _predicted(
+    recording: FreeBaseRecording, result: FreeBaseIdentification, cutoff_hz: float
+) -> VerticalForce:
+    """Errors of an identified model on the second half, behind another low-pass.
+
+    Args:
+        recording: the log.
+        result: identified on its first half.
+        cutoff_hz: of the low-pass of the prediction [Hz].
+
+    Returns:
+        Errors of ΣF_z.
+    """
+    motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
+    second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
+    phi = np.array([list(result.sensors.values())])
+    rows = motion.rows(np.flatnonzero(second))
+    vertical = vertical_force(result.lib, rows, result.pi, phi)
+    if vertical is None:
+        raise RuntimeError("expected vertical forces of both feet in walking.npz")
+    return vertical
+
+
 def _best_mass(vertical: VerticalForce) -> float:
     """RMS of f − s p at the best factor s of the URDF's force p [N]."""
     p, f = vertical.predicted, vertical.measured
     return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
 
 
-_WALK = ("low-pass Hz", "URDF %", "goal %", "identified %", "URDF of the best mass %",
-         "best constant %", "mass kg", "95 % interval")  # fmt: skip
+_WALK = ("low-pass Hz", "URDF %", "goal %", "identified at 3 Hz %", "without lag %",
+         "without crosstalk %", "identified in this band %", "crosstalk in this band N/(N·m)",
+         "URDF of the best mass %", "best constant %", "mass kg", "95 % interval")  # fmt: skip
 
 
 def _walk_cells(r: Walk) -> tuple[str, ...]:
-    numbers = (r.urdf, r.bar, r.identified, r.best_mass, r.constant)
+    numbers = (r.urdf, r.bar, r.identified, r.no_lag, r.no_crosstalk, r.same_band, r.crosstalk,
+               r.best_mass, r.constant)  # fmt: skip
     errors = tuple(f"{number:.2f}" for number in numbers)
     return (f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}")
 

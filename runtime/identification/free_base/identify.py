@@ -13,11 +13,11 @@ from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_o
 from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.problem import Fit, NoiseFloor, Problem
-from runtime.estimators.regression.residuals import SILENT
+from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.contact_order import require_contact_order
+from runtime.identification.free_base.noise import noise_of
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
     require_clock,
@@ -59,7 +59,8 @@ class FreeBaseIdentification:
         notes: sentences on the data.
         offset_mass: standard deviation of the total mass by offsets of the force sensors [kg],
             before the prior of the URDF.
-        sensors: errors of the sensors of vertical forces: offsets by link [N], and γ, `sharing`.
+        sensors: errors of the sensors of vertical forces: offsets by link [N], γ as `sharing`, and
+            crosstalk [1/m].
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -152,13 +153,14 @@ def identify_free_base(
     require_forces_on_robot(lib, trained, recording.name)
     require_contact_order(lib, train, recording.name)
     unknowns = len(lib.base_columns)
-    floor = _noise_floor(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
-    weights = thesis_weights(trained.samples.tau) if floor is None else floor.sigma**-2
+    noise = noise_of(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
+    fitted = trained.samples if noise is None else noise.weighted(trained.samples)
+    floor = None if noise is None else noise.floor
     problem = Problem(
         lib=lib,
-        train=trained.samples,
+        train=fitted,
         validation=tested.samples,
-        weights=weights,
+        weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
         start=lib.lam0,
         noise_floor=floor,
         friction_prior=sensor_prior(motion.contacts, trained.samples.columns.shape[1:]),
@@ -170,7 +172,8 @@ def identify_free_base(
         independent = trained.samples.tau.size / floor.inflation
         notes.append(
             f"{independent:.0f} independent equations for {unknowns} base parameters: most of the "
-            "result is the prior, and the residual of the URDF counts as noise"
+            "result is the prior, and the residual of the URDF counts as noise, without its mean "
+            "and errors of sensors"
         )
     sigma, offset_mass = motion.contacts.offset_sigma, 0.0
     if sigma is not None:
@@ -223,25 +226,6 @@ def identify_free_base(
         sensors=sensors,
         vertical=vertical_force(lib, test, fit.pi, fit.phi),
     )
-
-
-def _noise_floor(
-    lib: Library, trained: FreeBaseRows, cutoff_hz: float | None, seconds: float
-) -> NoiseFloor | None:
-    """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
-
-    A low-pass of f leaves 2 f T independent values of T seconds (Nyquist).
-    """
-    samples = trained.samples
-    count = float(len(samples))
-    if cutoff_hz is not None:
-        count = min(count, max(1.0, 2 * cutoff_hz * seconds))
-    if count * samples.equations >= len(lib.base_columns):
-        return None
-    rest = samples.rigid(lib, lib.pi0) - samples.tau
-    # Its mean is an offset or the total mass, which the fit explains.
-    sigma = np.maximum(rest.std(axis=0), SILENT * rms(samples.tau).max())
-    return NoiseFloor(sigma, len(samples) / count)
 
 
 def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:

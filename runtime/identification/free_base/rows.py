@@ -92,7 +92,7 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
             for i in range(0, count, _BLOCK)
         ]
     )  # fmt: skip
-    errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(motion.contacts)
+    errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(lib, motion)
     names = tuple(lib.row_names[k] for k in kept)
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))

@@ -68,7 +68,7 @@ def vertical_force(
     return VerticalForce(
         float(measured.mean()),
         float(rms(by_urdf - measured)),
-        float(rms(predicted(pi) + (reading_errors(contacts) @ phi[0]).sum(axis=1) - measured)),
+        float(rms(predicted(pi) + (reading_errors(lib, motion) @ phi[0]).sum(axis=1) - measured)),
         float(measured.std()),
         measured,
         by_urdf,

@@ -1,52 +1,61 @@
-"""Errors of the sensors of vertical contact forces: offsets, and error where the load is shared.
+"""Errors of the sensors of vertical contact forces: offsets, shared load, crosstalk of moments.
 
-    F_read,c = F_c + o_c + γ F_c (1 − s_c),   s_c = F_c / ΣF
+    F_read,c = F_c + o_c + γ F_c (1 − s_c) + c_x m_c,x + c_y m_c,y,   s_c = F_c / ΣF
 
 o_c is an offset of sensor c while it is read. γ is common to the contacts: what two feet on the
 ground press against each other, and a curved characteristic, appear in the sum of the sensors as
-a term that is zero where one contact carries the robot.
+a term that is zero where one contact carries the robot. c are common to the contacts, too: how
+much sensors of one type read of the moments m_c, which `contact_moments` predicts by the URDF.
 """
 
 import numpy as np
 
 from runtime.estimators.problem import FrictionPrior
-from runtime.library import Array
+from runtime.identification.free_base.contact_moments import contact_moments
+from runtime.library import Array, Library
 from runtime.recording.free_base import Contacts
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 
 VERTICAL = 2
 """Place of the vertical force within a wrench."""
 SMALLEST_OFFSET = 1e-6
 """Smallest standard deviation of an offset of a force sensor [N]."""
 SMALLEST_SHARING = 1e-9
-"""Smallest standard deviation of γ."""
+"""Smallest standard deviation of γ, and of c [1/m]."""
+CROSSTALK = ("crosstalk_x", "crosstalk_y")
+"""Names of c."""
 
 
-def reading_errors(contacts: Contacts) -> Array:
+def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     """Errors of the C readings per unit of each of the K unknown coefficients.
 
     Args:
-        contacts: of N instants; where offsets or γ are stated, with vertical forces of all.
+        lib: library of a robot with a free base.
+        motion: N prepared instants; where errors are stated, with all vertical forces.
 
     Returns:
-        (N, C, K): o_c of every contact [1], then γ [N]; K = 0 where the log states neither.
+        (N, C, K): o_c of every contact [1], γ [N], c_x and c_y [N·m]; of these, what the log
+        states.
     """
+    contacts = motion.contacts
     count, size = contacts.wrench.shape[:2]
     parts = [np.zeros((count, size, 0))]
     if contacts.offset_sigma is not None:
         read = np.ones((count, size)) if contacts.sensed is None else contacts.sensed
         parts.append(read[:, :, None] * np.eye(size))
+    force = contacts.wrench[:, :, VERTICAL]
     if contacts.sharing_sigma is not None:
-        force = contacts.wrench[:, :, VERTICAL]
-        total = force.sum(axis=1, keepdims=True)
-        share = np.divide(force, total, out=np.ones_like(force), where=total > 0)
-        parts.append((force * (1 - share))[:, :, None])
+        parts.append((force * (1 - _shares(force, 1.0)))[:, :, None])
+    if contacts.crosstalk_sigma is not None:
+        parts.append(contact_moments(lib, motion, _shares(force, 0.0))[:, :, :2])
     return np.concatenate(parts, axis=2)
 
 
 def error_names(contacts: Contacts) -> tuple[str, ...]:
-    """Names of the K coefficients of `reading_errors`: links of the offsets, then "sharing"."""
+    """Names of the K coefficients of `reading_errors`: links of the offsets, "sharing", axes."""
     offsets = () if contacts.offset_sigma is None else contacts.links
-    return (*offsets, *(() if contacts.sharing_sigma is None else ("sharing",)))
+    sharing = () if contacts.sharing_sigma is None else ("sharing",)
+    return (*offsets, *sharing, *(() if contacts.crosstalk_sigma is None else CROSSTALK))
 
 
 def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
@@ -65,8 +74,16 @@ def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | 
         known += np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
     if contacts.sharing_sigma is not None:
         known.append(max(contacts.sharing_sigma, SMALLEST_SHARING))
+    if contacts.crosstalk_sigma is not None:
+        known += np.maximum(contacts.crosstalk_sigma, SMALLEST_SHARING).tolist()
     if not known:
         return None
     spread = np.full(shape, np.inf)
     spread[0] = known
     return FrictionPrior(np.zeros(shape), spread)
+
+
+def _shares(force: Array, unloaded: float) -> Array:
+    """Shares s (N, C) of the forces in their sum; `unloaded` where no contact carries load."""
+    total = force.sum(axis=1, keepdims=True)
+    return np.divide(force, total, out=np.full_like(force, unloaded), where=total > 0)

@@ -60,22 +60,45 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
         _require_lifted_unloaded(wrench[..., :3], flags != 0, name)
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
-    sigma = _sigma(
+    sigma = _of_sensors(
         arrays,
         "contact_force_z_sigma",
         name,
         (size,),
         "numbers of at least 0 [N] and contact_force_z beside them",
     )
-    sharing = _sigma(
+    sharing = _of_sensors(
         arrays,
         "contact_force_z_sharing",
         name,
         (),
         "a number of at least 0 and contact_force_z beside it",
     )
+    crosstalk = _of_sensors(
+        arrays,
+        "contact_force_z_crosstalk",
+        name,
+        (2,),
+        "two numbers of at least 0 [1/m] and contact_force_z beside them",
+    )
+    cutoff = _of_sensors(
+        arrays,
+        "contact_force_z_cutoff",
+        name,
+        (),
+        "a number above 0 [Hz] and contact_force_z beside it",
+        zero=False,
+    )
     return Contacts(
-        links, position, wrench, axes, sigma, None if sharing is None else sharing.item(), sensed
+        links,
+        position,
+        wrench,
+        axes,
+        sigma,
+        None if sharing is None else sharing.item(),
+        crosstalk,
+        None if cutoff is None else cutoff.item(),
+        sensed,
     )
 
 
@@ -89,16 +112,36 @@ def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -
             )
 
 
-def _sigma(
-    arrays: dict[str, NDArray], key: str, name: str, shape: tuple[int, ...], wanted: str
+def _of_sensors(
+    arrays: dict[str, NDArray],
+    key: str,
+    name: str,
+    shape: tuple[int, ...],
+    wanted: str,
+    zero: bool = True,
 ) -> FloatArray | None:
-    """Standard deviations of errors of the vertical forces; None where the log states none."""
+    """Property of the sensors of the vertical forces; None where the log does not state it.
+
+    Args:
+        arrays: by key.
+        key: of the property.
+        name: of the file, for messages.
+        shape: expected.
+        wanted: what is expected, for messages.
+        zero: whether 0 is allowed.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        RecordingError: a number is out of range, or vertical forces are missing.
+    """
     if key not in arrays:
         return None
-    sigma = numbers_of(arrays, key, name, shape)
-    if "contact_force_z" not in arrays or not (sigma >= 0).all():
+    values = numbers_of(arrays, key, name, shape)
+    if "contact_force_z" not in arrays or not (values >= 0).all() or not (zero or values.all()):
         raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
-    return sigma
+    return values
 
 
 def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], name: str) -> None:

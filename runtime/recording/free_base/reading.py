@@ -13,6 +13,8 @@ An NPZ with one row per instant, SI units:
     contact_force_z_sigma (C,) standard deviation of the unknown offsets of these sensors
     contact_force_z_sharing () standard deviation of the relative error of these sensors while
     contacts share the load, see `Contacts`
+    contact_force_z_crosstalk (2,) standard deviations of what these sensors read per moment about
+    x and y of the link; contact_force_z_cutoff () cut-off of their first-order low-pass
     contact_flags (N, C) whether a contact can transmit a wrench; 0 states that there is none
     contact_kind "surface" or "point", whose moment is zero
 """
@@ -35,7 +37,7 @@ _KEYS = (
     *("t", "q", "dq", "ddq", "tau", "joints", "base_pose", "base_position", "base_rpy"),
     *("base_twist", "base_acceleration", "contact_links", "contact_position", "contact_wrench"),
     *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_force_z_sharing"),
-    *("contact_flags", "contact_kind"),
+    *("contact_force_z_crosstalk", "contact_force_z_cutoff", "contact_flags", "contact_kind"),
 )
 _FEWEST = 8
 """Fewest instants of a recording."""

@@ -18,6 +18,10 @@ class Contacts:
             where the log does not state it.
         sharing_sigma: standard deviation of γ: a sensor that reads the share s of ΣF_z reads
             F (1 + γ (1 − s)); None where the log does not state it.
+        crosstalk_sigma: (2,) standard deviations of c: a sensor reads c·m more, with m the moments
+            about x and y of the link at `position` [1/m]; None where the log does not state them.
+        cutoff_hz: cut-off of the first-order low-pass of the sensors of the vertical forces [Hz];
+            None where the log states none.
         sensed: (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is
             none; filtered like the forces.
     """
@@ -28,6 +32,8 @@ class Contacts:
     axes: str
     offset_sigma: FloatArray | None = None
     sharing_sigma: float | None = None
+    crosstalk_sigma: FloatArray | None = None
+    cutoff_hz: float | None = None
     sensed: FloatArray | None = None
 
 

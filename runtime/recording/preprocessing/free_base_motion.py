@@ -6,7 +6,8 @@ R, p and q pass the same zero-phase low-pass as torques and wrenches, and R is t
 rotation. What the log states of velocities and accelerations is filtered and taken as it is.
 Torques and wrenches are filtered piece by piece, where a piece ends with a change of what is
 unknown of the contacts: the force of a foot without a sensor enters the torques, and a filter
-across its lift-off would bring it into rows whose equations do not contain it.
+across its lift-off would bring it into rows whose equations do not contain it. Where the sensors of
+the contacts have a low-pass of their own, everything else passes it first, see `sensor_lag`.
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +25,7 @@ from runtime.recording.preprocessing.free_base_conventions import (
     require_twist,
 )
 from runtime.recording.preprocessing.segments import holes, resample
+from runtime.recording.preprocessing.sensor_lag import lagged
 from runtime.recording.recording import FloatArray, Recording
 
 BoolArray = NDArray[np.bool_]
@@ -104,7 +106,7 @@ def motion_of(
         values = getattr(recording, key)
         if values is not None:
             blocks[key] = values if columns is None else values[:, columns]
-    moved = len(blocks)
+    width = sum(block.shape[1] for block in blocks.values())
     blocks["wrench"] = np.where(np.isnan(wrench), 0.0, wrench)
     if recording.contacts.sensed is not None:
         blocks["sensed"] = recording.contacts.sensed
@@ -112,9 +114,9 @@ def motion_of(
         blocks["tau"] = recording.tau[:, places]
     whole = Recording(recording.t, np.hstack(list(blocks.values())), name=recording.name)
     whole, unknown = _on_uniform_clock(whole, np.isnan(wrench))
-    width = sum(block.shape[1] for block in list(blocks.values())[:moved])
-    motion = Recording(whole.t, whole.q[:, :width], name=recording.name)
-    forces, inside = whole.q[:, width:], np.arange(len(whole))
+    signals = _with_lag(recording.contacts, whole, width, len(places) * (recording.tau is not None))
+    motion = Recording(whole.t, signals[:, :width], name=recording.name)
+    forces, inside = signals[:, width:], np.arange(len(whole))
     if cutoff_hz is not None:
         motion = low_pass(motion, cutoff_hz)
         forces, inside = _low_pass_of_forces(whole.t, forces, unknown, cutoff_hz)
@@ -172,6 +174,26 @@ def motion_of(
         ),
         turned.as_matrix(),
     )
+
+
+def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> FloatArray:
+    """Signals with the lag of the contacts' sensors in those that these do not measure.
+
+    Args:
+        contacts: of the recording.
+        whole: N rows on a uniform clock; motion first, torques last, forces between.
+        moved: number of columns of motion.
+        torques: number of columns of torques.
+
+    Returns:
+        (N, m).
+    """
+    if contacts.cutoff_hz is None:
+        return whole.q
+    others = np.r_[:moved, whole.q.shape[1] - torques : whole.q.shape[1]]
+    signals = whole.q.copy()
+    signals[:, others] = lagged(whole, whole.q[:, others], contacts.cutoff_hz)
+    return signals
 
 
 def _on_uniform_clock(log: Recording, unknown: BoolArray) -> tuple[Recording, BoolArray]:

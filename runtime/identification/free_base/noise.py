@@ -1,0 +1,119 @@
+"""Noise of the equations where the low-pass leaves fewer independent ones than base parameters.
+
+Residuals of a fit cannot show the noise then. What the URDF leaves does, once its mean (an offset,
+or the total mass) and the errors of the sensors are taken out: Student's t with ν = 4 degrees of
+freedom, fitted by iterated weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the instants. A robot
+that stands shows the errors of its sensors to a fraction of a newton, one that steps has errors of
+acceleration of several; with equal weights the few steps would hide what the standing shows. That
+holds for less than a fifth of the instants, 1 / (ν + 1).
+Source: Lange, Little & Taylor 1989, ν = 4.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.regression.residuals import SILENT
+from runtime.estimators.regression.samples import Samples
+from runtime.identification.free_base.rows import FreeBaseRows
+from runtime.identification.free_base.vertical_force import rms
+from runtime.library import Array, Library
+
+FREEDOMS = 4.0
+"""ν of Student's t."""
+PASSES, STEADY = 200, 1e-6
+"""Limit of the number of fits, and largest relative change of σ at the end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowNoise:
+    """Noise of the equations of N instants.
+
+    Attributes:
+        floor: standard deviation per equation, and N / N_eff.
+        weights: (N,) of the instants, of the variance σ².
+    """
+
+    floor: NoiseFloor
+    weights: Array
+
+    def weighted(self, samples: Samples) -> Samples:
+        """Equations times the roots of their weights.
+
+        Args:
+            samples: N instants of m equations with rows Y_b.
+
+        Returns:
+            Equations of equal variance.
+        """
+        root = np.sqrt(self.weights)[:, None]
+        base = samples.base
+        return replace(
+            samples,
+            tau=root * samples.tau,
+            columns=root[:, :, None] * samples.columns,
+            base=None if base is None else root[:, :, None] * base,
+        )
+
+
+def noise_of(
+    lib: Library, trained: FreeBaseRows, cutoff_hz: float | None, seconds: float
+) -> RowNoise | None:
+    """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
+
+    A low-pass of f leaves 2 f T independent values of T seconds (Nyquist).
+
+    Args:
+        lib: library of the robot.
+        trained: equations of N instants.
+        cutoff_hz: of the low-pass [Hz]; None for none.
+        seconds: duration [s].
+
+    Returns:
+        Noise and weights; None where residuals of the fit show the noise.
+    """
+    samples = trained.samples
+    count = float(len(samples))
+    if cutoff_hz is not None:
+        count = min(count, max(1.0, 2 * cutoff_hz * seconds))
+    if count * samples.equations >= len(lib.base_columns):
+        return None
+    rest = samples.rigid(lib, lib.pi0) - samples.tau
+    least = SILENT * rms(samples.tau).max()
+    sigma, weights = _student(rest, samples.columns, count)
+    return RowNoise(NoiseFloor(np.maximum(sigma, least), len(samples) / count), weights)
+
+
+def _student(rest: Array, columns: Array, independent: float) -> tuple[Array, Array]:
+    """Scale of a residual behind its mean and columns, and weights of the instants.
+
+    Args:
+        rest: (N, m) residual.
+        columns: (N, m, K) of coefficients that are common to the m equations.
+        independent: number of independent instants.
+
+    Returns:
+        σ (m,) of Student's t, and the weights (N,), whose mean is 1.
+    """
+    count, equations = rest.shape
+    means = np.broadcast_to(np.eye(equations), (count, equations, equations))
+    rows = np.concatenate([means, columns], axis=2)
+    size = np.sqrt(np.mean(rows**2, axis=(0, 1)))
+    rows = rows / np.where(size > 0, size, 1.0)
+    weights, sigma = np.ones(count), np.maximum(rms(rest - rest.mean(axis=0)), 1e-300)
+    rank = int(np.linalg.matrix_rank(rows.reshape(-1, rows.shape[2])))
+    # Every independent value that the means and columns explain is missing in the residual.
+    lost = independent * equations / max(independent * equations - rank, 1.0)
+    for _ in range(PASSES):
+        scale = np.sqrt(weights)[:, None] / sigma
+        design = (rows * scale[:, :, None]).reshape(count * equations, -1)
+        solution = np.linalg.lstsq(design, (rest * scale).ravel(), rcond=None)[0]
+        left = rest - rows @ solution
+        before = sigma
+        sigma = np.maximum(np.sqrt(np.mean(weights[:, None] * left**2, axis=0)), 1e-300)
+        weights = (FREEDOMS + equations) / (FREEDOMS + np.sum((left / sigma) ** 2, axis=1))
+        weights = weights / weights.mean()
+        if np.abs(sigma / before - 1.0).max() < STEADY:
+            break
+    return sigma * np.sqrt(lost), weights

@@ -5,6 +5,7 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import plain_numbers, text_blocks
+from runtime.recording.formats.decimals import decimals
 from runtime.recording.formats.text_tables import csv_table, flat_table
 
 ROWS = "t,a,b\n0.1,-1e-3,nan\n0.2, 4 ,1e400\n0.30000000000000004,5,6\n"
@@ -117,11 +118,44 @@ def test_two_numbers_in_a_line_do_not_make_up_for_an_empty_one(odd: str) -> None
     assert plain_numbers.plain_numbers(odd + "1.5\n" * 40) is None
 
 
-def test_numbers_are_parsed_by_numpy(monkeypatch) -> None:
-    """Property: `float` for each, half as much time again, is left for what NumPy refuses."""
+def test_few_numbers_are_parsed_one_by_one(monkeypatch) -> None:
+    """Property: pieces go to the parser of decimals, others to NumPy's; `float` is for the rest."""
     parsed = []
-    whole = np.fromstring
-    monkeypatch.setattr(np, "fromstring", lambda *a, **k: parsed.append(a) or whole(*a, **k))
-    assert plain_numbers.plain_numbers("1.5\n2e3\n") is not None
-    assert plain_numbers.plain_rows("1.5,2\n", iter(["1.5,2"]), ",", 2, (1,)) is not None
-    assert len(parsed) == 2
+    by_numpy = plain_numbers._by_numpy
+    monkeypatch.setattr(plain_numbers, "_by_numpy", lambda *a: parsed.append(a) or by_numpy(*a))
+    decimal, exponents = ("1.5\n-20.25\n" * 25 + "7\n") * 300, "1.5e-3\n2e3\n" * 5000
+    for text, count in ((decimal, 0), (exponents, 1), (decimal + exponents, 1)):
+        numbers = plain_numbers.plain_numbers(text)
+        assert numbers is not None
+        assert numbers.tolist() == list(map(float, text.split()))
+        assert len(parsed) >= count
+        assert count or not parsed
+        parsed.clear()
+    assert plain_numbers.plain_rows("1.5,2.5\n", iter(["1.5,2.5"]), ",", 2, (1,)) is not None
+    assert not parsed
+
+
+def test_decimals_are_those_of_python() -> None:
+    """Oracle: `float`, to the bit, for 1 to 8 digits on either side of the point."""
+    rng = np.random.default_rng(8)
+    whole, after = rng.integers(1, 9, (2, 20000))
+    digits = [[str(k) for k in row] for row in rng.integers(0, 10, (20000, 16))]
+    cells = [
+        f"{'-' if k % 3 else ''}{''.join(row[:a])}.{''.join(row[8 : 8 + b])}"
+        for k, (row, a, b) in enumerate(zip(digits, whole, after, strict=True))
+    ]
+    cells[::100] = ["1e-05"] * 200
+    cells[:4] = ["-0.000", "99999999.99999999", "9007199.254740993", "3"]
+    expected = np.array(list(map(float, cells)))
+    parsed = decimals(";".join(cells).encode(), b";")
+    assert parsed is not None
+    assert parsed.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("odd", [" 1.5", "1_0.5", "", "1.5.5", "-", ".", "1/5", "1:5.0", "\xb2.5"])
+def test_decimals_refuse_other_cells(odd: str) -> None:
+    """Property: what another parser must judge is not read as a number."""
+    for place in (0, 20, 40):
+        cells = ["1.5"] * 40
+        cells.insert(place, odd)
+        assert decimals("\n".join(cells).encode(), b"\n") is None

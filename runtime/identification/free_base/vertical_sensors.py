@@ -21,7 +21,7 @@ VERTICAL = 2
 SMALLEST_OFFSET = 1e-6
 """Smallest standard deviation of an offset of a force sensor [N]."""
 SMALLEST_SHARING = 1e-9
-"""Smallest standard deviation of γ, and of c [1/m]."""
+"""Smallest standard deviation of γ."""
 CROSSTALK = ("crosstalk_x", "crosstalk_y")
 """Names of c."""
 
@@ -35,7 +35,7 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
 
     Returns:
         (N, C, K): o_c of every contact [1], γ [N], c_x and c_y [N·m]; of these, what the log
-        states.
+        states, and of c what it does not state as 0.
     """
     contacts = motion.contacts
     count, size = contacts.wrench.shape[:2]
@@ -47,7 +47,8 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     if contacts.sharing_sigma is not None:
         parts.append((force * (1 - _shares(force, 1.0)))[:, :, None])
     if contacts.crosstalk_sigma is not None:
-        parts.append(contact_moments(lib, motion, _shares(force, 0.0))[:, :, :2])
+        axes = np.flatnonzero(contacts.crosstalk_sigma)
+        parts.append(contact_moments(lib, motion, _shares(force, 0.0))[:, :, axes])
     return np.concatenate(parts, axis=2)
 
 
@@ -55,7 +56,9 @@ def error_names(contacts: Contacts) -> tuple[str, ...]:
     """Names of the K coefficients of `reading_errors`: links of the offsets, "sharing", axes."""
     offsets = () if contacts.offset_sigma is None else contacts.links
     sharing = () if contacts.sharing_sigma is None else ("sharing",)
-    return (*offsets, *sharing, *(() if contacts.crosstalk_sigma is None else CROSSTALK))
+    sigma = () if contacts.crosstalk_sigma is None else contacts.crosstalk_sigma
+    crosstalk = [name for name, size in zip(CROSSTALK, sigma, strict=False) if size > 0]
+    return (*offsets, *sharing, *crosstalk)
 
 
 def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
@@ -75,7 +78,7 @@ def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | 
     if contacts.sharing_sigma is not None:
         known.append(max(contacts.sharing_sigma, SMALLEST_SHARING))
     if contacts.crosstalk_sigma is not None:
-        known += np.maximum(contacts.crosstalk_sigma, SMALLEST_SHARING).tolist()
+        known += contacts.crosstalk_sigma[contacts.crosstalk_sigma > 0].tolist()
     if not known:
         return None
     spread = np.full(shape, np.inf)

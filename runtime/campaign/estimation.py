@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.campaign.gear_friction import (
+    LOAD,
     NAMES,
     SPREAD,
     GearFriction,
@@ -36,9 +37,8 @@ of 10 µrad are noisier than torque sensors."""
 UNSEEN_RIPPLE, UNSEEN_FRICTION = 0.005, 0.3
 """σ of torques that logs so far have not shown, over the range of the torque of a joint and over
 its friction: a slow stage shows the friction of full speed to a third."""
-ASYMMETRY, PEAK, RIPPLE, LOAD = 0.2, 0.5, 0.1, 0.02
-"""σ over the dry friction of a joint: difference between the directions, Stribeck peak, ripple; and
-of friction over the load."""
+ASYMMETRY, PEAK, RIPPLE = 0.2, 0.5, 0.1
+"""σ over the dry friction of a joint: difference between the directions, Stribeck peak, ripple."""
 VAGUE = PriorFile(NONE, Constraints())
 """A campaign is for arms whose URDF may be wrong, and its data determine the base parameters."""
 

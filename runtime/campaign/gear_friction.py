@@ -36,6 +36,8 @@ ERRORS = ("delay error", "stroke error", "peak speed error", "waves error")
 """Columns whose coefficients are errors of the parameters that the others depend on."""
 SPREAD = np.array([5e-3, 0.7, 0.7, 1.0])
 """σ of delay [s], ln z_c, ln v_s and w [1/rad], of joints whose motion hardly determines them."""
+LOAD = 0.02
+"""σ of friction over the load."""
 NAMES = (*FRICTION, *ERRORS, OFFSET.name)
 """All columns; the offset, the last one, is one per log."""
 STROKE, PEAK_SPEED = 2e-3, 0.1

@@ -2,6 +2,8 @@
 
     min over θ = (delay, ln z_c, ln v_s, w) of ‖r(θ)‖²,   r the weighted residual of [Y_b F(θ)]
 
+r contains a prior of friction that grows with the load: |τ| is the measured torque, so that where
+friction outweighs the links its column is that of dry friction again.
 Gauss–Newton: the columns ∂(F φ)/∂θ join the least squares, and their coefficients are the step
 (variable projection). The waves of gears are found first, joint by joint: the w whose sine and
 cosine take most of the residual.
@@ -14,6 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.campaign.gear_friction import (
+    FRICTION,
+    LOAD,
     SPREAD,
     GearFriction,
     errors_of,
@@ -96,8 +100,11 @@ def _step(
     rows = np.concatenate([base, _spread(np.concatenate([friction, apart], axis=2))], axis=2)
     weight, phi, rest = np.ones(n), np.zeros((n, k)), tau
     basis = np.zeros((count * n, 0))
+    known = np.zeros((n, rows.shape[2]))  # the prior of friction that grows with the load
+    loads = base.shape[2] + FRICTION.index("dahl load") + (k + len(parts)) * np.arange(n)
+    known[np.arange(n), loads] = 1 / LOAD
     for _ in range(PASSES):
-        x, basis = _least_squares(rows * weight[:, None], tau * weight)
+        x, basis = _least_squares(rows * weight[:, None], tau * weight, known)
         phi = x[base.shape[2] :].reshape(n, -1)[:, :k]
         rest = tau - rows @ x
         weight = 1 / np.maximum(rest.std(axis=0), 1e-12)
@@ -120,14 +127,24 @@ def _spread(columns: Array) -> Array:
     return rows.reshape(count, n, n * k)
 
 
-def _least_squares(rows: Array, target: Array) -> tuple[Array, Array]:
-    """Solution of least norm over unit columns, and an orthonormal basis of the columns."""
-    flat = rows.reshape(-1, rows.shape[2])
+def _least_squares(rows: Array, target: Array, known: Array) -> tuple[Array, Array]:
+    """Solution of least norm over unit columns, and an orthonormal basis of the columns.
+
+    Args:
+        rows: weighted, (N, n, p).
+        target: weighted, (N, n).
+        known: rows of a prior with mean 0, over its standard deviation, (m, p).
+
+    Returns:
+        Solution (p,), and the part of the basis that belongs to the data, (N n, r).
+    """
+    flat = np.concatenate([rows.reshape(-1, rows.shape[2]), known])
     lengths = np.linalg.norm(flat, axis=0)
     unit = flat / np.where(lengths > 0, lengths, 1.0)
     values, turn = np.linalg.eigh(unit.T @ unit)
     present = values > RANK_TOLERANCE * values[-1]
     basis = unit @ (turn[:, present] / np.sqrt(values[present]))
+    basis = basis[: target.size]  # the prior expects zeros
     x = (turn[:, present] / np.sqrt(values[present])) @ (basis.T @ target.ravel())
     return x / np.where(lengths > 0, lengths, 1.0), basis
 

@@ -152,7 +152,7 @@ def unnoticed(verdicts: tuple[Verdict, ...], lib: Library) -> tuple[str, ...]:
     return tuple(
         f"in the rehearsal a fault of kind '{each.kind}' on {lib.joint_names[each.joint]} was "
         f"neither named nor recovered (torque error {100 * each.error:.2g} %); "
-        "record a longer motion"
+        "record a longer motion (--duration)"
         for each in verdicts
         if not (each.is_named or each.is_recovered)
     )

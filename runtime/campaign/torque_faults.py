@@ -3,8 +3,9 @@
     τ_j = r_j τ_URDF,j + φ₁ ζ_j + φ₂ dq_j + o_j + e_j
 
 Dry friction opposes motion whatever the links weigh, so that φ₁ < 0 is a wrong sign. Torques of
-another joint leave a large share of e. r_j far from 1, where τ_URDF,j outweighs the friction, is a
-gain, a load, or a URDF that is wrong by more than `RATIO`.
+another joint leave a large share of e. r_j far from 1 is a gain, a load, or a URDF that is wrong by
+more than `RATIO`; it counts where τ_URDF,j outweighs the friction, or the part of it that friction
+does not resemble outweighs e by far.
 """
 
 import numpy as np
@@ -20,6 +21,11 @@ on the last link of an FR3 changes it by 0.4."""
 UNEXPLAINED = 0.5
 """Largest RMS of e over the standard deviation of τ; sound logs stay below 0.25, exchanged columns
 leave 0.74 and more on one of the two joints."""
+DISTINCT = 10.0
+"""Size of the part of a torque that friction does not resemble, over e, from which on r is known to
+0.1 at least; 6 and more with three times the usual friction, which deviates by up to 0.06."""
+SMALL = 0.1
+"""Torques of wrists below this share of the largest one are left to the first rule."""
 CLEAR = 2.0
 """Size of a torque over the one that it is compared with from which on it counts."""
 
@@ -39,7 +45,7 @@ def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
     tau = rows.required("tau")
     model = lib.inverse_dynamics(rows.q, rows.required("dq"), rows.required("ddq"), lib.pi0)
     dahl, viscous = FRICTION.index("dahl"), FRICTION.index("viscous")
-    sentences = []
+    sentences, largest = [], float(model.std(axis=0).max())
     for j, name in enumerate(lib.joint_names):
         parts = np.column_stack(
             [model[:, j], columns[:, j, dahl], columns[:, j, viscous], np.ones(len(tau))]
@@ -47,6 +53,8 @@ def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
         x, *_ = np.linalg.lstsq(parts, tau[:, j], rcond=None)
         rest = float(np.std(tau[:, j] - parts @ x))
         rigid, dry = x[0] * model[:, j], x[1] * columns[:, j, dahl]
+        others = parts[:, 1:] @ np.linalg.lstsq(parts[:, 1:], model[:, j], rcond=None)[0]
+        apart = float(np.std(x[0] * (model[:, j] - others)))
         friction = float(np.std(dry + x[2] * columns[:, j, viscous]))
         if x[1] < 0 and np.std(dry) > CLEAR * rest:
             sentences.append(
@@ -57,7 +65,10 @@ def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
                 f"the torque of {name} follows neither the URDF nor its friction "
                 f"({100 * rest / np.std(tau[:, j]):.0f} % of it is left); is it of another joint?"
             )
-        elif np.std(rigid) > CLEAR * max(friction, rest) and abs(x[0] - 1) > RATIO:
+        elif abs(x[0] - 1) > RATIO and (
+            np.std(rigid) > CLEAR * max(friction, rest)
+            or (apart > DISTINCT * rest and np.std(model[:, j]) > SMALL * largest)
+        ):
             sentences.append(
                 f"the torque of {name} is {x[0]:.2f} times that of the URDF: a load that it does "
                 "not contain, a gain of the sensor, or wrong inertias"

@@ -24,7 +24,12 @@ FINE, STEP = 4, 2.5e-4
 
 
 def moved(
-    lib: Library, seconds: float, seed: int, ripple: float = 0.06, load: float = 0.0
+    lib: Library,
+    seconds: float,
+    seed: int,
+    ripple: float = 0.06,
+    load: float = 0.0,
+    dry: float = 0.5,
 ) -> Recording:
     """A log of a prescribed motion with the friction of the virtual robot, at 1 kHz."""
     n, rng = lib.n_joints, np.random.default_rng(seed)
@@ -37,7 +42,7 @@ def moved(
     ddq = -(size * (2 * np.pi * f[0]) ** 2 * np.sin(angle)).sum(axis=1)
     one = np.ones(n)
     law = VirtualFriction(
-        coulomb=0.5 * one,
+        coulomb=dry * one,
         asymmetry=0.1 * one,
         stribeck=0.3 * one,
         stribeck_speed=PEAK_SPEED * one,
@@ -104,6 +109,26 @@ def test_a_wrong_sign_and_a_load_are_named(arm: Library) -> None:
     assert "wrong sign" in torque_faults(arm, log.replace(tau=-log.tau))[0]
     (said,) = torque_faults(arm, smoothed(moved(arm, 4.0, 5, load=5.0), arm))
     assert "times that of the URDF: a load" in said
+
+
+def test_a_gain_is_named_where_friction_hides_half_of_the_links(arm: Library) -> None:
+    """Property: links of 0.52 N·m beside friction of 0.3 N·m show a gain of 1.4, because their
+    torque does not resemble friction; the sound log has no fault.
+    """
+    log = smoothed(moved(arm, 8.0, 5, dry=0.3), arm)
+    assert torque_faults(arm, log) == ()
+    (said,) = torque_faults(arm, log.replace(tau=1.4 * log.tau))
+    assert "1.38 times that of the URDF" in said
+
+
+def test_dry_friction_is_not_taken_for_the_load(arm: Library) -> None:
+    """Oracle: a short log of dry friction that outweighs the links, |τ| is its size at all speeds.
+    Without the prior of its σ, 0.02, the column of the load took all of it.
+    """
+    log = smoothed(moved(arm, 1.5, 4, dry=8.0, load=-0.8), arm)
+    gear = gear_of([log], arm, PREPARATION, GearFriction.usual(arm.n_joints))
+    assert np.abs(gear.phi[:, 3]).max() < 0.06
+    np.testing.assert_allclose(gear.phi[:, 0], 8.0, rtol=0.05)
 
 
 def test_a_planted_fault_that_passes_is_stated(arm: Library) -> None:

@@ -61,12 +61,15 @@ class Goal:
         target: measure of the last stage; its exponential has the unit of the criterion.
         errors: part of the target without its smooth log cond; None where it has none.
         condition_share: weight of log cond W̄_b, which compares starts together with `errors`.
+        balanced: logs of single errors which, with log cond W̄_b, choose among starts that are
+            nearly as good as the best, see `choice`.
     """
 
     stages: tuple[tuple[Measure, int], ...]
     target: Measure
     errors: Measure | None = None
     condition_share: float = 0.0
+    balanced: tuple[Measure, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +211,8 @@ def _mixed(lib: Library, home: Array, information: Information | None) -> Goal:
     torque, relative = _torque_weights(lib, home, known), _relative_weights(lib, known)
     errors = log_variances((1 - RELATIVE, torque), (RELATIVE, relative))
     goal = smooth_goal(weighted((1.0, errors), (SHARE, normalised(schatten(SMOOTH)))))
-    return replace(goal, errors=errors, condition_share=SHARE)
+    parts = log_variance(torque), log_variance(relative)
+    return replace(goal, errors=errors, condition_share=SHARE, balanced=parts)
 
 
 V = Criterion("v", "expected torque error on other motions", "N·m", _prediction)

@@ -12,6 +12,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.unchecked import unchecked
 from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.search.choice import in_order
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.dask_workers import on_workers
 from runtime.excitation.search.design_settings import DesignSettings, settings_from
@@ -136,13 +137,13 @@ def _started(
 
 
 def _best(lib: Library, search: Search, ended: Ended) -> Finished:
-    """Of the starts the best one that can be finished.
+    """Of the starts the first one in their order that can be finished.
 
     Raises:
         IdentificationError: none can.
     """
     failure = None
-    for _, a in sorted(ended.values(), key=lambda one: one[0]):
+    for a in in_order(search, [ended[number] for number in sorted(ended)]):
         try:
             return finished(lib, search, a)
         except IdentificationError as error:

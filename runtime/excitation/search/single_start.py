@@ -18,7 +18,7 @@ from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.measures import Measure, rank, too_many
 from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.semidefinite_polish import polish
-from runtime.excitation.search.sqp import Objective, descend
+from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.excitation.search.varied import varied, varied_far
 from runtime.library import Array, Library, load
 
@@ -41,6 +41,9 @@ TRIED = (40, 0.1), (80, 0.05)
 """A start of a smooth criterion is given up after so many steps where its log target is more than
 the second number above the best of the rounds before: the next 40 steps gain 0.03 on average, and
 those after the 80th as much."""
+SMOOTH_TOLERANCE = 1e-4
+"""Decrease of a smooth criterion below which a descent ends. Half of the steps of a random start
+gain less; `Search.refined` descends the best one to the end."""
 RETURNED = 0.3
 """RMS of coordinates below which a variation counts as its parent.
 
@@ -66,6 +69,7 @@ class Search:
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
         self._condition = ConditionCost(*shape, self.basis)
+        self._tolerance = TOLERANCE if self.criterion.is_kinked else SMOOTH_TOLERANCE
         self.limits = Limits(*shape, basis=self.basis, share=problem.margin)
         self.constraints = constraints(lib, problem.home, problem.safety)
         require_rest(self.constraints, problem.home)
@@ -103,7 +107,8 @@ class Search:
         x = self._shrunk(self._random(number), ELASTIC)
         is_kinked = self.criterion.is_kinked
         for measure, steps in self.goal.stages if is_kinked else self.goal.stages[:-1]:
-            x = descend(self._objective(measure), x, rows, steps, nonlinear=elastic).x
+            objective, nearly = self._objective(measure), self._tolerance
+            x = descend(objective, x, rows, steps, nearly, nonlinear=elastic).x
         if is_kinked:
             x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
         else:
@@ -118,13 +123,13 @@ class Search:
         objective, curvature, done = self._objective(measure), None, 0
         for tried, behind in TRIED if np.isfinite(best) else ():
             steps = min(tried, iterations) - done
-            part = descend(objective, x, rows, steps, curvature=curvature, nonlinear=elastic)
+            part = descend(objective, x, rows, steps, self._tolerance, curvature, elastic)
             x, curvature, done = part.x, part.curvature, done + steps
             is_behind = self.value(self._coordinates.of_one(x)) > best + behind
             if is_behind or part.iterations < steps:
                 return x
         left = iterations - done
-        return descend(objective, x, rows, left, curvature=curvature, nonlinear=elastic).x
+        return descend(objective, x, rows, left, self._tolerance, curvature, elastic).x
 
     def variation(
         self, number: int, parents: tuple[Array, ...], best: float
@@ -147,9 +152,11 @@ class Search:
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
         is_smooth = not self.criterion.is_kinked
-        kinds = varied_far if is_smooth else varied
-        x = kinds(rng, known, number, self._shape[0], self._drawn)
-        x = self._within_each(x) if is_smooth else x / max(1.0, float(np.max(self._matrix @ x)))
+        if is_smooth:
+            x = self._within_each(varied_far(rng, known, number, self._shape[0]))
+        else:
+            x = varied(rng, known, number, self._shape[0], self._drawn)
+            x = x / max(1.0, float(np.max(self._matrix @ x)))
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(x, ELASTIC)
         if is_smooth:
@@ -209,6 +216,13 @@ class Search:
             return self.cost.measure(a, self.goal.target)[0]
         condition = self._condition.value_gradient(a)[0]
         return self.cost.measure(a, self.goal.errors)[0] + self.goal.condition_share * condition
+
+    def balanced(self, a: Array) -> Array:
+        """Logs of the errors that the goal balances and of cond, (k,); else the target alone."""
+        if not self.goal.balanced:
+            return np.array([self.value(a)])
+        errors = [self.cost.measure(a, measure)[0] for measure in self.goal.balanced]
+        return np.array([*errors, self._condition.value_gradient(a)[0]])
 
     def refined(self, a: Array) -> Array:
         """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""

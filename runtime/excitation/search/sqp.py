@@ -17,6 +17,8 @@ from runtime.numerics.dense import block_diag
 
 Objective = Callable[[Array], tuple[float, Array]]
 
+TOLERANCE = 1e-6
+"""Default decrease of the merit below which a descent ends."""
 _ARMIJO = 1e-4
 _DAMPING = 0.2
 _TRIALS = 20
@@ -62,7 +64,7 @@ def descend(
     x: Array,
     rows: LinearRows,
     iterations: int = 100,
-    tolerance: float = 1e-6,
+    tolerance: float = TOLERANCE,
     curvature: Array | None = None,
     nonlinear: Nonlinear | None = None,
 ) -> Descended:

@@ -4,7 +4,7 @@ Where a smooth criterion decides, random starts come in rounds of `FIRST`, as ma
 many and so on. From the second round a start that is behind the best of the rounds before is given
 up, see `TRIED`. With `FEWEST` starts or more, `DRAWN` of them are random, at least `FEWEST_DRAWN`,
 and the others are warm: they begin near one of the best so far and skip D-optimality. Warm starts
-and as many variations as half of the starts come in `WARM_ROUNDS` rounds.
+and `SMOOTH_SHARE` variations per start come in `WARM_ROUNDS` rounds.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
 common. Where log cond decides, as many variations as starts follow in `ROUNDS`. Each inherits from
@@ -30,8 +30,9 @@ DRAWN, FEWEST_DRAWN = 0.25, 4
 """Share and least number of the starts of a smooth criterion that are random."""
 WARM_ROUNDS = 10
 """Number of rounds of the starts of a smooth criterion that begin near the best ones."""
-SHARE = 1.0
-"""Variations per start; one takes a third of the time of a random start."""
+SHARE, SMOOTH_SHARE = 1.0, 2.0
+"""Variations per start where log cond decides, and where a smooth criterion does; one takes a third
+of the time of a random start."""
 FEWEST = 8
 """Smallest number of starts after which variations follow, or among which some are warm."""
 ROUNDS = 6
@@ -40,6 +41,9 @@ PARENTS = 8
 """Largest number of parents."""
 DISTINCT = 1e-3
 """Difference of log cond below which two optima count as the same."""
+SAME = 0.05
+"""Distance of coefficients over their length below which two ends of a smooth criterion count as
+the same: descents end up to 0.02 from their optimum, and other optima are 0.1 or more away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,8 @@ def variation_count(criterion: str, starts: int) -> int:
     Returns:
         The number.
     """
-    return int(SHARE * starts) if starts >= FEWEST else 0
+    share = SHARE if CRITERIA[criterion].is_kinked else SMOOTH_SHARE
+    return int(share * starts) if starts >= FEWEST else 0
 
 
 def random_count(criterion: str, starts: int) -> int:
@@ -147,17 +152,24 @@ def rounds(
         The tasks of a round.
     """
     drawn = random_count(criterion, starts)
+    apart = 0.0 if CRITERIA[criterion].is_kinked else SAME
     for first, last in task_rounds(criterion, starts):
-        best, parents = _best(ended) if first else (np.inf, ())
+        best, parents = _best(ended, apart) if first else (np.inf, ())
         near = parents if first >= drawn else ()
         yield [Task(number, near, best) for number in range(first, last)]
 
 
-def _best(ended: Mapping[int, tuple[float, Array]]) -> tuple[float, tuple[Array, ...]]:
-    """Target of the best and coefficients of all parents."""
+def _best(
+    ended: Mapping[int, tuple[float, Array]], apart: float
+) -> tuple[float, tuple[Array, ...]]:
+    """Target of the best and coefficients of all parents, whose distances are `apart` or more."""
     chosen: list[tuple[float, Array]] = []
     for number in sorted(ended, key=lambda number: (ended[number][0], number)):
         value, a = ended[number]
-        if len(chosen) < PARENTS and not (chosen and value < chosen[-1][0] + DISTINCT):
+        if len(chosen) == PARENTS:
+            break
+        if chosen and value < chosen[-1][0] + DISTINCT:
+            continue
+        if all(np.linalg.norm(a - other) >= apart * np.linalg.norm(other) for _, other in chosen):
             chosen.append((value, a))
     return chosen[0][0], tuple(a for _, a in chosen)

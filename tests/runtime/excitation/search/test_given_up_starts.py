@@ -1,5 +1,6 @@
 """Starts of a smooth criterion that are warm or given up: rounds, rule, printed sentence."""
 
+import inspect
 from dataclasses import replace
 from typing import Any
 
@@ -11,12 +12,14 @@ from runtime.excitation import design
 from runtime.excitation.search import single_start
 from runtime.excitation.search.information import information
 from runtime.excitation.search.search_problem import SearchProblem
-from runtime.excitation.search.single_start import TRIED, Search
+from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
+from runtime.excitation.search.sqp import TOLERANCE
 from runtime.excitation.search.variations import (
     FEWEST,
     FEWEST_DRAWN,
     FIRST,
     PARENTS,
+    SAME,
     WARM_ROUNDS,
     behind_count,
     random_count,
@@ -54,17 +57,35 @@ def counted_steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def test_rounds_of_a_smooth_criterion() -> None:
     """Property: random starts in rounds that grow, then descents near the best so far."""
-    ended = {k: (2.0 - k / 100, np.full((1, 1), float(k))) for k in range(64)}
+    ended = {k: (2.0 - k / 100, np.full((1, 1), 2.0**k)) for k in range(96)}
     tasks = list(rounds("mixed", 32, ended))
-    assert [len(one) for one in tasks] == [FIRST, FIRST, 2] + [5, 6, 5, 6, 6] * 2
-    assert [task.number for one in tasks for task in one] == list(range(64))
+    assert [len(one) for one in tasks] == [FIRST, FIRST, 2] + [8, 9, 9, 9, 9] * 2
+    assert [task.number for one in tasks for task in one] == list(range(96))
     assert {task.best for task in tasks[0]} == {np.inf}
-    assert {task.best for one in tasks[1:] for task in one} == {ended[63][0]}
+    assert {task.best for one in tasks[1:] for task in one} == {ended[95][0]}
     assert [bool(one[0].parents) for one in tasks] == [False] * 3 + [True] * WARM_ROUNDS
-    assert [float(a[0, 0]) for a in tasks[-1][0].parents] == [*range(63, 63 - PARENTS, -1)]
+    assert [np.log2(a[0, 0]) for a in tasks[-1][0].parents] == [*range(95, 95 - PARENTS, -1)]
     few = list(rounds("mixed", FEWEST - 1, ended))
     assert [len(one) for one in few] == [FIRST, FIRST, FEWEST - 1 - 2 * FIRST]
     assert not any(task.parents for one in few for task in one)
+
+
+def test_ends_of_one_optimum_are_one_parent() -> None:
+    """Property: of ends closer than SAME the best is a parent, unless log cond decides."""
+    bases = np.random.default_rng(1).normal(size=(3, 2, 4))
+    ended = {}
+    for number, share in enumerate((0.0, 0.5 * SAME, 1.5 * SAME)):
+        for which, base in enumerate(bases):
+            end = base + share * np.linalg.norm(base) * np.eye(2, 4) / np.sqrt(2)
+            ended[3 * number + which] = 1.0 + 0.01 * number + 0.1 * which, end
+    parents = {
+        criterion: list(rounds(criterion, FEWEST, ended))[-1][0].parents
+        for criterion in ("mixed", "cond")
+    }
+    kept = [ended[number][1] for number in (0, 6, 1, 7, 2, 8)]
+    assert len(parents["mixed"]) == len(kept)
+    assert all(np.array_equal(*both) for both in zip(parents["mixed"], kept, strict=True))
+    assert len(parents["cond"]) == PARENTS
 
 
 @pytest.mark.parametrize("criterion", ["mixed", "cond"])
@@ -109,7 +130,29 @@ def test_a_start_is_given_up_behind_the_best(
     assert steps == [100, 250, 100, 2, 100, 2, 2, 246]
     assert far == search.value(a)
     assert near < far
-    assert near == pytest.approx(whole, abs=1e-4)  # steps below the tolerance of 1e-6
+    assert near == pytest.approx(whole, abs=SMOOTH_TOLERANCE)
+
+
+@pytest.mark.parametrize(("criterion", "least"), [("v", SMOOTH_TOLERANCE), ("cond", TOLERANCE)])
+def test_only_the_best_descends_to_the_end(
+    double: Library, monkeypatch: pytest.MonkeyPatch, criterion: str, least: float
+) -> None:
+    """Property: starts and variations of a smooth criterion end early, the refinement does not."""
+    search, seen = Search(double, problem(double, criterion)), []
+    descend = single_start.descend
+
+    def noted(*given: Any, **options: Any) -> Any:
+        seen.append(bind(*given, **options).arguments.get("tolerance", TOLERANCE))
+        return descend(*given, **options)
+
+    bind = inspect.signature(descend).bind
+    monkeypatch.setattr(single_start, "descend", noted)
+    best, a = search.start(0)
+    search.variation(1, (a,), best)
+    assert set(seen) == {least}
+    seen.clear()
+    search.refined(a)
+    assert seen == ([TOLERANCE] if criterion == "v" else [])
 
 
 def test_the_second_bound_is_closer(double: Library, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,12 +176,12 @@ def test_far_starts_are_counted_and_printed(double: Library) -> None:
     assert behind_count("cond", 8, ended) == 0
     known = information(double, 0.05, 100.0)
     alone = design(double, **SMALL, starts=8, seed=1, information=known)
-    assert len(alone.values) == len(alone.variations) == 8
+    assert (len(alone.values), len(alone.variations)) == (8, 16)
     notes = search_notes(alone, None, 8)
     assert len(notes) == (alone.behind > 0)
     if notes:
         assert notes[0] == (
-            f"given up: {alone.behind} of 16 starts and variations, behind the best of the rounds "
+            f"given up: {alone.behind} of 24 starts and variations, behind the best of the rounds "
             "before by more than 10 % after 40 steps or 5 % after 80 steps"
         )
     one = replace(alone, conditions=alone.conditions[:1])

@@ -93,8 +93,8 @@ def _result(future: Any, scheduler: str, of: str) -> Any:
         return future.result()
     if isinstance(failure, KilledWorker):
         raise IdentificationError(
-            f"{of} took several workers of the cluster down; give them more memory, or leave "
-            "--scheduler out"
+            f"several workers of the cluster ended while they computed {of}; give them more "
+            "memory, or leave --scheduler out"
         )
     raise _as_sentence(failure) from None
 

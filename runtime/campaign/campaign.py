@@ -231,7 +231,7 @@ def _rehearsed(lib: Library, plan: Plan, motion: Trajectory, path: Path, k: int)
         write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
     left = json_of(path)["unnoticed"]
     if left:
-        raise IdentificationError(f"motion {k} is refused: {'; '.join(left)}")
+        raise IdentificationError(f"motion {k} is refused in rehearsal: {'; '.join(left)}")
 
 
 def _recorded(

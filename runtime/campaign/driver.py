@@ -115,7 +115,9 @@ class Streamed:
             SimulationError: there is no sample.
         """
         if not self.samples:
-            raise SimulationError("expected a log of samples, got none: the robot sent nothing")
+            raise SimulationError(
+                "the robot sent no sample; check its connection, then repeat the command"
+            )
         t = np.array([each.t for each in self.samples])
         q, dq, tau = (np.array([getattr(s, k) for s in self.samples]) for k in ("q", "dq", "tau"))
         history = [f"Recorded {len(t)} samples by a driver."]

@@ -150,7 +150,7 @@ class VirtualDriver(Driver):
             self._start = self._time
         if self._has("dead"):
             self._time += TIMEOUT
-            raise NoSampleError(f"expected a sample within {TIMEOUT:g} s, none came")
+            raise NoSampleError(f"expected a sample within {TIMEOUT:g} s, got none")
         self._advance(*self._now, reference)
         self._now = self._read()
         return self._sample(*self._now)

@@ -84,7 +84,7 @@ class OnlineEstimator:
         given = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
         if given.shape != (n,) or not (np.isfinite(given) & (given > 0)).all():
             raise IdentificationError(
-                f"expected {n} weights above 0, got {given}; 1/σ² of every torque sensor is right"
+                f"expected {n} weights above 0, got {given}; give 1/σ² of every torque sensor"
             )
         self._weights = np.ascontiguousarray(given)
         self._forgetting, self._every, self._kappa = forgetting, every, kappa

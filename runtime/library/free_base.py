@@ -68,7 +68,7 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
         sizes = np.linalg.det(rotation)
         if error.size and (error.max() > _ROTATION or sizes.min() < 0):
             raise ShapeError(
-                f"the pose of the base is no rotation and translation (R Rᵀ differs from 1 by up "
+                f"the pose of the base is not a rigid transform (R Rᵀ differs from 1 by up "
                 f"to {error.max():.1g}); give R from the axes of the base to those of the world"
             )
         turned = Rotation.from_matrix(rotation)

@@ -191,7 +191,7 @@ def read_manifest(path: Path) -> Manifest:
     try:
         if raw["format"] != FORMAT or tuple(raw["pi_names"]) != PI_NAMES:
             raise LibraryError(
-                f"'{path}' has the format {raw['format']}, this runtime reads {FORMAT}; {again}"
+                f"'{path}' has the format {raw['format']}, expected {FORMAT}; {again}"
             )
         if not NAME.fullmatch(raw["robot"]):
             raise TypeError("robot")  # it becomes part of paths

@@ -270,7 +270,7 @@ def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Arra
         steps.append(np.mean(np.diff(high, axis=1) ** 2, axis=1))
     if not squares:
         raise IdentificationError(
-            f"the log holds no stretch of {LEAST_BLOCKS * size / rate_hz:g} s without a hole, from "
+            f"the log holds no part of {LEAST_BLOCKS * size / rate_hz:g} s without a gap, from "
             "which the noise of the sensors could be estimated; give a longer log"
         )
     power, change = np.concatenate(squares), np.concatenate(steps)

@@ -25,7 +25,7 @@ class Columns(NamedTuple):
         indices: their rows.
         indptr: place of the first entry of every column, and the number of entries.
         shape: rows and columns.
-        has_canonical_format: rows ascend within every column, which Clarabel asks.
+        has_canonical_format: rows ascend within every column, which Clarabel requires.
     """
 
     data: Array

@@ -64,7 +64,8 @@ class Document:
         if adrift:
             raise UrdfError(
                 f"the joints of {listing(adrift)} form a loop without connection to the root link "
-                f"'{self.root_link}'; closed chains are not supported, remove one joint"
+                f"'{self.root_link}', but a URDF describes a tree; remove the joint that closes "
+                "the loop and state it as [[loop]] in a mechanism file (--mechanism)"
             )
 
     @property

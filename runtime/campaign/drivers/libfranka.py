@@ -20,6 +20,7 @@ from runtime.library import Library
 
 RATE_HZ = 1000.0
 NAME = "libfranka"
+_READY = "release the brakes and activate FCI in Desk, then repeat the command"
 
 
 class FrankaDriver(Driver):
@@ -59,7 +60,9 @@ class FrankaDriver(Driver):
         try:
             return self._sample(self._robot.read_once())
         except self._franka.FrankaException as error:
-            raise NoSampleError(f"expected a state of the robot, libfranka says: {error}") from None
+            raise NoSampleError(
+                f"expected a state of the robot, libfranka says: {error}; {_READY}"
+            ) from None
 
     def begin(self, motion: Motion) -> None:
         """Start the control of joint positions.
@@ -72,7 +75,7 @@ class FrankaDriver(Driver):
             self._control = self._robot.start_joint_position_control(mode)
         except self._franka.FrankaException as error:
             raise NoSampleError(
-                f"expected control of the joints, libfranka says: {error}"
+                f"expected control of the joints, libfranka says: {error}; {_READY}"
             ) from None
 
     def exchange(self, reference: Reference) -> Sample:
@@ -104,7 +107,9 @@ class FrankaDriver(Driver):
             state, _ = self._control.readOnce()
             self._control.writeOnce(command)
         except self._franka.FrankaException as error:
-            raise NoSampleError(f"expected the next state, libfranka says: {error}") from None
+            raise NoSampleError(
+                f"expected the next state, libfranka says: {error}; {_READY}"
+            ) from None
         return self._sample(state)
 
     def _sample(self, state: Any) -> Sample:

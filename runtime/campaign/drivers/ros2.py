@@ -105,7 +105,9 @@ class RosDriver(Driver):
         self._ros.spin_until_future_complete(self._node, sent, timeout_sec=WAIT_S)
         handle = sent.result() if sent.done() else None
         if handle is None or not handle.accepted:
-            raise NoSampleError("expected the controller to accept the motion, it does not")
+            raise NoSampleError(
+                "the controller refused the motion; check its joints, limits and state"
+            )
         self._goal = handle
         self._inbox.clear()
         self._started = self._newest = self._next(WAIT_S).t
@@ -160,7 +162,10 @@ class RosDriver(Driver):
         while not self._inbox:
             left = last - self.clock()
             if left <= 0:
-                raise NoSampleError(f"expected a message of {STATES} within {seconds:.3g} s")
+                raise NoSampleError(
+                    f"expected a message of {STATES} within {seconds:.3g} s, got none; start the "
+                    "joint state broadcaster"
+                )
             self._ros.spin_once(self._node, timeout_sec=left)
         return self._sample(self._inbox.pop(0))
 

@@ -74,7 +74,9 @@ class UrDriver(Driver):
             NoSampleError: the connection is lost.
         """
         if not self._receive.isConnected():
-            raise NoSampleError("expected a state of the robot, RTDE is not connected")
+            raise NoSampleError(
+                "the connection by RTDE was lost; check the network, then repeat the command"
+            )
         read = self._receive
         values = read.getActualQ(), read.getActualQd(), read.getActualCurrent()
         names = "positions", "velocities", "currents"
@@ -90,7 +92,7 @@ class UrDriver(Driver):
         begin = self._control.initPeriod()
         accepted = self._control.servoJ(reference.q.tolist(), 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
         if not accepted or self._receive.isProtectiveStopped():
-            raise NoSampleError("expected the robot to follow, it has stopped; see its pendant")
+            raise NoSampleError("the robot stopped following; see the message on its teach pendant")
         self._control.waitPeriod(begin)
         # The period ends when the state of the next step is there, at most another step later.
         for _ in range(2):

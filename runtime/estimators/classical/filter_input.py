@@ -151,8 +151,8 @@ def filter_input_of(problem: Problem, method: str) -> FilterInput:
         ) from None
     if dt * SLOWEST > 1.0 + 1e-9 or len(segments(part.t)) > 1:
         raise NeedsError(
-            f"the method {method} works sample by sample and expects one stretch "
-            f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
+            f"the method {method} works sample by sample and expects a recording "
+            f"without gaps at {SLOWEST:g} Hz or more, got {len(segments(part.t)) - 1} gaps at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
         )
     return filter_input_from(part, dt, columns)

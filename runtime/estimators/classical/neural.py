@@ -32,8 +32,8 @@ def fit_neural(problem: Problem) -> Fit:
     """
     if not problem.train.columns.shape[2]:
         raise NeedsError(
-            "the nets learn from friction columns, but there are none; name some, for example "
-            f"--friction {','.join(INPUTS)}"
+            "the method nn needs friction columns as inputs of its nets, got none; name some, for "
+            f"example --friction {','.join(INPUTS)}"
         )
     unseen, data = problem.validation, problem.train
     fit = fit_map(problem)

@@ -87,7 +87,7 @@ def compress(
     triangle = triangles[0] if len(triangles) == 1 else join(np.stack(triangles))
     if not np.isfinite(triangle).all():
         raise IdentificationError(
-            "the samples hold NaN, infinite or absurdly large values; drop those rows before "
+            "the samples hold NaN, infinite or far too large values; drop those rows before "
             "compressing them"
         )
     return from_triangle(triangle, count, lib.base_matrix, lib.manifest.model_hash)

@@ -86,8 +86,8 @@ def side_by_side(
                     yield future.result()
     except BrokenProcessPool:
         raise IdentificationError(
-            "a process of the search died; try processes=1, and in a script of your own call "
-            "design only under: if __name__ == '__main__'"
+            "a process of the search ended unexpectedly; give processes=1, and in a script of your "
+            "own call design only under: if __name__ == '__main__'"
         ) from None
     finally:
         with (

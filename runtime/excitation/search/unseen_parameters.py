@@ -49,10 +49,10 @@ def without_unseen(
     same = settings, planned, ""
     if planned.columns is not None or planned.earlier is not None:
         return same
-    if _shows_all(lib, settings, planned):
+    if _shows_all(lib, settings):
         return same
     more = min(2 * settings.harmonics, MOST_HARMONICS)
-    if _shows_all(lib, replace(settings, harmonics=more), planned):
+    if _shows_all(lib, replace(settings, harmonics=more)):
         return same
     search = Search(lib, problem_of(lib, settings))
     left = unseen(_motions(lib, search, MOTIONS), lib, planned.friction)
@@ -100,7 +100,7 @@ def unseen(
     return tuple(sorted(int(k) for k in order[parts <= SHOWN]))
 
 
-def _shows_all(lib: Library, settings: DesignSettings, planned: Information) -> bool:
+def _shows_all(lib: Library, settings: DesignSettings) -> bool:
     """Whether a random motion determines all unknowns, with the friction of the search and without.
 
     The first Gram matrix is that of the search, the second that of the printed criteria.

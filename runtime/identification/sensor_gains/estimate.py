@@ -155,9 +155,9 @@ def _require_determined(problem: GainProblem, solution: Solution, is_determined:
     """Refuse a result without a determined gain, or with a negative one."""
     if not (solution.converged and is_determined.any()):  # without a visible load g tends to 0
         raise IdentificationError(
-            f"the payload of {problem.payload.mass:g} kg is not visible enough in these runs to "
-            "determine a gain; check that it was mounted in the loaded run, use a heavier one, or "
-            "turn it against gravity"
+            f"the payload of {problem.payload.mass:g} kg changes the torques of these runs too "
+            "little to determine a gain; check that it was mounted in the loaded run, use a "
+            "heavier one, or turn it against gravity"
         )
     below = [
         name

@@ -117,9 +117,9 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
             Finding(
                 "holes",
                 level,
-                f"{holes.size} holes, the longest {longest:.3g} s (after {places}); keep max_gap_s "
-                "under [preparation] shorter than these, so that no filter or derivative "
-                "crosses them",
+                f"{holes.size} gaps in the clock, the longest {longest:.3g} s (after {places}); "
+                "keep max_gap_s under [preparation] shorter than these, so that no filter or "
+                "derivative crosses them",
                 {"count": int(holes.size), "longest_s": longest},
                 trap=2,
             )

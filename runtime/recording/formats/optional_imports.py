@@ -24,6 +24,6 @@ def imported(module: str, kind: str) -> ModuleType:
     except ImportError:
         library = module.split(".", maxsplit=1)[0]
         raise RecordingError(
-            f"to read or write {kind} expects the library {library}, which is not installed; "
+            f"reading or writing {kind} needs the library {library}, which is not installed; "
             "run: pip install 'symgen[logs]'"
         ) from None

@@ -88,7 +88,7 @@ def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[Float
         )
     if error > _ROTATION:
         raise RecordingError(
-            f"{name}: base_pose is no rotation and translation (off by {error:.2g}); give R "
+            f"{name}: base_pose is not a rigid transform (off by {error:.2g}); give R "
             "from the axes of the base to those of the world"
         )
     return np.asarray(turn), position

@@ -45,7 +45,9 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
     count = int(np.sum(~fresh))
     kept = recording.take(fresh, f"Dropped {count} rows that repeat the positions before them.")
     if len(kept) < 2:
-        raise RecordingError("the robot never moves, so its clock cannot be rebuilt; leave it out")
+        raise RecordingError(
+            "the robot never moves, so its clock cannot be rebuilt; leave clock_tick out"
+        )
     ticks = _ticks(kept.t, kept.q, recording.dq[fresh], tick, slow)
     t = kept.t[0] + tick * np.concatenate([[0], np.cumsum(ticks)])
     duration, logged = float(t[-1] - t[0]), kept.duration

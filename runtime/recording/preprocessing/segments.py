@@ -52,7 +52,7 @@ def uniform_step(recording: Recording, purpose: str) -> float:
     inside = steps <= HOLE * step
     if float(np.abs(steps / step - 1.0).max(where=inside, initial=0.0)) > JITTER:
         raise RecordingError(
-            f"to {purpose} expects a uniform clock, but the steps go from "
+            f"a uniform clock is needed to {purpose}, but the steps go from "
             f"{steps[inside].min():.4g} to {steps[inside].max():.4g} s; set max_gap_s to resample "
             "first"
         )
@@ -124,7 +124,7 @@ def _is_grid(t: FloatArray, rate_hz: float) -> bool:
 def _resampled(rate_hz: float, count: int, filled: int, max_gap_s: float, left: int) -> str:
     return (
         f"Resampled to {rate_hz:g} Hz ({count} samples): {filled} gaps up to {max_gap_s:g} s "
-        f"interpolated, {left} longer ones left as holes."
+        f"interpolated, {left} longer ones kept."
     )
 
 
@@ -207,7 +207,9 @@ def drop_rest(recording: Recording, speed: float) -> Recording:
         RecordingError: there is no dq, or no row moves.
     """
     if recording.dq is None:
-        raise RecordingError("to drop rest expects dq, but there is none; differentiate first")
+        raise RecordingError(
+            "dq is needed to drop rows at rest, but there is none; differentiate q first"
+        )
     moving = np.any(np.abs(recording.dq) >= speed, axis=1)
     count = int(np.sum(~moving))
     return recording.take(
@@ -236,7 +238,7 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
     k = round(ratio)
     if ratio < 1.0 - JITTER:
         raise RecordingError(
-            f"to decimate expects a rate of {1.0 / step:g} Hz or less, got {rate_hz:g} Hz; lower it"
+            f"decimation needs a rate of {1.0 / step:g} Hz or less, got {rate_hz:g} Hz; lower it"
         )
     if abs(ratio - k) > 1e-3 * k:
         return resample(recording, rate_hz, HOLE / rate_hz * 1.01)

@@ -85,7 +85,9 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
     try:
         matrix = np.array(table["matrix"], dtype=np.float64)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise RecordingError("[gear] expects matrix = n rows of n numbers; write it so") from error
+        raise RecordingError(
+            "[gear] expects n rows of n numbers; write matrix = [[…], …]"
+        ) from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise RecordingError(f"[gear] matrix expects n rows of n numbers, got {matrix.shape}")
     if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e12:

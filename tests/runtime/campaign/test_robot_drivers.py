@@ -149,7 +149,7 @@ def test_arms_that_do_not_answer(opened, kind: str, address: str, match: str) ->
 def test_a_controller_that_reports_an_error(monkeypatch, pendulum: Library) -> None:
     """Property: refused goals and failed motions are stops of the connection, with the reason."""
     for words, match in (
-        ({"accepted": False}, "expected the controller to accept the motion"),
+        ({"accepted": False}, "the controller refused the motion"),
         ({"error_code": -4}, "got: -4 tolerance violated"),
     ):
         arm = Arm(pendulum, 0.01)

@@ -105,7 +105,7 @@ def damage_remove_manifest(folder: Path) -> None:
         (damage_change_manifest, "is older than its manifest.json"),
         (damage_truncate_manifest, "is damaged .not JSON."),
         (damage_empty_manifest, "is damaged .no valid 'format'."),
-        (damage_old_format, "has the format 0, this runtime reads 4"),
+        (damage_old_format, "has the format 0, expected 4"),
         (damage_remove_manifest, "holds no manifest.json"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

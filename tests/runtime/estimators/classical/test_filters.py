@@ -128,7 +128,7 @@ def test_filters_say_what_they_need(plant: SimulatedCase, lib: Library) -> None:
     slow = plant.log.take(np.arange(0, len(plant.log), 10), "Kept every tenth.")
     for method in ("ekf", "ukf"):
         with pytest.raises(
-            IdentificationError, match="without holes at 200 Hz or more, got 1 at 1"
+            IdentificationError, match="without gaps at 200 Hz or more, got 0 gaps at 1"
         ):
             replace(plant, log=slow).identify(method, None)
         with pytest.raises(IdentificationError, match="uses the friction columns viscous, coul"):

@@ -107,7 +107,7 @@ def test_training_fits_a_net_of_the_same_kind() -> None:
 
 def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
     """Property: without friction columns there is nothing to learn from, in one sentence."""
-    with pytest.raises(IdentificationError, match="the nets learn from friction columns"):
+    with pytest.raises(IdentificationError, match="the method nn needs friction columns"):
         identify(sticky, lib, "nn", splitting=HALVES)
 
 

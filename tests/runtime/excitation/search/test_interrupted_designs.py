@@ -57,7 +57,9 @@ def _die(_: object) -> None:
 def test_a_worker_that_dies_is_reported(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: one sentence instead of a wait for ever."""
     monkeypatch.setattr("runtime.excitation.search.processes._start", _die)
-    with pytest.raises(IdentificationError, match="a process of the search died; try processes=1"):
+    with pytest.raises(
+        IdentificationError, match="a process of the search ended unexpectedly; give processes=1"
+    ):
         design(lib, duration=4.0, harmonics=2, starts=3, processes=2)
 
 

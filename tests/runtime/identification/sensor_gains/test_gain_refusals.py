@@ -45,12 +45,12 @@ BAD = {
     "nothing mounted": (
         lambda e, f: (e, e.replace(tau=e.tau + _ripple(e))),
         {},
-        "3 kg is not visible enough in these runs .* check that it was mounted",
+        "3 kg changes the torques of these runs too little .* check that it was mounted",
     ),
     "the same log rounded to hundredths": (
         lambda e, f: (e, e.replace(tau=np.round(e.tau, 2))),
         {},
-        "3 kg is not visible enough in these runs",
+        "3 kg changes the torques of these runs too little",
     ),
     "too short": (lambda e, f: (e, f.take(slice(0, 30), "")), {}, "expected 50 samples .*, got 30"),
     "no torque": (lambda e, f: (e, f.replace(tau=None)), {}, "has no torque"),
@@ -80,7 +80,7 @@ def test_a_search_that_has_not_converged_is_no_answer(runs, lib, monkeypatch):
     """Property: one step from the linear answer is not the optimum, however small its σ."""
     noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
     monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)
-    with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
+    with pytest.raises(RuntimeFault, match="changes the torques of these runs too little"):
         identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
 
 

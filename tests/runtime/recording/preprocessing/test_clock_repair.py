@@ -101,7 +101,7 @@ def test_resample_fills_small_gaps_and_keeps_large_ones():
     np.testing.assert_allclose(data.q, np.stack([2 * data.t, 1 - data.t], axis=1), atol=1e-12)
     np.testing.assert_allclose(data.t * 100.0, np.round(data.t * 100.0), atol=1e-9)
     assert len(segments(data.t)) == 2
-    assert "1 longer ones left as holes" in data.history[0]
+    assert "1 longer ones kept" in data.history[0]
     assert len(data) >= 958
     with pytest.raises(RecordingError, match=r"more than 1\.5 steps"):
         resample(data, 100.0, 0.015)

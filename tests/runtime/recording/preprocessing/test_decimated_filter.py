@@ -211,7 +211,7 @@ def test_a_uniform_clock_is_its_own_grid(start):
     assert np.shares_memory(same.q, data.q)
     assert same.history == (
         "Resampled to 1000 Hz (4000 samples): 0 gaps up to 0.003 s interpolated, "
-        "0 longer ones left as holes.",
+        "0 longer ones kept.",
     )
     jitter = np.where(np.arange(4000) % 3 == 1, 1e-6, 0.0)
     for other in (

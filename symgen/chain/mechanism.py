@@ -192,6 +192,11 @@ def _spring(entry: dict[str, Any], index: int, where: str) -> Spring:
         raise UrdfError(f"{table.what} needs a name of letters, digits and _, got {name!r}")
     rest = table.number("rest", 0.0)
     stiffness = table.number("stiffness") if "stiffness" in entry else None
+    if stiffness is not None and stiffness < 0:
+        raise UrdfError(
+            f"{table.what} '{name}' has the stiffness {stiffness:g}, expected at least 0; correct "
+            "its sign, or describe the torque by [[known_torque]]"
+        )
     if not any(key in entry for key in points):
         return Spring(name, of=table.along(), rest=rest, stiffness=stiffness)
     if "of" in entry or "joint" in entry:

@@ -74,6 +74,20 @@ def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, t
     return document, gravity, removed
 
 
+def moving_joints(text: str, options: ChainOptions) -> tuple[str, ...]:
+    """Names of the joints that move after locking and cutting.
+
+    Args:
+        text: the URDF.
+        options: requested changes.
+
+    Returns:
+        Names, in the order of the URDF.
+    """
+    document, _, _ = normalise(text, options)
+    return tuple(name for name in document.joints if document.kind(name) in MOVING)
+
+
 def _with_followers(document: Document, locks: dict[str, float]) -> dict[str, float]:
     """The locks with those of all joints that mimic a locked one, directly or not."""
     known, rows = dict(locks), [r for r in mimic_rows(document) if r.joint not in locks]

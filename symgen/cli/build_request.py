@@ -92,7 +92,7 @@ def request_from_urdf(
     """
     from symgen.build.config import RobotConfig, read_config
     from symgen.build.request import BuildRequest, bundled_request
-    from symgen.build.sources import read_source
+    from symgen.build.sources import read_source, split_by_use
 
     if name is None:
         raise BuildError(
@@ -107,7 +107,15 @@ def request_from_urdf(
         folder = source.packages.file(source.path).parent
         text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
         say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
-    options = replace(options, mechanism=mechanism)
+    of_file = tuple(s for s in mechanism.spring if s not in options.mechanism.spring)
+    kept, left = split_by_use(text, replace(options, mechanism=mechanism), of_file)
+    if kept:
+        listed = ", ".join(f"{s.name} ({s.stiffness:g}, rest {s.rest:g})" for s in kept)
+        say(f"note: springs of the file, whose torque counts as known: {listed}")
+    if left:
+        say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")
+    springs = tuple(s for s in mechanism.spring if s not in left)
+    options = replace(options, mechanism=replace(mechanism, spring=springs))
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()

@@ -16,6 +16,7 @@ import pinocchio
 
 from symgen.build.sources.mjcf_files import require_bounded_files
 from symgen.build.sources.mjcf_loops import assembly_of, loop_of_equality
+from symgen.build.sources.springs import springs_of_mjcf
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
@@ -31,7 +32,8 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
         path: the file; it may include others.
 
     Returns:
-        Text of the URDF, couplings of its joint equalities, loops of `connect` and `weld`.
+        Text of the URDF, couplings of its joint equalities, loops of `connect` and `weld`, and
+        springs of joints and tendons.
 
     Raises:
         BuildError: MuJoCo is not installed or rejects the file, or it has joints or equalities
@@ -66,7 +68,8 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
         if int(model.eq_type[k]) != joint
     )
     assembly = assembly_of(model) if loops else {}
-    mechanism = Mechanism(coupling=rows, loop=loops, assembly=assembly)
+    springs = springs_of_mjcf(mujoco, model, names, shifts)
+    mechanism = Mechanism(coupling=rows, spring=springs, loop=loops, assembly=assembly)
     return tostring(robot, "unicode") + "\n", mechanism
 
 

@@ -14,10 +14,11 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from symgen.build.sources.sdf_frames import Frames, pose_of
+from symgen.build.sources.springs import spring_of_sdf
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.document import numbers
 from symgen.chain.loop import Loop
-from symgen.chain.mechanism import Mechanism
+from symgen.chain.mechanism import Mechanism, Spring
 from symgen.errors import BuildError
 
 _TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
@@ -36,7 +37,7 @@ def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
         where: its name, for messages.
 
     Returns:
-        Text of the URDF, couplings of mimics and loop joints.
+        Text of the URDF, couplings of mimics, springs and loop joints.
 
     Raises:
         BuildError: not an SDF with one model, or a joint without a counterpart.
@@ -65,16 +66,19 @@ def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
         element = SubElement(robot, "link", {"name": name})
         if (inertial := link.find("inertial")) is not None:
             _add_inertial(element, inertial, places[name].inverse() * frames.of(name), name)
-    rows = []
+    rows: list[CouplingRow] = []
+    springs: list[Spring] = []
     for child, joint in moved.items():
         parent = _end(joint, "parent", where)
         _require_link(parent, (*names, "world"), joint, where)
         _require_link(child, names, joint, where)
         _add_joint(robot, joint, parent, child, places, frames)
         rows += _mimic(joint)
+        springs += spring_of_sdf(joint)
     loops = tuple(_loop(joint, places, frames, where) for joint in closing)
     indent(robot, space="  ")
-    return tostring(robot, "unicode") + "\n", Mechanism(coupling=tuple(rows), loop=loops)
+    mechanism = Mechanism(coupling=tuple(rows), spring=tuple(springs), loop=loops)
+    return tostring(robot, "unicode") + "\n", mechanism
 
 
 def _model(text: str, where: str) -> Element:

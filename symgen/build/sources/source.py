@@ -6,6 +6,7 @@ from pathlib import Path
 
 from symgen.build.sources.mjcf import robot_from_mjcf
 from symgen.build.sources.sdf import robot_from_sdf
+from symgen.build.sources.springs import merged
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.mechanism import Mechanism
 from symgen.documents import text_of, toml_of
@@ -37,7 +38,8 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
 
     Returns:
         Text of the URDF, and the mechanism of both files; `independent` and [assembly] of
-        --mechanism count for the mechanism of the robot file too.
+        --mechanism count for the mechanism of the robot file too, and its springs stand beside
+        those of MJCF and SDF.
 
     Raises:
         BuildError: the file cannot be read, or two files describe a mechanism.
@@ -61,16 +63,20 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
             text, stated = robot_from_mjcf(path)
         elif "<sdf" in text and "<robot" not in text:
             text, stated = robot_from_sdf(text, f"'{path}'")
+    springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()
+    if springs:
+        stated, mechanism = replace(stated, spring=()), replace(mechanism, spring=())
     choice = Mechanism(independent=mechanism.independent, assembly=mechanism.assembly)
     if stated != Mechanism() and mechanism != choice:
         raise BuildError(
             f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
         )
     if stated == Mechanism():
-        return text, mechanism
+        return text, replace(mechanism, spring=springs or mechanism.spring)
     assembly = stated.assembly | mechanism.assembly
     independent = mechanism.independent or stated.independent
-    return text, replace(stated, independent=independent, assembly=assembly)
+    changed = replace(stated, independent=independent, assembly=assembly)
+    return text, replace(changed, spring=springs or stated.spring)
 
 
 def urdf_text(path: Path) -> str:

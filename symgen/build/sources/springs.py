@@ -1,0 +1,164 @@
+"""Springs that a robot file states, as springs of known stiffness.
+
+    MJCF   <joint stiffness springref>, <tendon> with stiffness along joints or between two sites
+    SDF    <dynamics> with <spring_stiffness> and <spring_reference>
+
+A [[spring]] of the same joints in a mechanism file takes the place of that of the robot file.
+"""
+
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from symgen.chain import ChainOptions, moving_joints
+from symgen.chain.document import numbers
+from symgen.chain.mechanism import Spring
+from symgen.errors import BuildError
+
+_SAME = 1e-12
+"""Largest difference of both ends of a tendon's length without force, m or rad: no slack."""
+
+
+def springs_of_mjcf(
+    mujoco: Any, model: Any, names: list[str], shifts: dict[int, np.ndarray]
+) -> tuple[Spring, ...]:
+    """Springs of joints and tendons.
+
+    Args:
+        mujoco: the package.
+        model: compiled model.
+        names: link of each body.
+        shifts: body → origin of its link in the frame of the body [m].
+
+    Returns:
+        Springs with τ = k (x − rest) ∂x/∂q.
+
+    Raises:
+        BuildError: a spring with slack, over pulleys or more than two sites, or not linear.
+    """
+    springs = []
+    for k in range(model.njnt):
+        if model.jnt_type[k] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            continue
+        name = model.joint(k).name or f"joint_{k}"
+        _require_linear(model, "jnt", k, f"joint '{name}'")
+        if stiffness := float(model.jnt_stiffness[k]):
+            rest = float(model.qpos_spring[model.jnt_qposadr[k]])
+            springs.append(Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness))
+    for k in range(model.ntendon):
+        name = model.tendon(k).name or f"tendon_{k}"
+        _require_linear(model, "tendon", k, f"tendon '{name}'")
+        if stiffness := float(model.tendon_stiffness[k]):
+            springs.append(_of_tendon(mujoco, model, k, name, stiffness, names, shifts))
+    return tuple(springs)
+
+
+def spring_of_sdf(joint: Element) -> tuple[Spring, ...]:
+    """Spring of a joint of SDF; none without stiffness.
+
+    Args:
+        joint: the element.
+
+    Returns:
+        The spring.
+
+    Raises:
+        UrdfError: an entry is not a number.
+    """
+    name, axis = joint.get("name", ""), joint.find("axis")
+    if axis is None:
+        return ()
+    stiffness, rest = (
+        float(numbers(axis.findtext(f"dynamics/{key}", "0"), 1, f"joint '{name}': {key}")[0])
+        for key in ("spring_stiffness", "spring_reference")
+    )
+    return (Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness),) if stiffness else ()
+
+
+def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spring, ...]:
+    """Springs of a mechanism file, and those of the robot file along other joints.
+
+    Args:
+        of_file: springs of the robot file.
+        stated: springs of the mechanism file.
+
+    Returns:
+        All of them, those of the mechanism file first; each name once.
+    """
+    names, joints = {s.name for s in stated}, [s.of.keys() for s in stated if s.of]
+    kept = [s for s in of_file if s.name not in names and s.of.keys() not in joints]
+    return (*stated, *kept)
+
+
+def split_by_use(
+    text: str, options: ChainOptions, springs: tuple[Spring, ...]
+) -> tuple[tuple[Spring, ...], tuple[Spring, ...]]:
+    """Springs of a robot file that a build takes, and those it leaves out.
+
+    A free base takes no springs. A spring along joints that are locked or cut off does not act on
+    the others.
+
+    Args:
+        text: URDF.
+        options: changes to the robot.
+        springs: those of the file.
+
+    Returns:
+        Springs that are kept, and the others.
+    """
+    if options.floating or not springs:
+        return (), springs
+    joints = set(moving_joints(text, options))
+    kept = tuple(s for s in springs if not s.of or joints & s.of.keys())
+    return kept, tuple(s for s in springs if s not in kept)
+
+
+def _of_tendon(
+    mujoco: Any,
+    model: Any,
+    k: int,
+    name: str,
+    stiffness: float,
+    names: list[str],
+    shifts: dict[int, np.ndarray],
+) -> Spring:
+    parts = range(model.tendon_adr[k], model.tendon_adr[k] + model.tendon_num[k])
+    kinds = {int(model.wrap_type[p]) for p in parts}
+    low, high = (float(x) for x in model.tendon_lengthspring[k])
+    if high - low <= _SAME * max(1.0, abs(high)):
+        if kinds == {int(mujoco.mjtWrap.mjWRAP_JOINT)}:
+            of: dict[str, float] = {}
+            for p in parts:
+                joint = int(model.wrap_objid[p])
+                key = model.joint(joint).name or f"joint_{joint}"
+                of[key] = of.get(key, 0.0) + float(model.wrap_prm[p])
+            return Spring(_word(name), of, rest=low, stiffness=stiffness)
+        if kinds == {int(mujoco.mjtWrap.mjWRAP_SITE)} and len(parts) == 2:
+            sites = [int(model.wrap_objid[p]) for p in parts]
+            bodies = [int(model.site_bodyid[s]) for s in sites]
+            first, second = (
+                tuple((model.site_pos[s] - shifts[b]).tolist())
+                for s, b in zip(sites, bodies, strict=True)
+            )
+            parent, child = (names[b] for b in bodies)
+            return Spring(_word(name), {}, parent, child, first, second, low, stiffness)
+    raise BuildError(
+        f"the tendon '{name}' is a spring, expected one without slack along joints or between two "
+        "sites; remove its stiffness, or state [[spring]] or [[known_torque]] in a mechanism file"
+    )
+
+
+def _require_linear(model: Any, kind: str, k: int, what: str) -> None:
+    """Refuse the polynomials of MuJoCo 4, which earlier versions do not have."""
+    terms = getattr(model, f"{kind}_stiffnesspoly", None)
+    if terms is not None and np.any(terms[k]):
+        raise BuildError(
+            f"{what} has a spring of degree 2 or more, expected a linear one; remove its "
+            "polynomial, and state [[known_torque]] in a mechanism file"
+        )
+
+
+def _word(name: str) -> str:
+    """Name of letters, digits and _."""
+    return "".join(c if c.isalnum() else "_" for c in name) or "spring"

@@ -1,0 +1,145 @@
+"""Springs of MJCF and SDF: against MuJoCo, and beside those of a mechanism file."""
+
+from pathlib import Path
+
+import casadi as ca
+import mujoco
+import numpy as np
+import pytest
+
+from symgen.build.sources import Source, read_source
+from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.chain.mechanism import Mechanism, Spring, mechanism_from_table
+from symgen.cli.build_request import request_from_urdf
+from symgen.errors import BuildError, UrdfError
+from symgen.mechanics.passive import known_torque
+
+BODIES = """<body name="arm" pos="0 0.1 0.3" euler="0.2 0.1 0.3">
+  <joint name="lift" type="hinge" axis="0.6 0 0.8" pos="0.02 -0.03 0.05" ref="0.4"
+    stiffness="4" springref="0.35"/>
+  <inertial pos="0.03 0.02 0.1" mass="2" diaginertia="0.02 0.03 0.025"/>
+  <site name="a" pos="0 .1 0"/>
+  <body name="finger" pos="0.2 0 0.1">
+    <joint name="slide-1" type="slide" axis="0 1 0" pos="0.02 0 0" ref="0.05" stiffness="90"/>
+    <inertial pos="0 0 0.05" mass="0.3" diaginertia="0.001 0.002 0.001"/>
+    <site name="b" pos=".3 .1 .2"/>
+  </body></body>"""
+TENDONS = """<tendon>
+  <fixed name="both" stiffness="3" springlength="0.1">
+    <joint joint="lift" coef="0.5"/><joint joint="slide-1" coef="-2"/></fixed>
+  <spatial name="strut" stiffness="700" springlength="0.3"><site site="a"/>
+    <site site="b"/></spatial>
+  <fixed name="limp"><joint joint="lift" coef="1"/></fixed></tendon>"""
+
+
+def mjcf(tmp_path: Path, tendons: str = TENDONS) -> Path:
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        f'<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>{BODIES}'
+        f"</worldbody>{tendons}</mujoco>"
+    )
+    return path
+
+
+def chain_of(path: Path, mechanism: Mechanism | None = None) -> Chain:
+    text, whole = read_source(Source(path), mechanism or Mechanism())
+    return read_chain(text, ChainOptions(mechanism=whole))
+
+
+def test_mjcf_springs_are_those_of_mujoco(tmp_path: Path) -> None:
+    """Oracle: passive forces of MuJoCo at random postures; damping is zero there."""
+    path = mjcf(tmp_path)
+    chain = chain_of(path)
+    assert [s.name for s in chain.mechanism.spring] == ["lift", "slide_1", "both", "strut"]
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    q = ca.SX.sym("q", 2)
+    torque = ca.Function("torque", [q], [known_torque(chain, q)])
+    for position in np.random.default_rng(0).normal(0.1, 0.3, (20, 2)):
+        data.qpos[:] = position
+        mujoco.mj_forward(model, data)
+        # rounding of forces of 200 N
+        np.testing.assert_allclose(
+            np.array(torque(position)).ravel(), -data.qfrc_passive, rtol=0, atol=1e-11
+        )
+
+
+@pytest.mark.parametrize(
+    "tendon",
+    [
+        '<fixed name="slack" stiffness="3" springlength="0 1">'
+        '<joint joint="lift" coef="1"/></fixed>',
+        '<spatial name="long" stiffness="3"><site site="a"/><site site="b"/><site site="a"/>'
+        "</spatial>",
+    ],
+)
+def test_other_tendons_with_stiffness_are_refused(tmp_path: Path, tendon: str) -> None:
+    """Property: a spring that has no counterpart is named, not left out."""
+    with pytest.raises(
+        BuildError, match=r"tendon '(slack|long)' is a spring, expected one without"
+    ):
+        read_source(Source(mjcf(tmp_path, f"<tendon>{tendon}</tendon>")), Mechanism())
+
+
+def test_sdf_springs(tmp_path: Path) -> None:
+    """Property: stiffness and reference of a joint; zero stiffness is no spring."""
+    link = (
+        "<link name='{}'><inertial><mass>1</mass><inertia><ixx>.1</ixx><iyy>.1</iyy><izz>.1</izz>"
+        "</inertia></inertial></link>"
+    )
+    joint = (
+        "<joint name='{0}' type='revolute'><parent>{1}</parent><child>{2}</child><axis><xyz>0 1 0"
+        "</xyz><dynamics><spring_reference>.2</spring_reference><spring_stiffness>{3}"
+        "</spring_stiffness></dynamics></axis></joint>"
+    )
+    path = tmp_path / "robot.sdf"
+    path.write_text(
+        "<sdf version='1.6'><model name='m'>"
+        + "".join(map(link.format, ("base", "a", "b")))
+        + joint.format("j1", "base", "a", "1500")
+        + joint.format("j2", "a", "b", "0")
+        + "</model></sdf>"
+    )
+    assert read_source(Source(path), Mechanism())[1].spring == (
+        Spring("j1", {"j1": 1.0}, rest=0.2, stiffness=1500.0),
+    )
+
+
+def test_a_mechanism_file_takes_precedence(tmp_path: Path) -> None:
+    """Property: its spring along the same joint replaces that of the file; others stay."""
+    path, unknown = mjcf(tmp_path, ""), Spring("lift_k", {"lift": 1.0}, rest=0.35)
+    springs = chain_of(path, Mechanism(spring=(unknown,))).mechanism.spring
+    assert [(s.name, s.stiffness) for s in springs] == [("lift_k", None), ("slide_1", 90.0)]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence", "kept"),
+    [
+        (
+            ChainOptions(),
+            "springs of the file, whose torque counts as known: lift (4, rest 0.35)",
+            2,
+        ),
+        (ChainOptions(locks={"lift": 0.4}), "springs of the file that are left out: lift", 1),
+        (ChainOptions(floating=True), "springs of the file that are left out: lift, slide_1", 0),
+    ],
+)
+def test_the_build_names_them(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: ChainOptions,
+    sentence: str,
+    kept: int,
+) -> None:
+    """Property: the user reads what counts as known, and what a lock or a free base leaves out."""
+    source = Source(mjcf(tmp_path, ""))
+    request = request_from_urdf(source, "robot", options, False, None, None)
+    assert sentence in " ".join(capsys.readouterr().out.split())
+    assert len(request.options.mechanism.spring) == kept
+
+
+def test_a_negative_stiffness_is_refused() -> None:
+    """Property: a spring that pushes away from its rest is a sign error of the file."""
+    table = {"spring": [{"name": "s", "joint": "j", "stiffness": -4.0}]}
+    with pytest.raises(UrdfError, match="'s' has the stiffness -4, expected at least 0"):
+        mechanism_from_table(table, "m.toml")

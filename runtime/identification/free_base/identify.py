@@ -153,7 +153,8 @@ def identify_free_base(
     require_forces_on_robot(lib, trained, recording.name)
     require_contact_order(lib, train, recording.name)
     unknowns = len(lib.base_columns)
-    noise = noise_of(lib, trained, cutoff_hz, float(train.t[-1] - train.t[0]))
+    sensed = sensor_prior(motion.contacts, trained.samples.columns.shape[1:])
+    noise = noise_of(lib, trained, sensed, cutoff_hz, float(train.t[-1] - train.t[0]))
     fitted = trained.samples if noise is None else noise.weighted(trained.samples)
     floor = None if noise is None else noise.floor
     problem = Problem(
@@ -163,7 +164,7 @@ def identify_free_base(
         weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
         start=lib.lam0,
         noise_floor=floor,
-        friction_prior=sensor_prior(motion.contacts, trained.samples.columns.shape[1:]),
+        friction_prior=sensed,
     )
     fit = fit_by(problem, "map", None, prior)
     root, shares = _posterior(problem, fit, prior)
@@ -203,8 +204,7 @@ def identify_free_base(
     by_sensors = tested.samples.columns @ fit.phi[0]
     after = rms(tested.samples.rigid(lib, fit.pi) + by_sensors - measured)
     sensors = dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True))
-    stated = problem.friction_prior
-    spread = None if stated is None else stated.sigma[0]
+    spread = None if sensed is None else sensed.sigma[0]
     notes += notes_on_errors(level, after, sensors, spread, bool(recording.joint_names))
     return FreeBaseIdentification(
         lib=lib,

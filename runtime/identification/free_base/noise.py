@@ -1,11 +1,11 @@
 """Noise of the equations where the low-pass leaves fewer independent ones than base parameters.
 
 Residuals of a fit cannot show the noise then. What the URDF leaves does, once its mean (an offset,
-or the total mass) and the errors of the sensors are taken out: Student's t with ν = 4 degrees of
-freedom, fitted by iterated weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the instants. A robot
-that stands shows the errors of its sensors to a fraction of a newton, one that steps has errors of
-acceleration of several; with equal weights the few steps would hide what the standing shows. That
-holds for less than a fifth of the instants, 1 / (ν + 1).
+or the total mass) and the errors of the sensors, within their prior, are taken out: Student's t
+with ν = 4 degrees of freedom, fitted by weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the
+instants. A robot that stands shows the errors of its sensors to a fraction of a newton, one that
+steps has errors of acceleration of several; with equal weights the few steps would hide what the
+standing shows. That holds for less than a fifth of the instants, 1 / (ν + 1).
 Source: Lange, Little & Taylor 1989, ν = 4.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.free_base.rows import FreeBaseRows
@@ -58,7 +58,11 @@ class RowNoise:
 
 
 def noise_of(
-    lib: Library, trained: FreeBaseRows, cutoff_hz: float | None, seconds: float
+    lib: Library,
+    trained: FreeBaseRows,
+    sensors: FrictionPrior | None,
+    cutoff_hz: float | None,
+    seconds: float,
 ) -> RowNoise | None:
     """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
 
@@ -67,6 +71,7 @@ def noise_of(
     Args:
         lib: library of the robot.
         trained: equations of N instants.
+        sensors: prior of the errors of the sensors; None where there is none.
         cutoff_hz: of the low-pass [Hz]; None for none.
         seconds: duration [s].
 
@@ -81,16 +86,18 @@ def noise_of(
         return None
     rest = samples.rigid(lib, lib.pi0) - samples.tau
     least = SILENT * rms(samples.tau).max()
-    sigma, weights = _student(rest, samples.columns, count)
+    known = np.zeros(0) if sensors is None else sensors.sigma[0]
+    sigma, weights = _student(rest, samples.columns, known, count)
     return RowNoise(NoiseFloor(np.maximum(sigma, least), len(samples) / count), weights)
 
 
-def _student(rest: Array, columns: Array, independent: float) -> tuple[Array, Array]:
+def _student(rest: Array, columns: Array, known: Array, independent: float) -> tuple[Array, Array]:
     """Scale of a residual behind its mean and columns, and weights of the instants.
 
     Args:
         rest: (N, m) residual.
         columns: (N, m, K) of coefficients that are common to the m equations.
+        known: (K,) standard deviations of the coefficients about zero.
         independent: number of independent instants.
 
     Returns:
@@ -98,17 +105,15 @@ def _student(rest: Array, columns: Array, independent: float) -> tuple[Array, Ar
     """
     count, equations = rest.shape
     means = np.broadcast_to(np.eye(equations), (count, equations, equations))
-    rows = np.concatenate([means, columns], axis=2)
-    size = np.sqrt(np.mean(rows**2, axis=(0, 1)))
-    rows = rows / np.where(size > 0, size, 1.0)
+    # Columns in units of the prior of their coefficients, whose rows count like independent ones.
+    rows = np.concatenate([means, columns * known], axis=2)
+    prior = np.sqrt(count / independent) * np.eye(rows.shape[2])[equations:]
     weights, sigma = np.ones(count), np.maximum(rms(rest - rest.mean(axis=0)), 1e-300)
-    rank = int(np.linalg.matrix_rank(rows.reshape(-1, rows.shape[2])))
-    # Every independent value that the means and columns explain is missing in the residual.
-    lost = independent * equations / max(independent * equations - rank, 1.0)
     for _ in range(PASSES):
         scale = np.sqrt(weights)[:, None] / sigma
         design = (rows * scale[:, :, None]).reshape(count * equations, -1)
-        solution = np.linalg.lstsq(design, (rest * scale).ravel(), rcond=None)[0]
+        target = np.concatenate([(rest * scale).ravel(), np.zeros(len(prior))])
+        solution = np.linalg.lstsq(np.concatenate([design, prior]), target, rcond=None)[0]
         left = rest - rows @ solution
         before = sigma
         sigma = np.maximum(np.sqrt(np.mean(weights[:, None] * left**2, axis=0)), 1e-300)
@@ -116,4 +121,9 @@ def _student(rest: Array, columns: Array, independent: float) -> tuple[Array, Ar
         weights = weights / weights.mean()
         if np.abs(sigma / before - 1.0).max() < STEADY:
             break
-    return sigma * np.sqrt(lost), weights
+    # Every independent value that the means and columns explain is missing in the residual. They
+    # explain tr (DᵀD + PᵀP)⁻¹ DᵀD, D and P the rows of data and prior.
+    data, information = design.T @ design, prior.T @ prior
+    explained = float(np.trace(np.linalg.lstsq(data + information, data, rcond=None)[0]))
+    left_over = independent * equations - explained
+    return sigma * np.sqrt(independent * equations / max(left_over, 1.0)), weights

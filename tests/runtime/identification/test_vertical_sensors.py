@@ -70,6 +70,22 @@ def test_reading_of_shared_load_is_estimated(hopper: Library) -> None:
     assert result.after[0] == pytest.approx(result.vertical.after, rel=1e-6)
 
 
+def test_noise_is_that_of_sensors_within_their_prior(hopper: Library) -> None:
+    """Property: a γ that is stated as next to 0 explains no residual, so σ of the mass stays.
+
+    A low-pass of 0.5 Hz leaves 10 independent values of 10 s. Of σ, 1e-6 is the smallest γ.
+    """
+    recordings = [
+        free_base_of(standing() | more, "log")
+        for more in ({}, {"contact_force_z_sharing": np.array(1e-9)})
+    ]
+    without, exact = (
+        identify_free_base(recording, hopper, "base", cutoff_hz=0.5, share=0.5).mass
+        for recording in recordings
+    )
+    assert exact == pytest.approx(without, rel=1e-6)
+
+
 def test_columns_are_the_change_of_the_right_side(hopper: Library) -> None:
     """Oracle: the right side with forces that a γ of 1e-3 has changed, by difference."""
     arrays = standing(read=False) | {"contact_force_z_sharing": np.array(0.1)}

@@ -74,9 +74,8 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace file
 
 def as_typed(text: str) -> str:
     """A sentence whose commands begin with `symgen` where the user started that."""
-    if Path(sys.argv[0]).stem != "symgen":
-        return text
-    return text.replace("python -m runtime ", "symgen ").replace("python -m symgen ", "symgen ")
+    is_console = Path(sys.argv[0]).stem == "symgen"
+    return text.replace("python -m symgen ", "symgen ") if is_console else text
 
 
 def say(sentence: str) -> None:

@@ -9,7 +9,7 @@ where the delay is unknown, a memory has to pay at the δ that is best without i
 of its own.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,6 +42,60 @@ _RANK = 1e-10
 """Eigenvalue of a Gram matrix of unit columns, over the largest, below which it counts as 0."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Rows on which further columns are tried.
+
+    Attributes:
+        columns: those of the terms, then `position`, then `dahl` and `position` of each stroke,
+            (N, n, k); of the joints that move.
+        rest: torque less the rigid model of the URDF, at every delay, (M, N, n) [N·m, N].
+        count: number of columns of the terms.
+        place: of `coulomb` among them.
+    """
+
+    columns: Array
+    rest: Array
+    count: int
+    place: int
+
+    def losses(self, memory: int | None, position: bool) -> Array:
+        """Mean of ln s_j² over the joints, of every delay, (M,), with the stroke of an index."""
+        chosen = list(range(self.count))
+        if memory is not None:
+            chosen[self.place] = self.count + 1 + 2 * memory
+        if position:
+            chosen.append(self.count if memory is None else self.count + 2 + 2 * memory)
+        errors = _errors(self.columns[:, :, chosen], self.rest)
+        return np.asarray(np.log(np.maximum(errors, np.finfo(float).tiny)).mean(axis=1))
+
+
+def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Trial | None:
+    """At most `ROWS` rows of a prepared recording; None for too few, or without motion."""
+    samples, t = samples_of(whole, lib), whole.t
+    delays: Array = np.zeros(1)
+    if late:
+        first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
+        delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
+    rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
+    if len(rows) < FEWEST:
+        return None
+    rows = rows[:: -(-len(rows) // ROWS)]
+    samples = samples.rows(rows)
+    count, place = len(terms.columns), terms.columns.index(DRY)
+    moving = samples.columns[:, :, place].any(axis=0)  # by dq, without which there is no sign of it
+    if not moving.any():
+        return None
+    model, torques = samples.rigid(lib, lib.pi0), whole.required("tau").T
+    rest = np.array(
+        [
+            np.stack([np.interp(t[rows] + d, t, row) for row in torques], axis=1) - model
+            for d in delays
+        ]
+    )
+    return _Trial(samples.columns[:, moving], rest[:, :, moving], count, place)
+
+
 def with_dry_friction(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction, late: bool
 ) -> tuple[Friction, str]:
@@ -64,44 +118,13 @@ def with_dry_friction(
     usual = replace(filtered(recording, preparation), torque_delay_s=known)
     more = replace(terms, columns=(*terms.columns, POSITION))
     others = [Friction((MEMORY, POSITION), dahl_stroke=stroke) for stroke in STROKES]
-    whole = prepare(recording, usual, more, *others, lib=lib)
-    samples, t = samples_of(whole, lib), whole.t
-    delays: Array = np.zeros(1)
-    if late:
-        first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
-        delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
-    rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
-    if len(rows) < FEWEST:
+    trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)
+    if trial is None:
         return terms, ""
-    rows = rows[:: -(-len(rows) // ROWS)]
-    samples = samples.rows(rows)
-    model = samples.rigid(lib, lib.pi0)
-    rest = np.array(
-        [
-            np.stack([np.interp(t[rows] + d, t, row) for row in whole.required("tau").T], axis=1)
-            - model
-            for d in delays
-        ]
-    )
-    count, place = len(terms.columns), terms.columns.index(DRY)
-    moving = samples.columns[:, :, place].any(axis=0)  # by dq, without which there is no sign of it
-    if not moving.any():
-        return terms, ""
-
-    def losses(memory: int | None, position: bool) -> Array:
-        """Mean of ln s_j² over the joints that move, of every delay, (M,)."""
-        columns = list(range(count))
-        if memory is not None:
-            columns[place] = count + 1 + 2 * memory
-        if position:
-            columns.append(count if memory is None else count + 2 + 2 * memory)
-        errors = _errors(samples.columns[:, moving][:, :, columns], rest[:, :, moving])
-        return np.asarray(np.log(np.maximum(errors, np.finfo(float).tiny)).mean(axis=1))
-
     # Simplest first: a further column has to pay at the delay that the simplest model has.
-    simplest = losses(None, False)
-    at, no_memory = int(simplest.argmin()), losses(None, True)
-    memory = {each: [losses(k, each) for k in range(len(STROKES))] for each in (False, True)}
+    simplest = trial.losses(None, False)
+    at, no_memory = int(simplest.argmin()), trial.losses(None, True)
+    memory = {each: [trial.losses(k, each) for k in range(len(STROKES))] for each in (False, True)}
     candidates = [
         (simplest[at], False, False),
         (no_memory[at], False, True),

@@ -103,52 +103,12 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
     ticking = preparation.clock_tick is not None
     steps = np.diff(recording.t)
     median = float(np.median(steps))
-    holes = np.flatnonzero((steps > max(HOLE_S, _GAP_STEPS * median)) & ~_left_out(recording, plan))
-    even = steps[steps <= HOLE * median]
-    spread = np.quantile(even, [0.001, 0.999]) / median
-    missed = (steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))
-    skipped = int(np.sum(missed & ~_left_out(recording, plan)))
     handled = plan.preparation.max_gap_s is not None
     level = INFO if handled else WARNING
-    if holes.size:
-        longest = float(steps.max())
-        places = ", ".join(f"{recording.t[i]:.4g} s" for i in holes[:4])
-        findings.append(
-            Finding(
-                "holes",
-                level,
-                f"{holes.size} gaps in the clock, the longest {longest:.3g} s (after {places}); "
-                "keep max_gap_s under [preparation] shorter than these, so that no filter or "
-                "derivative crosses them",
-                {"count": int(holes.size), "longest_s": longest},
-                trap=2,
-            )
-        )
-    if skipped and not ticking:
-        share = skipped / len(steps)
-        findings.append(
-            Finding(
-                "dropped_ticks",
-                level,
-                f"{skipped} of {len(steps)} steps exceed 1.5 times the median of {median:.4g} s: "
-                "samples were dropped; set max_gap_s under [preparation] to interpolate them",
-                {"count": skipped, "share": share},
-                trap=2,
-            )
-        )
-    uneven = max(abs(spread - 1.0)) > max(10 * JITTER, 0.05)
-    if uneven and not ticking:
-        findings.append(
-            Finding(
-                "jitter",
-                level,
-                f"time steps vary from {spread[0] * median:.4g} to {spread[1] * median:.4g} s "
-                f"(99.8 % of them) around {median:.4g} s; derivatives need a uniform grid: set "
-                "max_gap_s and grid_hz under [preparation]",
-                {"steps_s": [float(s * median) for s in spread], "median_s": median},
-                trap=2,
-            )
-        )
+    is_logged = ~_left_out(recording, plan)
+    findings += _gaps(recording.t, is_logged, level)
+    if not ticking:
+        findings += _dropped(steps, is_logged, level) + _jitter(steps, level)
     uniform = float(np.abs(steps / median - 1.0).max()) <= JITTER
     if not uniform and not handled:
         gap = max(4.0 * median, 0.02, BRIDGED_S if plan.leave_out else 0.0)
@@ -157,6 +117,54 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
         rate = None if ticking else _nice_rate(1.0 / median)
         preparation = replace(preparation, max_gap_s=float(f"{gap:.3g}"), grid_hz=rate)
     return plan.replace(preparation=preparation), findings
+
+
+def _least_gap(steps: FloatArray) -> float:
+    """Step [s] above which the clock has a gap; shorter steps are dropped samples."""
+    return max(HOLE_S, _GAP_STEPS * float(np.median(steps)))
+
+
+def _gaps(t: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Finding]:
+    steps = np.diff(t)
+    gaps = np.flatnonzero((steps > _least_gap(steps)) & is_logged)
+    if not gaps.size:
+        return []
+    longest = float(steps.max())
+    places = ", ".join(f"{t[i]:.4g} s" for i in gaps[:4])
+    sentence = (
+        f"{gaps.size} gaps in the clock, the longest {longest:.3g} s (after {places}); keep "
+        "max_gap_s under [preparation] shorter than these, so that no filter or derivative crosses "
+        "them"
+    )
+    evidence = {"count": int(gaps.size), "longest_s": longest}
+    return [Finding("holes", level, sentence, evidence, trap=2)]
+
+
+def _dropped(steps: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Finding]:
+    median = float(np.median(steps))
+    count = int(np.sum((steps > HOLE * median) & (steps <= _least_gap(steps)) & is_logged))
+    if not count:
+        return []
+    sentence = (
+        f"{count} of {len(steps)} steps exceed 1.5 times the median of {median:.4g} s: samples "
+        "were dropped; set max_gap_s under [preparation] to interpolate them"
+    )
+    evidence = {"count": count, "share": count / len(steps)}
+    return [Finding("dropped_ticks", level, sentence, evidence, trap=2)]
+
+
+def _jitter(steps: FloatArray, level: str) -> list[Finding]:
+    median = float(np.median(steps))
+    spread = np.quantile(steps[steps <= HOLE * median], [0.001, 0.999]) / median
+    if max(abs(spread - 1.0)) <= max(10 * JITTER, 0.05):
+        return []
+    sentence = (
+        f"time steps vary from {spread[0] * median:.4g} to {spread[1] * median:.4g} s (99.8 % of "
+        f"them) around {median:.4g} s; derivatives need a uniform grid: set max_gap_s and grid_hz "
+        "under [preparation]"
+    )
+    evidence = {"steps_s": [float(s * median) for s in spread], "median_s": median}
+    return [Finding("jitter", level, sentence, evidence, trap=2)]
 
 
 def _is_countable(evidence: dict) -> bool:

@@ -8,7 +8,6 @@ so may results.
 import functools
 import os
 import sys
-import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
 from itertools import count
@@ -64,7 +63,7 @@ def on_cluster(
             "install it with: pip install 'symgen[cluster]'"
         ) from None
     client = _connected(scheduler)
-    key = f"symgen-{uuid.uuid4().hex}"
+    key = f"symgen-{os.urandom(16).hex()}"
     futures: list[Any] = []
     numbers = count()
     try:
@@ -149,10 +148,22 @@ def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        if _has_one_blas_thread():
+            return function(*args, **kwargs)
         with _blas(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return limited
+
+
+def _has_one_blas_thread() -> bool:
+    """Whether the environment limits OpenBLAS, as commands do, and NumPy is built with OpenBLAS."""
+    if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
+        return False
+    import numpy as np
+
+    parts: Any = np.show_config(mode="dicts")
+    return "openblas" in str(parts.get("Build Dependencies", {}).get("blas", {}).get("name"))
 
 
 @functools.lru_cache(maxsize=1)

@@ -47,9 +47,9 @@ COMMANDS = (
     ),
 )
 """Every command: function NAME_command of the module NAME of this package."""
-NEW_OBJECTS = 20_000
-"""Containers made since the last collection that start the next; 700, Python's own number, is
-searched sixty times in a short command."""
+NEW_OBJECTS = 50_000
+"""Containers made since the last collection that start the next, more than a short command makes;
+700, Python's own number, is searched sixty times in one."""
 app: typer.Typer
 
 

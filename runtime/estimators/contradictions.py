@@ -87,7 +87,7 @@ def model_tests(
     if gains is not None and gains.is_contradicted:
         sentences.append(_of_gains(lib, gains))
     elif gains is not None and gains.is_significant:
-        beside = gains if gains.is_beyond_margin else _beside(fit, delay, friction)
+        beside = gains if gains.is_beyond_margin else _beside(gains, fit, delay, friction)
         if beside is not None and beside.is_significant:
             errors.append(_of_small_gain(lib, beside))
     if friction is not None and friction.is_contradicted:
@@ -108,17 +108,16 @@ def model_tests(
 
 
 def _beside(
-    fit: FreeFit | None, delay: DelayTest | None, friction: FrictionTest | None
+    gains: GainTest, fit: FreeFit | None, delay: DelayTest | None, friction: FrictionTest | None
 ) -> GainTest | None:
     """Test of the gains beside a delay and friction that are contradicted: they look like gains."""
     if fit is None:
         return None
     column = delay_column(fit) if delay is not None and delay.is_contradicted else None
-    if column is not None:
-        fit = with_columns(fit, column)
+    beside = fit if column is None else with_columns(fit, column)
     if friction is not None and friction.is_contradicted:
-        fit = with_columns(fit, friction_columns(fit)[0])
-    return gain_test_of(fit)
+        beside = with_columns(beside, friction_columns(beside)[0])
+    return gains if beside is fit else gain_test_of(beside)
 
 
 def _of_limits(lib: Library, limits: Array) -> tuple[str, ...]:

@@ -40,8 +40,7 @@ class Origin(NamedTuple):
     controller: "ClosedLoop | None" = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FrictionPrior:
+class FrictionPrior(NamedTuple):
     """Gaussian prior of friction coefficients.
 
     Attributes:
@@ -70,8 +69,7 @@ class FrictionPrior:
         return replace(like, factor=rows, target=target, rest=0.0, n_samples=0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NoiseFloor:
+class NoiseFloor(NamedTuple):
     """Least noise of rows whose residuals cannot show it: fewer independent ones than unknowns.
 
     Attributes:

@@ -7,7 +7,7 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,7 @@ ALIKE = 1e-6
 _PLACE = ("rotation", "translation", "axis")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelOfResult:
+class ModelOfResult(NamedTuple):
     """The model that a result was identified with.
 
     Attributes:

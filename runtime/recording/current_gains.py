@@ -3,8 +3,7 @@
 τ_j = k_j i_j        k in N·m/A or N/A
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,7 @@ UNSEEN = "not identifiable from this motion"
 VERDICTS = (DETERMINED, UP_TO_FACTOR, OF_URDF, UNSEEN)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CurrentGains:
+class CurrentGains(NamedTuple):
     """Estimated gains of the channels of one log.
 
     Attributes:

@@ -3,8 +3,7 @@
 The order of the steps from a number in a file to a joint angle is that of `recipe`.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +23,7 @@ INSTANT = 1e-7
 """Rounding of instants [s], those of 1970 included."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Converted:
+class Converted(NamedTuple):
     """Time and signals of a recording.
 
     Attributes:

@@ -29,7 +29,8 @@ class FrictionTest(NamedTuple):
 
     Attributes:
         excess: statistic of all joints over the value that it seldom exceeds.
-        joints: excess of the columns of every joint alone, (n,).
+        joints: excess of the columns of every joint alone, (n,); zeros where `excess` is 1 or
+            less.
     """
 
     excess: float
@@ -82,9 +83,10 @@ def friction_test(fit: FreeFit) -> FrictionTest | None:
     if test is None:
         return None
     joints = np.zeros(fit.scale.size)
-    for k, joint in enumerate(moving):
+    excess = test.statistic / test.quantile
+    for k, joint in enumerate(moving if excess > 1 else ()):
         added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
         explained = added.T @ fit.rest
         quantile = chi2_quantile(max(added.shape[1], 1), SIGNIFICANCE)
         joints[joint] = float(explained @ explained) / test.density / quantile
-    return FrictionTest(test.statistic / test.quantile, joints)
+    return FrictionTest(excess, joints)

@@ -9,6 +9,7 @@ Source: Breusch & Pagan 1980 for score tests.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,8 +56,7 @@ class FreeFit:
         return tuple(a + b for a, b in zip(self.shares, added, strict=True))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ScoreTest:
+class ScoreTest(NamedTuple):
     """Result of the test of columns Z.
 
     Attributes:

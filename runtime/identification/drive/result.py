@@ -1,7 +1,7 @@
 """Estimate of the drives of a robot: delay, encoder bias, armature and friction of every joint."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ class DriveRequest:
     tied: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DriveFit:
+class DriveFit(NamedTuple):
     """Drives of a robot with standard deviations; NaN where a value is not determined.
 
     Attributes:

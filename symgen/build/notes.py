@@ -85,9 +85,11 @@ def _closed(chain: Chain) -> list[str]:
         for j in chain.coordinates
         if j.lower is not None and j.upper is not None
     )
+    endless = ", ".join(chain.coordinates[turn.place].name for turn in chain.loops.turns)
     return [
         f"{kinds}; q holds {', '.join(free)}, and {', '.join(names)} follow",
-        f"ranges away from singular postures: {ranges}",
+        *([f"ranges away from singular postures: {ranges}"] if ranges else []),
+        *([f"{endless} turns without end"] if endless else []),
     ]
 
 

@@ -93,6 +93,19 @@ class Closure:
 
 
 @dataclass(frozen=True, slots=True)
+class Turn:
+    """An independent joint that turns without end through postures that all close.
+
+    Attributes:
+        place: in q.
+        windings: turns of the dependent coordinates per turn of the joint, (r,).
+    """
+
+    place: int
+    windings: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Loops:
     """All loop joints of a chain and the choice of coordinates.
 
@@ -104,6 +117,7 @@ class Loops:
         dependent: (r,) places in x of the others, as many as there are rows.
         blocks: rows and places in `dependent` of systems that are solved one after the other.
         assembly: x of the assembly pose [rad, m].
+        turns: joints that turn without end.
     """
 
     closures: tuple[Closure, ...]
@@ -111,6 +125,7 @@ class Loops:
     dependent: tuple[int, ...]
     blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
     assembly: Vector
+    turns: tuple[Turn, ...] = ()
 
 
 def read_loop(entry: dict[str, Any], where: str) -> Loop:

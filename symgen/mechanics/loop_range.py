@@ -3,7 +3,8 @@
 Within the box of the ranges every posture closes, the margin of every loop (`loop_seeds`)
 stays above a share of the best one, and the dependent joints stay within their limits. The box is
 searched from the assembly pose on a grid along each joint, and shrunk until random postures in it
-and its corners comply.
+and its corners comply. A joint without limits that complies all around, and comes back to the same
+posture, keeps no limits: it turns without end.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.chain import Chain
+from symgen.chain import Chain, Joint
+from symgen.chain.loop import Turn
 from symgen.errors import UrdfError
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.coordinates import all_positions
@@ -22,7 +24,7 @@ from symgen.mechanics.loop_equations import closed_chain
 from symgen.mechanics.loop_seeds import seed_values
 
 Array = NDArray[np.float64]
-Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
+Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_], Array]]
 
 SHARE = 0.2
 """Least margin of a posture in the range, of the best one along the joints."""
@@ -32,6 +34,8 @@ _GRID, _POSTURES, _MOST_CORNERS = 180, 400, 8
 _SHRINK = tuple(np.linspace(1.0, 0.05, 20))
 _EDGE = 1e-9
 """rad or m beyond a limit that are rounding error."""
+_BACK = 1e-6
+"""Turns by which a closed posture may differ after a turn: Newton leaves 1e-12."""
 _NARROW = 0.02
 """rad or m: a range below this leaves nothing to move."""
 
@@ -43,7 +47,8 @@ def within_loops(chain: Chain) -> Chain:
         chain: any chain; without loops it is returned as it is.
 
     Returns:
-        The chain, `lower` and `upper` of joints that move a loop are finite.
+        The chain, `lower` and `upper` of joints that move a loop are finite, except those of
+        joints that turn without end (`Loops.turns`).
 
     Raises:
         UrdfError: the assembly pose leaves no range.
@@ -54,7 +59,9 @@ def within_loops(chain: Chain) -> Chain:
     ends = np.array([_ends(chain, k, home[k]) for k in range(len(home))])
     moving = [k for k in range(len(home)) if _moves_a_loop(chain, k)]
     sample = _sampler(chain)
-    grids, results = {}, {}
+    grids: dict[int, Array] = {}
+    results: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
+    turns: dict[int, Turn | None] = {}
     for k in moving:
         line = np.repeat(home[None], 2 * _GRID + 1, axis=0)
         steps = np.linspace(0, 1, _GRID + 1)
@@ -63,7 +70,10 @@ def within_loops(chain: Chain) -> Chain:
             home[k] + steps * (ends[k, 1] - home[k]),
         )
         line[:, k] = np.concatenate([low[:0:-1], high])
-        grids[k], results[k] = line[:, k], sample(line)
+        grids[k] = line[:, k]
+        margin, inside, positions = sample(line)
+        results[k] = margin, inside
+        turns[k] = _turn(chain, k, positions)
     best = max((np.nanmax(margin) for margin, _ in results.values()), default=1.0)
     least = min(SHARE * float(best), _AT_MOST)
     for k in moving:
@@ -80,7 +90,10 @@ def within_loops(chain: Chain) -> Chain:
     ends[moving] = _shrunk(sample, home, ends, moving, least)[moving]
     joints = list(chain.joints)
     for k in moving:
-        joint = chain.coordinates[k]
+        joint, turn = chain.coordinates[k], turns[k]
+        if turn is not None and ends[k, 1] - ends[k, 0] > 2 * np.pi - _EDGE:
+            continue
+        turns[k] = None
         if ends[k, 1] - ends[k, 0] < _NARROW:
             raise UrdfError(
                 f"joint '{joint.name}' can move by {ends[k, 1] - ends[k, 0]:.2g} rad or m only "
@@ -89,7 +102,36 @@ def within_loops(chain: Chain) -> Chain:
             )
         lower, upper = (float(f"{end:.6g}") for end in ends[k])
         joints[chain.joints.index(joint)] = replace(joint, lower=lower, upper=upper)
-    return replace(chain, joints=tuple(joints))
+    endless = tuple(turn for turn in turns.values() if turn is not None)
+    return replace(chain, joints=tuple(joints), loops=replace(chain.loops, turns=endless))
+
+
+def _turn(chain: Chain, k: int, positions: Array) -> Turn | None:
+    """What a turn of a joint without limits moves; None where it does not come back.
+
+    Args:
+        chain: with loops.
+        k: place of the joint in q.
+        positions: of all joints along the turn, (N, L) [rad, m].
+
+    Returns:
+        The turn. A joint with position limits must be where it was.
+    """
+    joint = chain.coordinates[k]
+    if chain.loops is None or chain.coupling is not None or len(chain.joints) != len(positions.T):
+        return None
+    if joint.kind == "prismatic" or _is_limited(joint):
+        return None
+    moved = (positions[-1] - positions[0]) / (2 * np.pi)
+    counts = np.round(moved)
+    fixed = np.array([each.kind == "prismatic" or _is_limited(each) for each in chain.joints])
+    if not (np.abs(moved - counts) < _BACK).all() or counts[fixed].any():
+        return None
+    return Turn(k, tuple(int(counts[place]) for place in chain.loops.dependent))
+
+
+def _is_limited(joint: Joint) -> bool:
+    return joint.lower is not None or joint.upper is not None
 
 
 def _ends(chain: Chain, k: int, home: float) -> tuple[float, float]:
@@ -107,7 +149,7 @@ def _moves_a_loop(chain: Chain, k: int) -> bool:
 
 
 def _sampler(chain: Chain) -> Sampler:
-    """Function of postures (N, n): least margin, NaN where refused, and limits kept, (N,) each."""
+    """Function of postures (N, n): least margin, NaN where refused, limits kept, and positions."""
     q = ca.SX.sym("q", len(chain.coordinates))
     margin = seed_values(closed_chain(chain), q)[1]
     everything = supplied(chain, all_positions(chain, q), q)
@@ -115,10 +157,10 @@ def _sampler(chain: Chain) -> Sampler:
     lower = np.array([-np.inf if j.lower is None else j.lower for j in chain.joints])
     upper = np.array([np.inf if j.upper is None else j.upper for j in chain.joints])
 
-    def sample(postures: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def sample(postures: Array) -> tuple[Array, NDArray[np.bool_], Array]:
         least, positions = (np.asarray(x) for x in function.map(len(postures))(postures.T))
         inside = (lower - positions.T <= _EDGE) & (positions.T - upper <= _EDGE)
-        return least.ravel(), np.asarray(inside.all(axis=1))
+        return least.ravel(), np.asarray(inside.all(axis=1)), positions.T
 
     return sample
 
@@ -145,7 +187,7 @@ def _shrunk(
         postures = np.repeat(home[None], len(shares), axis=0)
         span = box[:, 1] - box[:, 0]
         postures[:, moving] = (box[:, 0] + shares * span)[:, moving]
-        margin, inside = sample(postures)
+        margin, inside, _ = sample(postures)
         if ((margin > least) & inside).all():
             break
     return box

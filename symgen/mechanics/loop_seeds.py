@@ -1,6 +1,8 @@
 """Newton on symbols: dependent positions d = g(q) and φ_d⁻¹, with a fixed number of steps.
 
-From the assembly pose along a straight line to q, or from the positions of the last sample. A pose
+From the assembly pose along a straight line to q, or from the positions of the last sample. Joints
+that turn without end take the line to q less whole turns; dependent joints that turn with them, a
+whole number of times per turn, follow:  d(q + 2π e_i) = d(q) + 2π w_i. A pose
 that does not close, or whose margin has fallen on the way, gives NaN: its branch would be unknown.
 The code is not differentiated, see `closure`.
 """
@@ -43,16 +45,30 @@ def _continued(chain: ClosedChain) -> ca.Function:
     """Seeds and margins as a function of q."""
     loops = chain.loops
     q = ca.SX.sym("q", len(loops.independent))
+    near = _within_a_turn(chain, q)
     x0 = ca.DM(loops.assembly)
     q0, d = x0[list(loops.independent)], ca.SX(x0[list(loops.dependent)])
     before, least = None, None
     for k in range(1, STEPS + 1):
-        here = q0 + k / STEPS * (q - q0)
+        here = q0 + k / STEPS * (near - q0)
         start = d if before is None else 2 * d - before
         before = d
         d, margin = _newton(chain, here, start)
         least = margin if least is None else ca.fmin(least, margin)
+    for turn in loops.turns:
+        d = d + ca.DM(turn.windings) * (q[turn.place] - near[turn.place])
     return ca.Function("seeds", [q], list(_polished(chain, q, d, least, POLISH)))
+
+
+def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
+    """Positions less whole turns of the joints that turn without end, half a turn from assembly."""
+    loops = chain.loops
+    near = q[:]
+    for turn in loops.turns:
+        start = loops.assembly[loops.independent[turn.place]]
+        away = q[turn.place] - start
+        near[turn.place] = start + ca.atan2(ca.sin(away), ca.cos(away))
+    return near
 
 
 def values_from_last(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:

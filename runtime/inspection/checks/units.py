@@ -44,6 +44,8 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
     findings: list[Finding] = []
     factor = _position_factor(recording.q, lib)
     doubt = ""
+    if factor != 1.0 and _turns(recording, lib):
+        factor = 1.0
     if factor not in {None, 1.0} and recording.tau is not None:
         mismatch = gravity_mismatch(recording.q * factor, recording.tau, lib)
         if mismatch > DOUBT:
@@ -191,6 +193,21 @@ def _position_factor(q: Array, lib: Library) -> float | None:
             return 180 / np.pi
         return 1.0
     return next((f for f in (np.pi / 180, 180 / np.pi) if costs[f] <= BEYOND), None)
+
+
+def _turns(recording: Recording, lib: Library) -> bool:
+    """Whether joints without limits turn many times: all others are within their limits, and τ
+    resembles the gravity torque better than with positions in degrees.
+    """
+    limits = lib.limits()
+    endless = ~(np.isfinite(limits["lower"]) | np.isfinite(limits["upper"]))
+    beyond = np.diag(beyond_limits(recording.q, lib))
+    if recording.tau is None or not endless.any() or (beyond[~endless] > BEYOND).any():
+        return False
+    mismatch, other = (
+        gravity_mismatch(recording.q * factor, recording.tau, lib) for factor in (1.0, np.pi / 180)
+    )
+    return mismatch <= min(DOUBT, other)
 
 
 def _misplaced(q: Array, lib: Library) -> float:

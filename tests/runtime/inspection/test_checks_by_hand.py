@@ -86,6 +86,20 @@ def test_units_of_time_and_velocity(lib, clean, time, clock, speed, kinds) -> No
     assert done.velocity.unit == ("deg/s" if speed > 50 else "rad/s")
 
 
+def test_joints_without_limits_may_turn_many_times(double: Library) -> None:
+    """Oracle: an elbow that turns six times is in rad, because τ resembles its gravity torque; the
+    same log in degrees is named as such.
+    """
+    t = np.arange(2000) / 200.0
+    q = np.column_stack([0.5 * np.sin(t), 2 * np.pi * 0.6 * t + 0.3 * np.sin(3 * t)])
+    dq = np.gradient(q, t, axis=0)
+    log = Recording(t=t, q=q, dq=dq, tau=double.inverse_dynamics(q, dq, 0 * q, double.pi0))
+    plan = Recipe(time=Time(unit="s"), position=Signal(unit="rad"), velocity=Signal(unit="rad/s"))
+    assert units(log, plan, double)[1] == []
+    _, findings = units(log.replace(q=np.degrees(q), dq=np.degrees(dq)), plan, double)
+    assert findings[0].kind in {"position_unit", "position_range"}
+
+
 def test_currents_without_gains_keep_the_other_findings() -> None:
     """Oracle: the finding on the unit gives its numbers to that on gains; the others stay."""
     other = Finding("rest", INFO, "at rest")

@@ -133,7 +133,9 @@ def test_a_log_of_all_joints_is_reduced(lib: Library) -> None:
     expected = np.einsum("tk,tkn->tn", tau, lib.joint_jacobian(q))
     np.testing.assert_allclose(reduced.tau, expected, atol=1e-13)
     np.testing.assert_array_equal(reduced.q, q)
-    wrong = q_all.copy()
+    turned, wrong = q_all.copy(), q_all.copy()
+    turned[:, lib.all_joint_names.index("rod")] += 4 * np.pi  # where its encoder began
+    np.testing.assert_array_equal(independent_joints(log.replace(q=turned), lib).tau, reduced.tau)
     wrong[:, lib.all_joint_names.index("rod")] += 1.0
     with pytest.raises(IdentificationError, match=r"joint 'rod' .* deviates from its coupling"):
         independent_joints(log.replace(q=wrong), lib)

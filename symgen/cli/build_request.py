@@ -109,8 +109,9 @@ def request_from_urdf(
         say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
     of_file = tuple(s for s in mechanism.spring if s not in options.mechanism.spring)
     kept, left = split_by_use(text, replace(options, mechanism=mechanism), of_file)
-    if kept:
-        listed = ", ".join(f"{s.name} ({s.stiffness:g}, rest {s.rest:g})" for s in kept)
+    known = [(s.name, s.stiffness, s.rest) for s in kept if s.stiffness is not None]
+    if known:
+        listed = ", ".join(f"{spring} ({k:g}, rest {rest:g})" for spring, k, rest in known)
         say(f"note: springs of the file, whose torque counts as known: {listed}")
     if left:
         say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")

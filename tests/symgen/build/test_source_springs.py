@@ -143,3 +143,22 @@ def test_a_negative_stiffness_is_refused() -> None:
     table = {"spring": [{"name": "s", "joint": "j", "stiffness": -4.0}]}
     with pytest.raises(UrdfError, match="'s' has the stiffness -4, expected at least 0"):
         mechanism_from_table(table, "m.toml")
+
+
+def test_unknown_springs_of_a_table_of_links(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: a file of DH rows may state springs of unknown stiffness, which are not named as
+    known; the note tried to print their stiffness.
+    """
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        'name = "arm"\n[[link]]\nname = "a"\njoint = "j1"\nmass = 1.0\n'
+        '[[spring]]\nname = "soft"\njoint = "j1"\n[[spring]]\nname = "stiff"\njoint = "j1"\n'
+        "stiffness = 2.0\n"
+    )
+    request = request_from_urdf(Source(path), "arm", ChainOptions(), False, None, None)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "counts as known: stiff (2, rest 0)" in said
+    assert "soft" not in said
+    assert len(request.options.mechanism.spring) == 2

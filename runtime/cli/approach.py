@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.approach_options import FROM, Return, session_plan
-from runtime.cli.certificate_table import safety_of, table_height
+from runtime.cli.certificate_table import LimitValues, safety_of, table_height
 from runtime.cli.common import Robot, Seed, say, sentences_of
 from runtime.cli.design_defaults import EXPORT_MARGIN
 from runtime.cli.limit_options import (
@@ -104,20 +104,20 @@ def approach_command(
     """
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
-    safety = safety_of(
-        lib,
+    limits = LimitValues(
         torque_fraction,
-        clearance,
-        height,
-        box,
-        viscous,
-        coulomb,
-        carry,
-        obstacles,
-        payload_band,
-        friction_band,
-        model_band,
+        clearance=clearance,
+        table=height,
+        box=box,
+        viscous=viscous,
+        coulomb=coulomb,
+        carry=carry,
+        obstacles=obstacles,
+        payload_band=payload_band,
+        friction_band=friction_band,
+        model_band=model_band,
     )
+    safety = safety_of(lib, limits)
     path = json_path(out or Path("results") / f"{lib.name}-approach.json")
     trajectory = read_trajectory(motion, lib)
     rate = ROWS if export_rate is None else export_rate

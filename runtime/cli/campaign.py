@@ -89,13 +89,14 @@ def campaign_command(
     """
     from runtime.campaign.campaign import Plan, run_campaign
     from runtime.campaign.target import target_of
-    from runtime.cli.certificate_table import safety_of, table_height
+    from runtime.cli.certificate_table import LimitValues, safety_of, table_height
 
     wanted = target_of(target)
     plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed, rehearsal)
     lib = open_robot(robot, yes)
     height, _ = table_height(table)
-    safety = safety_of(lib, TORQUE_FRACTION, clearance, height, box, None, None, None, obstacles)
+    limits = LimitValues(TORQUE_FRACTION, clearance, height, box, obstacles=obstacles)
+    safety = safety_of(lib, limits)
     robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
     try:
         report = (lambda _: None) if as_json else say

@@ -1,5 +1,6 @@
 """Options of the limits of a motion, notes on a design, and the certificate as a table."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,24 +22,11 @@ BOX = 6
 """Count of the numbers of --box."""
 
 
-def safety_of(
-    lib: Library,
-    torque_fraction: float,
-    clearance: float | None,
-    table: float | None,
-    box: str | None,
-    viscous: str | None,
-    coulomb: str | None,
-    carry: str | None = None,
-    obstacles: Path | None = None,
-    payload_band: str | None = None,
-    friction_band: float | None = None,
-    model_band: str | None = None,
-) -> Safety:
-    """Limits of the options, which hold besides those that the robot states.
+@dataclass(frozen=True, slots=True)
+class LimitValues:
+    """Values of the options that state limits; None where an option is not given.
 
-    Args:
-        lib: library of the robot.
+    Attributes:
         torque_fraction: fraction of the torque limits that may be used, 0 to 1.
         clearance: least distance of links from each other and the table, m.
         table: height of a table in the base frame, m.
@@ -50,6 +38,27 @@ def safety_of(
         payload_band: mass in kg and reach in m of what the payload may differ by.
         friction_band: half-width of friction in %.
         model_band: trust in the parameters of the links.
+    """
+
+    torque_fraction: float
+    clearance: float | None = None
+    table: float | None = None
+    box: str | None = None
+    viscous: str | None = None
+    coulomb: str | None = None
+    carry: str | None = None
+    obstacles: Path | None = None
+    payload_band: str | None = None
+    friction_band: float | None = None
+    model_band: str | None = None
+
+
+def safety_of(lib: Library, values: LimitValues) -> Safety:
+    """Limits of the options, which hold besides those that the robot states.
+
+    Args:
+        lib: library of the robot.
+        values: of the options.
 
     Returns:
         The limits.
@@ -57,18 +66,18 @@ def safety_of(
     Raises:
         RuntimeFault: an option is not of this form, or the file of obstacles is none.
     """
-    body = carried_body(lib, carry)
+    body, box = carried_body(lib, values.carry), values.box
     return Safety(
-        torque_fraction=torque_fraction,
-        clearance=clearance,
-        table=table,
+        torque_fraction=values.torque_fraction,
+        clearance=values.clearance,
+        table=values.table,
         box=None if box is None else numbers_option(box, BOX, "--box"),
-        viscous=_per_joint(lib, viscous, "--viscous"),
-        coulomb=_per_joint(lib, coulomb, "--coulomb"),
+        viscous=_per_joint(lib, values.viscous, "--viscous"),
+        coulomb=_per_joint(lib, values.coulomb, "--coulomb"),
         carried=body,
-        obstacles=() if obstacles is None else read_obstacles(obstacles),
-        band=band_of(lib, payload_band, model_band, body),
-        friction_band=(friction_band or 0.0) / 100,
+        obstacles=() if values.obstacles is None else read_obstacles(values.obstacles),
+        band=band_of(lib, values.payload_band, values.model_band, body),
+        friction_band=(values.friction_band or 0.0) / 100,
     )
 
 

@@ -1,5 +1,6 @@
 """`symgen excite`."""
 
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ import typer
 
 from runtime.cli.approach_options import FromPose, Return, session_plan
 from runtime.cli.budget import Budget, search_notes
-from runtime.cli.certificate_table import design_notes, safety_of, table_height
+from runtime.cli.certificate_table import LimitValues, design_notes, safety_of, table_height
 from runtime.cli.common import Robot, Seed, numbers_option, sentences_of
 from runtime.cli.design_defaults import (
     HARMONICS_HELP,
@@ -165,10 +166,21 @@ def excite_command(
     require_several(context, motions)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
-    places = (clearance, height, box, viscous, coulomb, carry, obstacles)
-    options = (*places, payload_band, friction_band, model_band)
-    require_plain(document, (*options, from_pose))
-    safety = None if document else safety_of(lib, torque_fraction, *options)
+    limits = LimitValues(
+        torque_fraction,
+        clearance=clearance,
+        table=height,
+        box=box,
+        viscous=viscous,
+        coulomb=coulomb,
+        carry=carry,
+        obstacles=obstacles,
+        payload_band=payload_band,
+        friction_band=friction_band,
+        model_band=model_band,
+    )
+    require_plain(document, (*astuple(limits)[1:], from_pose))
+    safety = None if document else safety_of(lib, limits)
     if static and safety is not None:
         kept = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
         excite_static(lib, safety, kept)

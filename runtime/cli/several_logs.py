@@ -53,6 +53,27 @@ def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]
     return [(log, run) for log in logs]
 
 
+def _require_joinable(count: int, options: LogOptions) -> None:
+    """Refuse one log, and options that read or choose on one log alone."""
+    if count < 2:
+        raise IdentificationError(
+            "--payload-of needs several logs, got one; give also the logs without this payload"
+        )
+    if options.stream:
+        raise IdentificationError(
+            "several logs are read as a whole, but --stream is given; leave it out"
+        )
+    if (options.friction or "").split(",")[0] == AUTO:
+        raise IdentificationError(
+            "a friction model is chosen on one log, but several are given; give --friction COLUMNS"
+        )
+    if options.regressor == AUTO:
+        raise IdentificationError(
+            "--regressor auto checks the accelerations of one log, but several are given; give "
+            "--regressor acceleration, momentum or energy"
+        )
+
+
 def identify_several(
     runs: Sequence[tuple[str, str | None]],
     lib: Library,
@@ -80,23 +101,7 @@ def identify_several(
     from runtime.cli.several_drives import with_drives
     from runtime.identification.several_logs import NamedLog, identify_logs
 
-    if len(runs) < 2:
-        raise IdentificationError(
-            "--payload-of needs several logs, got one; give also the logs without this payload"
-        )
-    if options.stream:
-        raise IdentificationError(
-            "several logs are read as a whole, but --stream is given; leave it out"
-        )
-    if (options.friction or "").split(",")[0] == AUTO:
-        raise IdentificationError(
-            "a friction model is chosen on one log, but several are given; give --friction COLUMNS"
-        )
-    if options.regressor == AUTO:
-        raise IdentificationError(
-            "--regressor auto checks the accelerations of one log, but several are given; give "
-            "--regressor acceleration, momentum or energy"
-        )
+    _require_joinable(len(runs), options)
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     method = chosen_method(settings.method, settings.preset, settings.prior)
     usable = usable_columns([method])  # of the first log; the others get its friction model

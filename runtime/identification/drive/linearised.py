@@ -108,11 +108,8 @@ def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Ar
 
 
 def linearised(
-    lib: Library,
+    result: Identification,
     samples: Samples,
-    pi: Array,
-    phi: Array,
-    weights: Array,
     *,
     kappa: float,
     delay_columns: Array,
@@ -124,11 +121,8 @@ def linearised(
     """Newton step of delay and biases, and the standard deviations of all unknowns.
 
     Args:
-        lib: library of the robot.
-        samples: training samples at the present delay and biases.
-        pi: most probable π there, (10 n,), strictly consistent.
-        phi: most probable friction coefficients, (n, k).
-        weights: 1/s_j² of the residuals, (n,).
+        result: most probable model at the present delay and biases, strictly consistent.
+        samples: training samples there.
         kappa: trust κ in the URDF.
         delay_columns: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
         biases: present b, (n,), or empty where b is not an unknown [rad, m].
@@ -139,8 +133,9 @@ def linearised(
     Returns:
         Steps and standard deviations.
     """
+    lib, pi, phi = result.lib, result.pi, result.phi
     n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
-    scale = np.sqrt(weights)
+    scale = np.sqrt(result.weights)
     rest = (samples.tau - samples.rigid(lib, pi) - samples.friction(phi)) * scale
     further = -delay_columns
     if biases.size:

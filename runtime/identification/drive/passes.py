@@ -186,11 +186,8 @@ def linearised_at(
     prior = settings.prior
     known = known_friction(settings, result.friction.columns, result.friction)
     return linearised(
-        result.lib,
+        result,
         samples,
-        result.pi,
-        result.phi,
-        result.weights,
         kappa=prior.kappa if prior and prior.kappa else CAD,
         delay_columns=rate,
         biases=bias if request.bias else np.zeros(0),

@@ -19,7 +19,7 @@ extern "C" {
 /* Ties this code to the manifest.json beside it. */
 const char *fr3_model_hash(void);
 
-/* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
+/* Instruction set whose functions on many samples, see FR3_MANY, are the fastest here. */
 const char *fr3_level(void);
 
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations, at most 12264 bytes of stack.
@@ -334,8 +334,81 @@ typedef struct {
 /* Goes on for so many periods. */
 void fr3_closed_loop(fr3_closed_loop_job *job, long periods);
 
+void fr3_energy_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *E_b);
+void fr3_link_poses_batch(long n, const double *q, long q_step, double *H);
+void fr3_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *theta);
+void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);
+void fr3_nearest_realisable_batch(long n, const double *pi, long pi_step, const double *floor, long floor_step, double *realisable);
+void fr3_inertia_matrix_batch(long n, const double *lam, long lam_step, double *M);
+void fr3_pseudo_inertia_batch(long n, const double *pi, long pi_step, double *P);
+void fr3_harmonic_basis_batch(long n, const double *m, long m_step, const double *t, long t_step, const double *t_f, long t_f_step, double *phi);
+void fr3_transfer_basis_batch(long n, const double *t, long t_step, const double *t_f, long t_f_step, double *S);
+void fr3_torque_derivatives_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau, double *dtau_dq, double *dtau_dv, double *dtau_da);
+void fr3_torque_rate_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, double *tau_rate);
+void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient);
+void fr3_torque_course_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *ddddq, long ddddq_step, const double *pi, long pi_step, double *tau, double *dtau, double *ddtau);
+void fr3_tip_motion_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *p, double *v, double *dp_dq, double *dv_dq);
+void fr3_plane_clearance_batch(long n, const double *q, long q_step, const double *plane, long plane_step, double *distance, double *jacobian);
+void fr3_torque_bounds_batch(long n, const double *q_sup, long q_sup_step, const double *pi, long pi_step, double *tau_sup);
+void fr3_tip_bounds_batch(long n, const double *q_sup, long q_sup_step, double *p_sup);
+void fr3_speed_bounds_batch(long n, const double *q_sup, long q_sup_step, double *origin, double *turn);
+void fr3_coriolis_matrix_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *C);
+void fr3_slotine_li_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *dq_r, long dq_r_step, const double *ddq_r, long ddq_r_step, double *Y);
+void fr3_frame_jacobians_batch(long n, const double *q, long q_step, double *J);
+void fr3_mobility_bound_batch(long n, const double *pi, long pi_step, double *S);
+
 #ifdef __cplusplus
 }
+#define FR3_C extern "C"
+#else
+#define FR3_C extern
 #endif
+
+/* FR3_MANY(v3); outside of a function declares the functions on many samples of a level (v4, v3, v2,
+ * neon, portable), see README.md: sample i of input x begins at x + i x_step, and a tile is 8 samples. */
+#define FR3_MANY(level) \
+    FR3_C void fr3_##level##_base_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *beta, long beta_step, double *tau); \
+    FR3_C void fr3_##level##_base_inverse_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau); \
+    FR3_C void fr3_##level##_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau); \
+    FR3_C void fr3_##level##_inverse_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau); \
+    FR3_C void fr3_##level##_torque_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *tau); \
+    FR3_C void fr3_##level##_torque_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau); \
+    FR3_C void fr3_##level##_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y); \
+    FR3_C void fr3_##level##_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y); \
+    FR3_C void fr3_##level##_torque_jacobian_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *jacobian); \
+    FR3_C void fr3_##level##_torque_jacobian_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian); \
+    FR3_C void fr3_##level##_base_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y_b); \
+    FR3_C void fr3_##level##_base_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b); \
+    FR3_C void fr3_##level##_momentum_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *P_b, double *R_b); \
+    FR3_C void fr3_##level##_momentum_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, double *P_b, double *R_b); \
+    FR3_C void fr3_##level##_base_parameters_batch(long n, const double *pi, long pi_step, double *beta); \
+    FR3_C void fr3_##level##_base_parameters_tiles(long tiles, const double *sc, const double *pi, double *beta); \
+    FR3_C void fr3_##level##_base_adjoint_batch(long n, const double *slope, long slope_step, double *gradient); \
+    FR3_C void fr3_##level##_base_adjoint_tiles(long tiles, const double *sc, const double *slope, double *gradient); \
+    FR3_C void fr3_##level##_mass_matrix_batch(long n, const double *q, long q_step, const double *pi, long pi_step, double *M); \
+    FR3_C void fr3_##level##_mass_matrix_tiles(long tiles, const double *sc, const double *q, const double *pi, double *M); \
+    FR3_C void fr3_##level##_bias_forces_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *h); \
+    FR3_C void fr3_##level##_bias_forces_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *pi, double *h); \
+    FR3_C void fr3_##level##_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq); \
+    FR3_C void fr3_##level##_forward_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq); \
+    FR3_C void fr3_##level##_end_effector_batch(long n, const double *q, long q_step, double *H); \
+    FR3_C void fr3_##level##_end_effector_tiles(long tiles, const double *sc, const double *q, double *H); \
+    FR3_C void fr3_##level##_loss_gradient_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *beta, long beta_step, double *loss, double *gradient, double *residual); \
+    FR3_C void fr3_##level##_pi_from_lam_batch(long n, const double *lam, long lam_step, double *pi); \
+    FR3_C void fr3_##level##_pi_from_lam_tiles(long tiles, const double *sc, const double *lam, double *pi); \
+    FR3_C void fr3_##level##_pi_jacobian_batch(long n, const double *lam, long lam_step, double *pi, double *jacobian); \
+    FR3_C void fr3_##level##_pi_jacobian_tiles(long tiles, const double *sc, const double *lam, double *pi, double *jacobian); \
+    FR3_C void fr3_##level##_pi_frame_batch(long n, const double *lam, long lam_step, double *pi, double *frame); \
+    FR3_C void fr3_##level##_pi_frame_tiles(long tiles, const double *sc, const double *lam, double *pi, double *frame); \
+    FR3_C void fr3_##level##_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *frame, long frame_step, const double *slope, long slope_step, double *gradient); \
+    FR3_C void fr3_##level##_pi_adjoint_tiles(long tiles, const double *sc, const double *lam, const double *frame, const double *slope, double *gradient); \
+    FR3_C void fr3_##level##_cholesky_jacobian_batch(long n, const double *theta, long theta_step, double *pi, double *jacobian); \
+    FR3_C void fr3_##level##_cholesky_jacobian_tiles(long tiles, const double *sc, const double *theta, double *pi, double *jacobian); \
+    FR3_C void fr3_##level##_barrier_batch(long n, const double *pi, long pi_step, double *pivot, double *log_det, double *traces, double *curvature); \
+    FR3_C void fr3_##level##_barrier_tiles(long tiles, const double *sc, const double *pi, double *pivot, double *log_det, double *traces, double *curvature); \
+    FR3_C void fr3_##level##_regressor_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *seed, long seed_step, double *gradient); \
+    FR3_C void fr3_##level##_regressor_adjoint_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient); \
+    FR3_C void fr3_##level##_clearance_batch(long n, const double *q, long q_step, double *distance, double *jacobian); \
+    FR3_C void fr3_##level##_clearance_tiles(long tiles, const double *sc, const double *q, double *distance, double *jacobian)
 
 #endif

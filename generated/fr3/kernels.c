@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 04f1eddb8a91878ee45e21645dd5ff0e7f9388bbe7f2a4ea91f90fd927b70c97.
+ * Model 785048a6e6eaa526058522d1291402ffaf5af6379dbd41278bcd3a89440f127c.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "04f1eddb8a91878ee45e21645dd5ff0e7f9388bbe7f2a4ea91f90fd927b70c97";
+    return "785048a6e6eaa526058522d1291402ffaf5af6379dbd41278bcd3a89440f127c";
 }
 
 #if defined(__x86_64__)

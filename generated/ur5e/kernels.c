@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model dac2904921e7ea2f3a11a1ef7c0341e7af9b1539de7e3f8134e05e776fe41a84.
+ * Model 960f2b06d89ea073657c9a710b8d41798af72da459a58a328b06311af64d4ff1.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "dac2904921e7ea2f3a11a1ef7c0341e7af9b1539de7e3f8134e05e776fe41a84";
+    return "960f2b06d89ea073657c9a710b8d41798af72da459a58a328b06311af64d4ff1";
 }
 
 #if defined(__x86_64__)

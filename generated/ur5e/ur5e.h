@@ -19,7 +19,7 @@ extern "C" {
 /* Ties this code to the manifest.json beside it. */
 const char *ur5e_model_hash(void);
 
-/* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
+/* Instruction set whose functions on many samples, see UR5E_MANY, are the fastest here. */
 const char *ur5e_level(void);
 
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 524 operations, at most 11024 bytes of stack.
@@ -334,8 +334,81 @@ typedef struct {
 /* Goes on for so many periods. */
 void ur5e_closed_loop(ur5e_closed_loop_job *job, long periods);
 
+void ur5e_energy_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *E_b);
+void ur5e_link_poses_batch(long n, const double *q, long q_step, double *H);
+void ur5e_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *theta);
+void ur5e_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);
+void ur5e_nearest_realisable_batch(long n, const double *pi, long pi_step, const double *floor, long floor_step, double *realisable);
+void ur5e_inertia_matrix_batch(long n, const double *lam, long lam_step, double *M);
+void ur5e_pseudo_inertia_batch(long n, const double *pi, long pi_step, double *P);
+void ur5e_harmonic_basis_batch(long n, const double *m, long m_step, const double *t, long t_step, const double *t_f, long t_f_step, double *phi);
+void ur5e_transfer_basis_batch(long n, const double *t, long t_step, const double *t_f, long t_f_step, double *S);
+void ur5e_torque_derivatives_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau, double *dtau_dq, double *dtau_dv, double *dtau_da);
+void ur5e_torque_rate_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, double *tau_rate);
+void ur5e_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient);
+void ur5e_torque_course_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *ddddq, long ddddq_step, const double *pi, long pi_step, double *tau, double *dtau, double *ddtau);
+void ur5e_tip_motion_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *p, double *v, double *dp_dq, double *dv_dq);
+void ur5e_plane_clearance_batch(long n, const double *q, long q_step, const double *plane, long plane_step, double *distance, double *jacobian);
+void ur5e_torque_bounds_batch(long n, const double *q_sup, long q_sup_step, const double *pi, long pi_step, double *tau_sup);
+void ur5e_tip_bounds_batch(long n, const double *q_sup, long q_sup_step, double *p_sup);
+void ur5e_speed_bounds_batch(long n, const double *q_sup, long q_sup_step, double *origin, double *turn);
+void ur5e_coriolis_matrix_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *C);
+void ur5e_slotine_li_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *dq_r, long dq_r_step, const double *ddq_r, long ddq_r_step, double *Y);
+void ur5e_frame_jacobians_batch(long n, const double *q, long q_step, double *J);
+void ur5e_mobility_bound_batch(long n, const double *pi, long pi_step, double *S);
+
 #ifdef __cplusplus
 }
+#define UR5E_C extern "C"
+#else
+#define UR5E_C extern
 #endif
+
+/* UR5E_MANY(v3); outside of a function declares the functions on many samples of a level (v4, v3, v2,
+ * neon, portable), see README.md: sample i of input x begins at x + i x_step, and a tile is 8 samples. */
+#define UR5E_MANY(level) \
+    UR5E_C void ur5e_##level##_base_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *beta, long beta_step, double *tau); \
+    UR5E_C void ur5e_##level##_base_inverse_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau); \
+    UR5E_C void ur5e_##level##_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau); \
+    UR5E_C void ur5e_##level##_inverse_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau); \
+    UR5E_C void ur5e_##level##_torque_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *tau); \
+    UR5E_C void ur5e_##level##_torque_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau); \
+    UR5E_C void ur5e_##level##_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y); \
+    UR5E_C void ur5e_##level##_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y); \
+    UR5E_C void ur5e_##level##_torque_jacobian_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *jacobian); \
+    UR5E_C void ur5e_##level##_torque_jacobian_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian); \
+    UR5E_C void ur5e_##level##_base_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y_b); \
+    UR5E_C void ur5e_##level##_base_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b); \
+    UR5E_C void ur5e_##level##_momentum_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *P_b, double *R_b); \
+    UR5E_C void ur5e_##level##_momentum_regressor_tiles(long tiles, const double *sc, const double *q, const double *dq, double *P_b, double *R_b); \
+    UR5E_C void ur5e_##level##_base_parameters_batch(long n, const double *pi, long pi_step, double *beta); \
+    UR5E_C void ur5e_##level##_base_parameters_tiles(long tiles, const double *sc, const double *pi, double *beta); \
+    UR5E_C void ur5e_##level##_base_adjoint_batch(long n, const double *slope, long slope_step, double *gradient); \
+    UR5E_C void ur5e_##level##_base_adjoint_tiles(long tiles, const double *sc, const double *slope, double *gradient); \
+    UR5E_C void ur5e_##level##_mass_matrix_batch(long n, const double *q, long q_step, const double *pi, long pi_step, double *M); \
+    UR5E_C void ur5e_##level##_mass_matrix_tiles(long tiles, const double *sc, const double *q, const double *pi, double *M); \
+    UR5E_C void ur5e_##level##_bias_forces_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *h); \
+    UR5E_C void ur5e_##level##_bias_forces_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *pi, double *h); \
+    UR5E_C void ur5e_##level##_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq); \
+    UR5E_C void ur5e_##level##_forward_dynamics_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq); \
+    UR5E_C void ur5e_##level##_end_effector_batch(long n, const double *q, long q_step, double *H); \
+    UR5E_C void ur5e_##level##_end_effector_tiles(long tiles, const double *sc, const double *q, double *H); \
+    UR5E_C void ur5e_##level##_loss_gradient_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *beta, long beta_step, double *loss, double *gradient, double *residual); \
+    UR5E_C void ur5e_##level##_pi_from_lam_batch(long n, const double *lam, long lam_step, double *pi); \
+    UR5E_C void ur5e_##level##_pi_from_lam_tiles(long tiles, const double *sc, const double *lam, double *pi); \
+    UR5E_C void ur5e_##level##_pi_jacobian_batch(long n, const double *lam, long lam_step, double *pi, double *jacobian); \
+    UR5E_C void ur5e_##level##_pi_jacobian_tiles(long tiles, const double *sc, const double *lam, double *pi, double *jacobian); \
+    UR5E_C void ur5e_##level##_pi_frame_batch(long n, const double *lam, long lam_step, double *pi, double *frame); \
+    UR5E_C void ur5e_##level##_pi_frame_tiles(long tiles, const double *sc, const double *lam, double *pi, double *frame); \
+    UR5E_C void ur5e_##level##_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *frame, long frame_step, const double *slope, long slope_step, double *gradient); \
+    UR5E_C void ur5e_##level##_pi_adjoint_tiles(long tiles, const double *sc, const double *lam, const double *frame, const double *slope, double *gradient); \
+    UR5E_C void ur5e_##level##_cholesky_jacobian_batch(long n, const double *theta, long theta_step, double *pi, double *jacobian); \
+    UR5E_C void ur5e_##level##_cholesky_jacobian_tiles(long tiles, const double *sc, const double *theta, double *pi, double *jacobian); \
+    UR5E_C void ur5e_##level##_barrier_batch(long n, const double *pi, long pi_step, double *pivot, double *log_det, double *traces, double *curvature); \
+    UR5E_C void ur5e_##level##_barrier_tiles(long tiles, const double *sc, const double *pi, double *pivot, double *log_det, double *traces, double *curvature); \
+    UR5E_C void ur5e_##level##_regressor_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *seed, long seed_step, double *gradient); \
+    UR5E_C void ur5e_##level##_regressor_adjoint_tiles(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient); \
+    UR5E_C void ur5e_##level##_clearance_batch(long n, const double *q, long q_step, double *distance, double *jacobian); \
+    UR5E_C void ur5e_##level##_clearance_tiles(long tiles, const double *sc, const double *q, double *distance, double *jacobian)
 
 #endif

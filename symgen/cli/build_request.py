@@ -100,7 +100,11 @@ def request_from_urdf(
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
-    text, mechanism = read_source(source, options.mechanism)
+    notes: list[str] = []
+    text, mechanism = read_source(source, options.mechanism, notes.append)
+    for sentence in notes:
+        if options.gravity is None or "--gravity" not in sentence:
+            say(f"note: {sentence}")
     if densities is not None:
         from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
 

@@ -7,6 +7,7 @@ that are closed at the initial pose (`mjcf_loops`), `damping` and `frictionloss`
 in <dynamics>. A URDF has no place for armature, which the friction column `rotor` identifies.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -21,15 +22,20 @@ from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""Gravity of a build by default [m/s²]."""
+_FAR = 0.05
+"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 SPECK_KG = 1e-9
 """Mass of the links between several joints of one body, kg: below the rounding of any torque."""
 
 
-def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
+def robot_from_mjcf(path: Path, note: Callable[[str], None]) -> tuple[str, Mechanism]:
     """URDF of an MJCF file.
 
     Args:
         path: the file; it may include others.
+        note: receives sentences on what of the file a build does not take.
 
     Returns:
         Text of the URDF, couplings of its joint equalities, loops of `connect` and `weld`, and
@@ -52,6 +58,7 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise BuildError(f"MuJoCo rejects '{path}': {reason}; correct the file") from None
+    _note_gravity(model, note)
     robot = Element("robot", {"name": path.stem})
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
     SubElement(robot, "link", {"name": names[0]})
@@ -71,6 +78,23 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
     springs = springs_of_mjcf(mujoco, model, names, shifts)
     mechanism = Mechanism(coupling=rows, spring=springs, loop=loops, assembly=assembly)
     return tostring(robot, "unicode") + "\n", mechanism
+
+
+def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
+    """Note gravity other than that of a build, and bodies whose weight MuJoCo compensates."""
+    gravity = np.array(model.opt.gravity)
+    if np.linalg.norm(gravity - GRAVITY) > _FAR:
+        stated = ",".join(f"{x:g}" for x in gravity)
+        note(
+            f"the file states the gravity {stated} m/s², and the build takes 0,0,-9.81 unless "
+            "--gravity is given"
+        )
+    compensated = [model.body(k).name or f"body_{k}" for k in np.flatnonzero(model.body_gravcomp)]
+    if compensated:
+        note(
+            f"the gravcomp of {', '.join(compensated)} is left out: their weight counts in full; "
+            "[[known_torque]] of a mechanism file describes a counterweight"
+        )
 
 
 def _unique(names: list[str]) -> list[str]:

@@ -1,6 +1,6 @@
 """One file of any kind → text of a URDF and a mechanism."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,12 +29,15 @@ class Source:
     packages: Packages = field(default_factory=Packages)
 
 
-def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
+def read_source(
+    source: Source, mechanism: Mechanism, note: Callable[[str], None] = lambda _: None
+) -> tuple[str, Mechanism]:
     """Return the URDF of a robot file, and the mechanism.
 
     Args:
         source: URDF, xacro, MJCF, SDF or TOML of modified DH rows.
         mechanism: that of --mechanism.
+        note: receives sentences on what of the file a build does not take.
 
     Returns:
         Text of the URDF, and the mechanism of both files; `independent` and [assembly] of
@@ -60,7 +63,7 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
     else:
         text = urdf_text(path)
         if "<mujoco" in text and "<robot" not in text:
-            text, stated = robot_from_mjcf(path)
+            text, stated = robot_from_mjcf(path, note)
         elif "<sdf" in text and "<robot" not in text:
             text, stated = robot_from_sdf(text, f"'{path}'")
     springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()

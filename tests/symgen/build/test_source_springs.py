@@ -1,4 +1,4 @@
-"""Springs of MJCF and SDF: against MuJoCo, and beside those of a mechanism file."""
+"""Springs and gravity of MJCF and SDF: against MuJoCo, and beside a mechanism file."""
 
 from pathlib import Path
 
@@ -162,3 +162,17 @@ def test_unknown_springs_of_a_table_of_links(
     assert "counts as known: stiff (2, rest 0)" in said
     assert "soft" not in said
     assert len(request.options.mechanism.spring) == 2
+
+
+@pytest.mark.parametrize("given", [None, (0.0, 0.0, -1.62)])
+def test_gravity_of_mjcf_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[float, float, float] | None
+) -> None:
+    """Property: gravity of the file, which a build does not take, and compensated weight."""
+    path = mjcf(tmp_path, "")
+    text = path.read_text().replace("0 0 -9.81", "0 0 -1.62")
+    path.write_text(text.replace('<body name="finger"', '<body name="finger" gravcomp="1"'))
+    request_from_urdf(Source(path), "robot", ChainOptions(gravity=given), False, None, None)
+    out = " ".join(capsys.readouterr().out.split())
+    assert ("the file states the gravity 0,0,-1.62 m/s²" in out) == (given is None)
+    assert "the gravcomp of finger is left out" in out

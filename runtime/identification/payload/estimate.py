@@ -23,6 +23,7 @@ from runtime.identification.payload.differential import empty_residual
 from runtime.identification.payload.gain_error import gain_covariance
 from runtime.identification.payload.identified_payload import Payload
 from runtime.identification.payload.mount import Mount, mount_of
+from runtime.identification.payload.posture_error import posture_error
 from runtime.identification.payload.reading import ArmModel, arm_model
 from runtime.identification.payload.sentences import notes_of, status_of
 from runtime.library import Array, Library
@@ -95,6 +96,13 @@ def identify_payload(
         bare, residual0, _ = _rows(empty, lib, mount, model, preparation)
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
     solution = _solved(mount, columns, residual, kappa)
+    repeated = None
+    if empty is not None:
+        rows = (columns - columns.mean(axis=0)) / solution.fitted[:, None]
+        parts = (rows, solution.errors / solution.fitted, solution.shape, solution.covariance)
+        repeated = posture_error(run, lib.joint_names, *parts)
+        if repeated is not None:
+            solution = replace(solution, covariance=repeated.widened(solution.covariance))
     if empty is None and not model.is_exact:
         parts = (columns, solution.noise, solution.errors, solution.white)
         extra = arm_covariance(lib, model, run, *parts)
@@ -108,7 +116,10 @@ def identify_payload(
         solution = replace(
             solution, covariance=solution.covariance + extra, white=solution.white + extra
         )
-    return _payload(solution, mount, columns, model, empty is not None, gain_error)
+    payload = _payload(solution, mount, columns, model, empty is not None, gain_error)
+    if repeated is None:
+        return payload
+    return replace(payload, notes=(*payload.notes, repeated.sentence))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,80 @@
+"""Torque that returns with the posture and differs between the empty and the loaded run."""
+
+import numpy as np
+import pytest
+
+from runtime import Recording, identify_payload
+from runtime.identification.payload import Payload
+from runtime.identification.payload.posture_error import posture_error
+from runtime.library import Library
+from runtime.numerics.quantiles import NORMAL_95
+
+BALL = np.array([0.5, 0, 0, 0.05, 0.01, 0.01, 0.002, 0, 0, 0])
+"""0.5 kg, its centre at 0.1 m [kg, kg·m ×3, kg·m² ×6]."""
+NOISE = 0.01
+"""[N·m]."""
+
+
+def identified(lib: Library, seed: int, stop: float) -> Payload:
+    """Payload of two runs of five periods, whose loaded one meets a stop.
+
+    Args:
+        lib: arm of two joints.
+        seed: of the noise.
+        stop: stiffness of the stop beyond 0.4 rad of the first joint [N·m/rad].
+    """
+    t = np.arange(1000) / 50.0
+    angle = 2 * np.pi * t[:, None] / 4.0 * np.array([1.0, 2.0])
+    wave, rate = np.array([0.8, 0.5]), 2 * np.pi / 4.0 * np.array([1.0, 2.0])
+    q, dq = wave * np.sin(angle), wave * rate * np.cos(angle)
+    ddq = -wave * rate**2 * np.sin(angle)
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, (2, *q.shape))
+    empty = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + noise[0]
+    loaded = empty - noise[0] + noise[1] + lib.regressor(q, dq, ddq)[:, :, -10:] @ BALL
+    loaded[:, 0] -= stop * np.maximum(q[:, 0] - 0.4, 0.0)
+    runs = [Recording(t, q, dq, ddq, tau) for tau in (loaded, empty)]
+    return identify_payload(runs[0], lib, empty=runs[1])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_intervals_contain_what_a_posture_adds(double: Library, seed: int) -> None:
+    """Property: the true mass is within the interval, which noise alone leaves by far.
+
+    Without the stop there is no note, and the interval is that of the noise.
+    """
+    result = identified(double, seed, 2.0)
+    off, sigma = result.body.mass - BALL[0], result.body.sigma[0]
+    assert any("errors that repeat with the position of" in note for note in result.notes)
+    assert abs(off) < NORMAL_95 * sigma
+    assert abs(off) > 5 * result.white.sigma[0]
+    clean = identified(double, seed, 0.0)
+    assert not any("repeat with the position" in note for note in clean.notes)
+    assert abs(clean.body.mass - BALL[0]) < 3 * clean.body.sigma[0] < 0.02
+
+
+def test_changes_are_those_of_fits_without_a_part(double: Library) -> None:
+    """Oracle: least squares without the rows of each fifth of the range of a joint."""
+    rng = np.random.default_rng(1)
+    t = np.arange(500) / 50.0
+    q = np.stack([np.sin(t), np.zeros(500)], axis=1)
+    rows, target = rng.normal(size=(500, 2, 10)), rng.normal(size=(500, 2))
+    target[:, 0] += 30 * np.maximum(q[:, 0], 0.5) * rows[:, 0, 0]
+
+    def fit(kept: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(rows[kept].reshape(-1, 10), target[kept].ravel(), rcond=None)[0]
+
+    whole = fit(np.ones(500, dtype=bool))
+    shape = np.linalg.inv(np.einsum("nij,nik->jk", rows, rows))
+    found = posture_error(
+        Recording(t, q), double.joint_names, rows, target - rows @ whole, shape, shape
+    )
+    assert found is not None
+    assert found.joint == double.joint_names[0]  # the other one does not move
+    place = np.argsort(np.argsort(q[:, 0])) * 5 // 500
+    changes = np.array([fit(place != k) for k in range(5)])
+    # 2.776 of Student's t with 4 degrees of freedom instead of 1.96.
+    expected = np.maximum(
+        2.776445 / 1.959964 * np.sqrt(4 * changes.var(axis=0) / np.diag(shape)), 1
+    )
+    # Seven digits of the quantiles.
+    np.testing.assert_allclose(found.factors, expected, rtol=1e-6)

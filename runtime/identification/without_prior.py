@@ -46,5 +46,5 @@ def note_for(lib: Library) -> tuple[str, ...]:
         return ()
     return (
         "the URDF states no <inertial>: only base parameters are determined by the data, the "
-        "masses of single links are arbitrary, and errors before identification mean nothing",
+        "masses of single links are arbitrary, and errors before identification are meaningless",
     )

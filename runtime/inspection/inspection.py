@@ -207,7 +207,7 @@ def _of_file(raw: Raw) -> list[Finding]:
                 "not_measured",
                 WARNING,
                 f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
-                "measurement: it fits a model very well but contains nothing of the robot; log the "
+                "measurement: it fits a model very well but shows nothing of the robot; log the "
                 "measured signal",
                 {"kind": kind, "title": odd},
                 trap=4,

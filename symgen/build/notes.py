@@ -25,7 +25,7 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         One sentence per fact.
     """
     notes = [
-        f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and counts into it"
+        f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and is part of its body"
         for body in chain.lumped
     ]
     if chain.base_is_assumed and chain.base != "world":
@@ -107,7 +107,7 @@ def _assumed(chain: Chain) -> list[str]:
     if specks:
         notes.append(
             f"{', '.join(specks)} have no mass; each counts as {MASSLESS_KG:g} kg, so that "
-            "forward dynamics mean nothing where all links that a joint moves are such"
+            "forward dynamics are meaningless for a joint that moves such links alone"
         )
     if placeholders:
         notes.append(

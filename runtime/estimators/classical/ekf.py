@@ -47,8 +47,8 @@ def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: 
     ]
     if bad:
         notes.append(
-            f"the estimate had links that cannot exist at {bad} of {checks} checks on the way; "
-            "the filter does not keep them physically consistent"
+            f"links of the estimate were not physically consistent at {bad} of {checks} checks on "
+            "the way, because the filter does not constrain them"
         )
     status = (
         f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "

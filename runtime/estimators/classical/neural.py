@@ -79,5 +79,6 @@ NEURAL = Method(
     label="neural",
     default_columns=INPUTS,
     uses_validation=True,
-    when_recommended="friction beyond the linear columns is why, so try --friction auto too",
+    when_recommended="the log contains friction that linear columns do not describe; try "
+    "--friction auto, too",
 )

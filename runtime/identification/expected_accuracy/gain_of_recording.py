@@ -44,7 +44,7 @@ class GainOfRecording:
         if not self.gaining:
             name, gain = next(iter(self.gains.items()))
             return (
-                f"{self.seconds:g} s more of {self.motion} improve nothing by "
+                f"{self.seconds:g} s more of {self.motion} improve no value by "
                 f"{_percent(WORTHWHILE)} % (most: {name} by {_percent(gain)} %)"
             )
         first = sorted(self.gaining, key=lambda name: name != PAYLOAD_MASS)[:_NAMED]

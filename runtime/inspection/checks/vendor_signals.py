@@ -89,7 +89,7 @@ SIGNALS = (
         "Franka",
         "tau_ext_hat_filtered",
         COMPENSATED,
-        "estimate of the external torque, which the maker's model has been taken off; log tau_J",
+        "estimate of the external torque: the model of the maker is subtracted; log tau_J",
     ),
     VendorSignal(
         "Franka", "dtau_j", MODEL, "derivative of the torque in N·m/s, not a torque; log tau_J"

@@ -120,7 +120,7 @@ def test_notes_report_what_was_done() -> None:
     text = (DATA / "tree.urdf").read_text()
     options = ChainOptions(tip="left_arm")
     notes = generate(BuildRequest("t", text, options))[1]
-    assert "link 'camera' (0.2 kg) is fixed to 'trunk' and counts into it" in notes
+    assert "link 'camera' (0.2 kg) is fixed to 'trunk' and is part of its body" in notes
     assert "cut off by --base/--tip: left_hand, right_arm" in notes
     impossible = TINY_URDF.replace('izz="0.01"', 'izz="0.5"')
     notes = generate(BuildRequest("t", impossible, project=True))[1]

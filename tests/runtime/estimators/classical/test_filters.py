@@ -104,7 +104,7 @@ def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
         assert estimated.phi[:4] == pytest.approx(np.stack([COULOMB, VISCOUS], 1)[:4], abs=0.15)
         assert f"filtered {estimated.iterations} samples" in estimated.status
         if method == "ekf" and not estimated.is_consistent:
-            assert any("links that cannot exist at" in note for note in estimated.notes)
+            assert any("not physically consistent at" in note for note in estimated.notes)
 
 
 @pytest.mark.parametrize(("seed", "every"), [(0, 1), (2, 5)])

@@ -252,7 +252,7 @@ def test_a_running_estimator_advises_when_to_stop(lib: Library, noisy: Recording
     # 260 s: 60 s more gain 1 − √(26/32) = 10 % of all; 30 s 5 %.
     facts = online.advice(100.0, (10.0, 30.0))
     assert re.fullmatch(
-        r"30 s more of the same motion improve nothing by 10 % \(.*5 %\): stop", facts
+        r"30 s more of the same motion improve no value by 10 % \(.*5 %\): stop", facts
     )
     fading = OnlineEstimator(lib, columns=3, forgetting=0.99, every=10**9)
     fading.add(*arrays)

@@ -35,7 +35,7 @@ def test_verdicts() -> None:
         "30 s more of m improve payload mass by 12 %, a by 50 %, b by 40 % and 1 more of 5 numbers"
     )
     assert verdict([many, few]) == f"{text} by over 10 %: go on"
-    assert verdict([few]) == "10 s more of m improve nothing by 10 % (most: a by 4 %): stop"
+    assert verdict([few]) == "10 s more of m improve no value by 10 % (most: a by 4 %): stop"
     assert gained({"a": 2.0}, {"a": 1.0, "new": 3.0}, 1.0, "m").gains == {"new": 1.0, "a": 0.5}
 
 

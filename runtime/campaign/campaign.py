@@ -20,6 +20,7 @@ from runtime.campaign.driver import Driver
 from runtime.campaign.estimation import ArmModel, agreement_of, arm_model
 from runtime.campaign.gate import EMPTY_CELL, released
 from runtime.campaign.gear_friction import smoothed
+from runtime.campaign.guard_model import model_error
 from runtime.campaign.guards import usual_guards
 from runtime.campaign.rehearsal import rehearse, unnoticed
 from runtime.campaign.state_file import STATE, limits_facts, opened_state, write_json
@@ -131,9 +132,10 @@ def run_campaign(
 
     Raises:
         IdentificationError: the folder holds another campaign, a gate refuses a stage, or a guard
-            stopped the robot.
+            stopped the robot; a joint has no effort limit, which the guards need.
     """
     lib = driver.lib
+    model_error(lib)  # the guards need it; before a motion is designed and rehearsed
     described = {
         "robot": lib.name,
         "model_hash": lib.manifest.model_hash,

@@ -24,7 +24,7 @@ def model_error(lib: Library) -> Array:
         j = int(np.argmin(bounded))
         raise IdentificationError(
             f"expected an effort limit of {lib.joint_names[j]} for the guard of the external "
-            "torque; state it in the URDF"
+            "torque; state it in the URDF, or as effort under [[link]] of a TOML file"
         )
     low, high, least = MODEL_ERROR
     return np.asarray(np.minimum(high * effort, np.maximum(low * effort, least)))

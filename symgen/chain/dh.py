@@ -4,7 +4,8 @@
     T = Rot_x(α) Trans_x(a) Rot_z(θ) Trans_z(d + x)          prismatic
 
 The position x is a coordinate of its own (`joint = "q1"`), or Σ of[m] x_m of others (`of = {…}`); a
-row with neither is fixed. The tables of a mechanism file may stand in the same file.
+row with neither is fixed. Limits are those of <limit>. The tables of a mechanism file may stand in
+the same file.
 Source: Craig, Introduction to Robotics, 3rd ed., Sec. 3.4.
 """
 
@@ -20,6 +21,7 @@ from symgen.errors import UrdfError
 
 _KEYS = ("name", "parent", "a", "alpha", "d", "theta", "joint", "of", "kind")
 _BODY = ("mass", "com", "inertia")
+_LIMITS = ("lower", "upper", "velocity", "effort")
 _KINDS = ("revolute", "prismatic")
 
 
@@ -64,7 +66,7 @@ def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> l
     """Add the link of a row and its joint; the coupling that it states, if any."""
     what = f"{where}: [[link]] {row.get('name', '')!r}"
     table = MechanismTable(row, what)
-    table.require_keys((*_KEYS, *_BODY))
+    table.require_keys((*_KEYS, *_BODY, *_LIMITS))
     link, parent = table.text("name"), row.get("parent", links[0])
     if link in links:
         raise UrdfError(f"{what} occurs twice; give every link its own name")
@@ -81,14 +83,12 @@ def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> l
     if kind not in _KINDS:
         raise UrdfError(f"{what} needs the kind {' or '.join(_KINDS)}, got {kind!r}")
     name = table.text("joint") if "joint" in row else f"{link}_joint"
-    joint = SubElement(
-        robot,
-        "joint",
-        {
-            "name": name,
-            "type": (kind if kind != "revolute" else "continuous") if moves else "fixed",
-        },
-    )
+    limits = {key: f"{table.number(key):.17g}" for key in _LIMITS if key in row}
+    if limits and not moves:
+        raise UrdfError(f"{what} is fixed and has {next(iter(limits))}; give it a joint, or none")
+    if kind == "revolute" and not {"lower", "upper"} & set(limits):
+        kind = "continuous"
+    joint = SubElement(robot, "joint", {"name": name, "type": kind if moves else "fixed"})
     a, alpha, d, theta = (table.number(key, 0.0) for key in ("a", "alpha", "d", "theta"))
     tilt = pinocchio.rpy.rpyToMatrix(alpha, 0.0, 0.0)
     turn = tilt @ pinocchio.rpy.rpyToMatrix(0.0, 0.0, theta)
@@ -100,6 +100,8 @@ def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> l
     SubElement(joint, "child", {"link": link})
     if moves:
         SubElement(joint, "axis", {"xyz": "0 0 1"})
+        if limits:
+            SubElement(joint, "limit", limits)
     _add_body(SubElement(robot, "link", {"name": link}), table)
     return [{"joint": name, "of": row["of"]}] if "of" in row else []
 

@@ -50,7 +50,26 @@ def test_rows_give_their_transforms() -> None:
     np.testing.assert_allclose(poses, expected, atol=1e-14)
 
 
+def test_rows_state_limits() -> None:
+    """Property: limits of a slide, of a joint with a master, which count for it, and of a joint
+    that turns without end.
+    """
+    rows = [
+        {"name": "a", "joint": "q1", "velocity": 2.0, "effort": 9.0},
+        {"name": "b", "of": {"q1": 2.0}, "lower": -1.0, "upper": 3.0},
+        {"name": "c", "joint": "q3", "kind": "prismatic", "lower": 0.0, "upper": 0.2},
+    ]
+    text, mechanism = robot_from_rows({"link": rows}, "test")
+    turn, slide = read_chain(text, ChainOptions(masses={}, mechanism=mechanism)).coordinates
+    assert (turn.lower, turn.upper, turn.velocity, turn.effort) == (-0.5, 1.5, 2.0, 9.0)
+    assert (slide.lower, slide.upper, slide.velocity) == (0.0, 0.2, None)
+
+
 REFUSED = {
+    "limits of a fixed row": (
+        {"link": [{"name": "a", "upper": 1.0}]},
+        "'a' is fixed and has upper",
+    ),
     "no rows": ({"name": "x"}, r"tables \[\[link\]\]"),
     "unknown parent": (
         {"link": [{"name": "a", "joint": "q"}, {"name": "b", "parent": "c"}]},

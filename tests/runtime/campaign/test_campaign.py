@@ -71,6 +71,15 @@ def test_a_campaign_stops_at_a_fault_continues_and_ends(fr3: Library, folder: Pa
         run_campaign(robot, replace(PLAN, seed=1), target, folder)
 
 
+def test_missing_limits_are_named_before_anything_is_designed(
+    double: Library, tmp_path: Path
+) -> None:
+    """Property: the guards need effort limits; a rehearsal of minutes came before the refusal."""
+    with pytest.raises(IdentificationError, match="effort limit of elbow"):
+        run_campaign(DeadRobot(double), PLAN, target_of(PLAN.target), tmp_path / "campaign")
+    assert not (tmp_path / "campaign" / "motion-1.json").exists()
+
+
 def test_the_way_to_the_start_keeps_away_from_obstacles(fr3: Library, folder: Path) -> None:
     """Property: the streamed way is certified with the obstacle and is not the straight one.
 

@@ -16,7 +16,10 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
-from runtime.identification.free_base.contact_order import require_contact_order
+from runtime.identification.free_base.contact_conventions import (
+    require_contact_conventions,
+    require_torque_sign,
+)
 from runtime.identification.free_base.noise import noise_of
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
@@ -151,7 +154,8 @@ def identify_free_base(
     train, test = motion.rows(first), motion.rows(second)
     trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
     require_forces_on_robot(lib, trained, recording.name)
-    require_contact_order(lib, train, recording.name)
+    require_contact_conventions(lib, train, recording.name)
+    require_torque_sign(lib, train, recording.name)
     unknowns = len(lib.base_columns)
     sensed = sensor_prior(motion.contacts, trained.samples.columns.shape[1:])
     noise = noise_of(lib, trained, sensed, cutoff_hz, float(train.t[-1] - train.t[0]))

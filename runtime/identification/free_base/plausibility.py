@@ -14,6 +14,8 @@ from runtime.recording.recording import Recording
 
 _OPPOSITE = 3.0
 """Residual of the URDF over that with the opposite sign from which signs count as wrong."""
+_FASTEST = 300.0
+"""RMS acceleration of the base, m/s², from which its unit or its noise is wrong: 30 times g."""
 _SLOPE = 0.15
 """Relative distance of a ratio of units that names it."""
 _UNEXPLAINED = 0.5
@@ -61,7 +63,7 @@ def require_clock(recording: FreeBaseRecording) -> None:
 
 
 def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None:
-    """Refuse joint positions far outside the limits, and velocities in degrees.
+    """Refuse joint positions far outside the limits, velocities in degrees, positions in mm.
 
     Args:
         lib: library of the robot.
@@ -69,8 +71,14 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
         name: of the file, for messages.
 
     Raises:
-        IdentificationError: names the joint and what to do.
+        IdentificationError: names the joint or the base and what to do.
     """
+    fastest = float(np.sqrt(np.mean(np.sum(np.square(motion.ddq[:, :3]), axis=1))))
+    if fastest > _FASTEST:
+        raise IdentificationError(
+            f"{name}: the base accelerates by {fastest:.3g} m/s² (RMS), expected at most "
+            f"{_FASTEST:g}; give positions in m and t in s, or a low-pass with --cutoff"
+        )
     q, dq = motion.q[:, FREEDOM:], motion.dq[:, FREEDOM:]
     limits = lib.limits()
     low, high = q.min(axis=0), q.max(axis=0)

@@ -57,8 +57,8 @@ def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, A
         if vertical is None
         else {
             "mean": vertical.weight,
-            "before_percent": 100 * vertical.before / vertical.weight,
-            "after_percent": 100 * vertical.after / vertical.weight,
+            "before_percent": 100 * vertical.before / abs(vertical.weight),
+            "after_percent": 100 * vertical.after / abs(vertical.weight),
         },
         "sensors": result.sensors,
         "links": _links(result),

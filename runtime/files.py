@@ -71,13 +71,13 @@ def sha256_of(path: Path) -> str:
 
 
 def text_of(path: Path) -> str:
-    """Text of a UTF-8 document; errors as for `bytes_of`."""
-    return bytes_of(path).decode("utf-8")
+    """Text of a UTF-8 document, without a byte order mark; errors as for `bytes_of`."""
+    return bytes_of(path).decode("utf-8-sig")
 
 
 def json_of(document: Path | bytes) -> Any:
     """Value of a JSON document; errors as for `bytes_of`."""
-    text = document.decode("utf-8") if isinstance(document, bytes) else text_of(document)
+    text = document.decode("utf-8-sig") if isinstance(document, bytes) else text_of(document)
     _require_short(text, LARGEST_JSON)
     try:
         return json.loads(text, object_pairs_hook=_once, parse_int=_whole)

@@ -258,6 +258,9 @@ def _run(command: tuple[str, ...], folder: Path) -> None:
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0 or not target.exists():
         message = "\n".join(run.stderr.strip().splitlines()[:20])
+        if not message:
+            state = f"with exit status {run.returncode}" if run.returncode else "without its output"
+            message = f"it ended {state} and no message; check the compiler that $CC names"
         raise CompilerError(f"'{shlex.join(command)}' failed:\n{message}")
 
 

@@ -71,3 +71,12 @@ def test_toml_says_one_thing(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "file.toml").write_text(text)
     with pytest.raises(ValueError, match=words):
         toml_of(tmp_path / "file.toml")
+
+
+def test_documents_of_windows_editors(tmp_path: Path) -> None:
+    """Property: a byte order mark and CR LF change no value of TOML or JSON."""
+    path = tmp_path / "prior.toml"
+    path.write_bytes(b"\xef\xbb\xbftotal_mass = 2.5\r\n[link.arm]\r\nmass = 1.0\r\n")
+    assert toml_of(path) == {"total_mass": 2.5, "link": {"arm": {"mass": 1.0}}}
+    path.write_bytes(b'\xef\xbb\xbf{"mass": 1.0}\r\n')
+    assert json_of(path) == json_of(path.read_bytes()) == {"mass": 1.0}

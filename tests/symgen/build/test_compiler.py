@@ -111,9 +111,10 @@ def test_cc_that_is_not_there(monkeypatch: pytest.MonkeyPatch, source: Path) -> 
 def test_cc_that_fails_without_a_word(monkeypatch: pytest.MonkeyPatch, source: Path) -> None:
     """Property: exit status and a missing library are both failures."""
     target = source.with_name("libtwice.so")
-    for program in ("false", "true"):
+    for program, state in (("false", "with exit status 1"), ("true", "without its output")):
         monkeypatch.setenv("CC", program)
-        with pytest.raises(CompilerError, match=rf"'{program} -std=c99 .*' failed"):
+        sentence = rf"(?s)'{program} -std=c99 .*' failed:.it ended {state} and no message"
+        with pytest.raises(CompilerError, match=sentence):
             compile_library([source], target)
 
 

@@ -24,6 +24,7 @@ from runtime.cli.limit_options import (
     Viscous,
 )
 from runtime.cli.motion_output import (
+    ROWS_HZ,
     certified_stages,
     export_stages,
     files_of,
@@ -39,9 +40,6 @@ from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.proof.certified_motion import certified
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.simulation import sample_times
-
-ROWS = 1000.0
-"""Default rate of the sampled motion, Hz."""
 
 
 def approach_command(
@@ -120,7 +118,7 @@ def approach_command(
     safety = safety_of(lib, limits)
     path = json_path(out or Path("results") / f"{lib.name}-approach.json")
     trajectory = read_trajectory(motion, lib)
-    rate = ROWS if export_rate is None else export_rate
+    rate = ROWS_HZ if export_rate is None else export_rate
     sample_times(trajectory.duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]
     accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]

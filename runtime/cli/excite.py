@@ -49,7 +49,7 @@ from runtime.cli.limit_options import (
     Unchecked,
     Viscous,
 )
-from runtime.cli.motion_output import files_of, json_path, stage_speeds
+from runtime.cli.motion_output import ROWS_HZ, files_of, json_path, stage_speeds
 from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of
@@ -71,8 +71,6 @@ STARTS_FOR_PROCESSES = {True: 10, False: 4}
 A process takes two seconds to begin, as long as one start with all limits; a start in document mode
 takes a third of that.
 """
-ROWS = 1000.0
-"""Default rate of the sampled motion, Hz."""
 
 
 def excite_command(
@@ -192,7 +190,7 @@ def excite_command(
         lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff
     )
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
-    rate = ROWS if export_rate is None else export_rate
+    rate = ROWS_HZ if export_rate is None else export_rate
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))

@@ -17,6 +17,9 @@ from runtime.excitation.proof.certified_motion import (
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
+ROWS_HZ = 1000.0
+"""Default rate of the sampled motion."""
+
 
 def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
     """Speeds of the stages over that of the designed motion.

@@ -66,7 +66,7 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
         rotation, position = array[..., :3, :3], array[..., :3, 3]
         error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3))
         sizes = np.linalg.det(rotation)
-        if error.size and (error.max() > _ROTATION or sizes.min() < 0):
+        if error.size and (error.max() > ROTATION or sizes.min() < 0):
             raise ShapeError(
                 f"the pose of the base is not a rigid transform (R Rᵀ differs from 1 by up "
                 f"to {error.max():.1g}); give R from the axes of the base to those of the world"
@@ -75,7 +75,7 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
     else:
         position, quaternion = array[..., :3], array[..., 3:]
         length = np.linalg.norm(quaternion, axis=-1)
-        if length.size and np.abs(length - 1).max() > _ROTATION:
+        if length.size and np.abs(length - 1).max() > ROTATION:
             raise ShapeError(
                 "the quaternion of the base has another length than 1 "
                 f"({length.flat[np.abs(length - 1).argmax()]:.3g}); expected x, y, z, w"
@@ -151,5 +151,5 @@ def with_base(
     return tuple(stacked(x, part, name) for x, part, name in pairs)
 
 
-_ROTATION = 1e-5
+ROTATION = 1e-5
 """Largest error of R Rᵀ or of a quaternion's length: logs are often stored in single precision."""

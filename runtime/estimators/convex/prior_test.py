@@ -20,17 +20,11 @@ from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.regression.score_test import MARGIN, SIGNIFICANCE
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
 from runtime.numerics.quantiles import chi2_quantile
 
-SIGNIFICANCE = 1e-4
-"""Probability of an alarm on a right prior. The noise S is known to some 15 %, which moves T by as
-much; one in 10 000 leaves room for that within three alarms of a hundred logs."""
-MARGIN = 1.6
-"""Factor on the quantile for errors of the model: real arms have friction that no column has. With
-the arm of Franka, whose identified model predicts unseen torques to 1.4 %, T is 1.3 to 1.5 times
-the quantile; an unknown body of 0.5 kg in its hand gives 1.7 times and more."""
 RELEASED = (1e-1, 1e-2, 1e-3, 1e-4)
 """Factors on κ of a released link, each solved from the one before. With the last the logarithm
 costs less than 0.1 per factor of ten in the volume of the body, and moves T by less than one."""

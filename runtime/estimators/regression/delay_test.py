@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runtime.estimators.regression.score_test import FreeFit, score_test
+from runtime.estimators.regression.score_test import MARGIN, FreeFit, score_test
 from runtime.library import Array
 
-MARGIN = 1.6
-"""Factor on the quantile for errors of the friction model, as in the test of the gains."""
 LEAST_S = 0.5e-3
 """Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
 parameter hold, and the bias is proportional to the delay."""

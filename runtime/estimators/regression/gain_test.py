@@ -16,6 +16,7 @@ import numpy as np
 
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.regression.score_test import (
+    MARGIN,
     RANK_TOLERANCE,
     FreeFit,
     free_fit,
@@ -24,9 +25,6 @@ from runtime.estimators.regression.score_test import (
 from runtime.library import Array, Library
 from runtime.numerics.quantiles import chi2_quantile
 
-MARGIN = 1.6
-"""Factor on the quantile of all joints from which the result is doubted, as in the test of the
-prior: errors of the friction model raise the statistic, too."""
 SIGNIFICANCE = 1e-3
 """Probability that a joint is named where all gains agree: of 450 clean logs with white, filtered
 and coloured noise one exceeds the quantile. There is no margin: the gain that is named on a log of

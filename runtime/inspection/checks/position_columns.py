@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
 from runtime.inspection.finding import WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Recipe
@@ -26,8 +26,6 @@ LOADED = 0.05
 """RMS torque of the URDF over the largest one, above which a joint is used."""
 GOOD, GAINED = 0.7, 0.15
 """Share that other columns must reach, and must gain; the URDF of a right log reaches 0.9."""
-EPSILON = 0.05
-"""Width of the smooth sign of dq, rad/s."""
 
 
 def position_columns(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
 from runtime.library import Array
 
-EPSILON = 0.05
-"""Width of the smooth sign of dq, rad/s."""
 LOADED, MOST = 0.7, 0.8
 """Partial correlation of τ with the gravity torque from which on a joint follows it, and share of
 the gravity torque that joints opposite to it must carry."""

@@ -15,6 +15,8 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction
 from runtime.recording.preprocessing import prepare
 
+EPSILON = 0.05
+"""Width of the smooth sign of dq, rad/s."""
 ROWS = 900
 """Number of rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms."""
 FEWEST, SLOWEST = 150, 20.0

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
 from runtime.library import Array
 from runtime.recording import Recipe
@@ -27,8 +27,6 @@ NEW, GAINED = 0.75, 0.3
 each column that changes its place; wrist joints of little torque reach 0.6 by chance."""
 USUAL = (0.5, 2.0)
 """Slopes that the errors of a URDF explain."""
-EPSILON = 0.05
-"""Width of the smooth sign of dq, rad/s."""
 
 
 def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:

@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.estimators.convex import Elimination, reduce
+from runtime.estimators.convex.prior_test import LEAST_DENSITY
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
 from runtime.numerics.dense import solve_triangular
 from runtime.recording.friction_column import widths_of
 from runtime.recording.settings import WIDTHS
-
-LEAST_DENSITY = 1e-4
-"""Smallest noise S: torques that are exact to rounding count as if known to 1 % of their unit."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library.free_base import ROTATION
 from runtime.recording.free_base.arrays import numbers_of
 from runtime.recording.recording import FloatArray
-
-_ROTATION = 1e-5
-"""Largest error of R Rᵀ or of a quaternion's length: logs are often stored in single precision."""
-
 
 _SAME = 1e-3
 """Largest difference between two statements of the same pose [m, entries of R]."""
@@ -76,7 +73,7 @@ def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[Float
         error = max(error, np.abs(np.linalg.det(turn) - 1.0).max())
     elif pose.shape[1:] == (7,):
         error = np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1).max()
-        if error > _ROTATION:
+        if error > ROTATION:
             raise RecordingError(
                 f"{name}: the quaternions of base_pose differ from length 1 by up to "
                 f"{error:.2g}; expected x y z and the quaternion x y z w"
@@ -86,7 +83,7 @@ def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[Float
         raise RecordingError(
             f"{name}: base_pose needs the shape ({count}, 7) or ({count}, 4, 4), got {pose.shape}"
         )
-    if error > _ROTATION:
+    if error > ROTATION:
         raise RecordingError(
             f"{name}: base_pose is not a rigid transform (off by {error:.2g}); give R "
             "from the axes of the base to those of the world"

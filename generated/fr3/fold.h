@@ -83,8 +83,11 @@ static int cholesky(double *a, long size, long step)
 static double accuracy(const double *r, const double *g, double *spare, long size, long step)
 {
     double sums = 0.0, eliminated = 0.0;
-    for (long i = 0; i < size * step; ++i) {
-        spare[i] = i / step == i % step ? 1.0 : 0.0;
+    for (long i = 0; i < size; ++i) {
+        for (long j = 0; j < step; j += W) {
+            *(vu *)(spare + i * step + j) = vd_all(0.0);
+        }
+        spare[i * step + i] = 1.0;
     }
     forward(r, spare, size, step, LOWER_TRIANGLE);
     double *own = spare + size * step, *whole = own + step;

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 785048a6e6eaa526058522d1291402ffaf5af6379dbd41278bcd3a89440f127c.
+ * Model b89732bc845066082b8185579f175301ee42d6f5d3d051a73615202690aba0cc.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "785048a6e6eaa526058522d1291402ffaf5af6379dbd41278bcd3a89440f127c";
+    return "b89732bc845066082b8185579f175301ee42d6f5d3d051a73615202690aba0cc";
 }
 
 #if defined(__x86_64__)

@@ -3734,7 +3734,11 @@ typedef struct {
 
 static void clear(double *x, long count)
 {
-    for (long i = 0; i < count; ++i) {
+    long i = 0;
+    for (; i + W <= count; i += W) {
+        *(vu *)(x + i) = vd_all(0.0);
+    }
+    for (; i < count; ++i) {
         x[i] = 0.0;
     }
 }

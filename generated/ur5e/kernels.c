@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 960f2b06d89ea073657c9a710b8d41798af72da459a58a328b06311af64d4ff1.
+ * Model 27de009338d0208633e253164185154f4ae8e0a0a062bd1dd9e095def1e220df.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "960f2b06d89ea073657c9a710b8d41798af72da459a58a328b06311af64d4ff1";
+    return "27de009338d0208633e253164185154f4ae8e0a0a062bd1dd9e095def1e220df";
 }
 
 #if defined(__x86_64__)

@@ -69,7 +69,7 @@ def compress(
 
     # One factor per block, on threads, then the factor of all factors.
     starts = range(0, max(round(len(samples) / BLOCK), 1) * BLOCK, BLOCK)
-    workers = min(len(starts), threads or cores())
+    workers = min(len(starts), threads or cores()) if len(starts) > 1 else 1
 
     def all_blocks(each: Callable[..., Iterable[tuple[Array, int]]]) -> list[Array]:
         done = list(each(block, starts[:TRIED]))

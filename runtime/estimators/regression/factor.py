@@ -237,9 +237,9 @@ def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -
         Statistics with the columns of β first.
     """
     size, n_base = len(triangle) - 1, len(base)
-    columns = np.roll(np.arange(size), n_base)  # [β; φ] from [φ; β]
+    phi, beta = triangle[:size, : size - n_base], triangle[:size, size - n_base : size]
     return Statistics(
-        factor=np.ascontiguousarray(triangle[:size][:, columns]),
+        factor=np.concatenate([beta, phi], axis=1),
         target=triangle[:size, size].copy(),
         rest=float(triangle[size, size] ** 2),
         n_samples=count,

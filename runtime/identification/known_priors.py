@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.identification.settings import Settings
 from runtime.recording import Friction
@@ -31,6 +30,8 @@ def known_friction(
     known = None if prior.friction is None else prior.friction.of(friction, columns)
     if prior.armature is None:
         return known
+    from runtime.estimators.armature_prior import friction_prior_of
+
     rotors = friction_prior_of(prior.armature, columns)
     if known is None:
         return rotors

@@ -118,8 +118,7 @@ class FrameFacts(NamedTuple):
     translation: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class LoopJointFacts:
+class LoopJointFacts(NamedTuple):
     """A loop joint: two frames that coincide but for what its kind leaves free about their z."""
 
     kind: str
@@ -127,8 +126,7 @@ class LoopJointFacts:
     child: FrameFacts
 
 
-@dataclass(frozen=True, slots=True)
-class Manifest:
+class Manifest(NamedTuple):
     """The facts of one robot, see the fields of `manifest.json`.
 
     `joints`: the independent ones; `all_joints`: one per moving link, which `parent` counts by.

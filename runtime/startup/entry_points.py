@@ -43,24 +43,30 @@ def _modified(path: str) -> int:
         return 0
 
 
-@lru_cache(maxsize=1)
 def _texts(places: tuple[tuple[str, int], ...]) -> bytes | None:
     """All files of entry points; None where packages may be in archives or come from finders."""
     finders = (finder for finder in sys.meta_path if finder is not PathFinder)
     if any(hasattr(finder, "find_distributions") for finder in finders):
         return None
+    parts = [_text(*place) for place in places]
+    return None if None in parts else b"\n".join(part for part in parts if part)
+
+
+@lru_cache(maxsize=64)
+def _text(path: str, modified: int) -> bytes | None:
+    """Files of entry points in one folder, read again when it has changed; None for an archive."""
+    del modified
+    if path.endswith(".egg") or os.path.isfile(path):
+        return None
     parts = []
-    for path, _ in places:
-        if path.endswith(".egg") or os.path.isfile(path):
-            return None
-        try:
-            names = os.listdir(path or ".")
-        except OSError:  # as importlib.metadata: no such folder, no packages
-            continue
-        for name in names:
-            if name.lower().endswith(_METADATA):
-                try:
-                    parts.append(Path(path, name, "entry_points.txt").read_bytes())
-                except OSError:  # a package without entry points
-                    continue
+    try:
+        names = os.listdir(path or ".")
+    except OSError:  # as importlib.metadata: no such folder, no packages
+        return b""
+    for name in names:
+        if name.lower().endswith(_METADATA):
+            try:
+                parts.append(Path(path, name, "entry_points.txt").read_bytes())
+            except OSError:  # a package without entry points
+                continue
     return b"\n".join(parts)

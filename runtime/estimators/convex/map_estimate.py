@@ -13,7 +13,6 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, reduce, solve
-from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.friction_bounds import (
     Bounds,
     Held,
@@ -31,6 +30,7 @@ from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
 if TYPE_CHECKING:
+    from runtime.estimators.convex.constraints import Constraints
     from runtime.estimators.prior_file import PriorFile
 
 PASSES = 3
@@ -45,7 +45,7 @@ rounding, and the prior decides only what the motion does not excite."""
 def fit_map(
     problem: Problem,
     kappa: float = CAD,
-    constraints: Constraints | None = None,
+    constraints: "Constraints | None" = None,
     centre: Array | None = None,
 ) -> Fit:
     """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
@@ -154,7 +154,7 @@ def _solved(
     kappa: float,
     least: float,
     inflation: float = 1.0,
-    constraints: Constraints | None = None,
+    constraints: "Constraints | None" = None,
 ) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
     """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff.
 
@@ -168,6 +168,8 @@ def _solved(
         if constraints is None:
             minimum = solve(lib, convex_problem(data, prior, gamma))
         else:
+            from runtime.estimators.convex.constraints import constrained
+
             minimum, notes = constrained(constraints, data, prior, gamma)
         return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         Iterate,
         Optimiser,
         Outcome,
-        Status,
         StoppingRule,
         Trace,
         descend_traced,
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         run,
         trace_of,
     )
+    from runtime.estimators.optimizers.status import Status
 
 __getattr__ = lazy_names(
     __name__,
@@ -42,7 +42,7 @@ __getattr__ = lazy_names(
         "LevenbergState": "runtime.estimators.optimizers.levenberg_marquardt",
         "Optimiser": "runtime.estimators.optimizers.loop",
         "Outcome": "runtime.estimators.optimizers.loop",
-        "Status": "runtime.estimators.optimizers.loop",
+        "Status": "runtime.estimators.optimizers.status",
         "StoppingRule": "runtime.estimators.optimizers.loop",
         "Trace": "runtime.estimators.optimizers.loop",
         "adam_start": "runtime.estimators.optimizers.adam",

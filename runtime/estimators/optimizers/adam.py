@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runtime.estimators.optimizers.loop import Array, Status
+from runtime.estimators.optimizers.loop import Array
+from runtime.estimators.optimizers.status import Status
 
 
 class AdamOptions(NamedTuple):

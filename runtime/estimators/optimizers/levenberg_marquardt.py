@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.estimators.optimizers.loop import Array, Status
+from runtime.estimators.optimizers.loop import Array
+from runtime.estimators.optimizers.status import Status
 
 _LARGEST_DAMPING = 1e200
 """μ beyond which no step is tried any more."""

@@ -135,7 +135,11 @@ def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> Floa
         for start in range(part.start, part.stop - 2, CHUNK):
             taken = slice(start, min(start + CHUNK + 2, part.stop))
             q, dq = recording.q[taken], recording.required("dq")[taken]
-            momentum, force = (rows @ beta for rows in lib.momentum_regressor(q, dq))
+            # One product of a tall matrix, instead of one per instant.
+            momentum, force = (
+                (rows.reshape(-1, len(beta)) @ beta).reshape(q.shape)
+                for rows in lib.momentum_regressor(q, dq)
+            )
             torques.append(_difference(momentum, step) - _simpson(force))
     return np.concatenate(torques)
 

@@ -5,7 +5,6 @@ Source: document Eqs. 4.42–4.46; ε stands outside the square root.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,9 @@ from runtime.estimators.optimizers.loop import Array
 from runtime.estimators.optimizers.status import Status
 
 
-class AdamOptions(NamedTuple):
-    """η, β₁, β₂, ε."""
+@dataclass(frozen=True, slots=True)
+class AdamOptions:
+    """η, β₁, β₂, ε; a data class, whose names are keys of saved settings."""
 
     learning_rate: float = 1e-3
     beta1: float = 0.9

@@ -120,8 +120,8 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
     if unknown:
         raise IdentificationError(
             f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
-            f"armature, armature_from, centre, friction, noise, and {', '.join(_LINK_KEYS)} of the "
-            f"links {', '.join(lib.link_names)}"
+            f"armature, armature_from, centre, friction, noise, and {', '.join(_LINK_KEYS)} in "
+            f"tables [link.NAME] of {', '.join(lib.link_names)}"
         )
     rows = _Rows(lib, path)
     if "total_mass" in facts:

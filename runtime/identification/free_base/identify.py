@@ -26,6 +26,7 @@ from runtime.identification.free_base.plausibility import (
     require_clock,
     require_forces_on_robot,
     require_joint_units,
+    require_prior_of_bodies,
 )
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
 from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
@@ -141,6 +142,7 @@ def identify_free_base(
         raise IdentificationError(
             f"expected a training share of 0.1 to 0.95 of the log, got {share:g}; use --split"
         )
+    require_prior_of_bodies(prior)
     require_clock(recording)
     motion = motion_of(recording, lib.joint_names, cutoff_hz)
     require_joint_units(lib, motion, recording.name)

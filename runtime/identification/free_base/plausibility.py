@@ -3,6 +3,7 @@
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.prior_file import PriorFile
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
@@ -22,6 +23,26 @@ _UNEXPLAINED = 0.5
 """Error over RMS of half of the rows from which a note states it."""
 _FAR = 3.0
 """Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
+
+
+def require_prior_of_bodies(prior: PriorFile | None) -> None:
+    """Refuse entries of a prior that describe friction, rotors or noise of joints.
+
+    Args:
+        prior: of --prior; None without one.
+
+    Raises:
+        IdentificationError: names the table.
+    """
+    if prior is None:
+        return
+    tables = {"armature": prior.armature, "friction": prior.friction, "noise": prior.noise}
+    stated = [f"[{key}]" for key, value in tables.items() if value is not None]
+    if stated:
+        raise IdentificationError(
+            f"the prior states {', '.join(stated)}, and the equations of a free base have bodies "
+            "only; remove this table from the prior"
+        )
 
 
 def require_clock(recording: FreeBaseRecording) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
@@ -93,6 +94,16 @@ def test_time_in_another_unit(hopper: Library, arrays: Arrays, measured: str, un
     with pytest.raises(RuntimeFault, match=r"time looks like [mu]s|too low .* t in s"):
         identify_free_base(
             free_base_of(kept | {"t": unit * arrays["t"]}, "log"), hopper, cutoff_hz=20.0
+        )
+
+
+def test_priors_of_joints_are_refused(hopper: Library, arrays: Arrays, tmp_path: Path) -> None:
+    """Property: rotors, friction and noise have no place in the equations, and are not ignored."""
+    path = tmp_path / "prior.toml"
+    path.write_text(f"[armature]\n{hopper.joint_names[0]} = 0.1\n")
+    with pytest.raises(RuntimeFault, match=r"the prior states \[armature\], and the equations"):
+        identify_free_base(
+            free_base_of(arrays, "log"), hopper, "all", prior=read_prior(path, hopper)
         )
 
 

@@ -160,7 +160,7 @@ def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
     rng = np.random.default_rng(seed)
     pi = lib.pi_from_lam(perturbed_lam(lib, SPREAD, rng))
     log = ideal(lib, motion, Plant(pi, torque_noise=NOISE, **PLANT), RATE, rng)
-    return _error(lib, log, None, pi, joints)
+    return error_of(lib, log, None, pi, joints)
 
 
 def _virtual(
@@ -168,23 +168,51 @@ def _virtual(
 ) -> tuple[float, float, float]:
     """Real error on the virtual arm with this seed, and that expected without and with gains."""
     log = record(lib, motion, seed=seed, truth_seed=seed)
-    real = _error(lib, log.recording, PREPARATION, log.truth.pi, joints)
-    moved = motion_samples_of(log.recording, lib, PREPARATION, TERMS)
+    real = error_of(lib, log.recording, PREPARATION, log.truth.pi, joints)
+    stated = float(log.truth.settings.sensors.torque_gain[0])
+    return real, *promised_of(lib, log.recording, joints, stated)
+
+
+def promised_of(
+    lib: Library, log: Recording, joints: Array, gain_error: float = 0.0
+) -> tuple[float, float]:
+    """What `predict` states of a log with torque.
+
+    Args:
+        lib: of the robot.
+        log: at 1 kHz.
+        joints: mean of Y_bᵀ Y_b over other motions, (n, n_b, n_b).
+        gain_error: standard deviation of every torque gain, relative to one.
+
+    Returns:
+        Error of the torque of other motions by the residuals, and with gains, N·m.
+    """
+    moved = motion_samples_of(log, lib, PREPARATION, TERMS)
     noise = noise_of(lib, moved)
     if noise is None:
-        raise BenchError(f"the log of virtual arm {seed} has no noise")
+        raise BenchError(f"the log '{log.name}' has no noise")
     known = replace(Knowledge.of(lib), pi=noise.pi, error=noise.error)
     promised = _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
     slopes = gain_slopes(lib, moved, noise.sigma, known, noise.inflation)
-    stated = float(log.truth.settings.sensors.torque_gain[0])
-    gains = np.linalg.norm(torque_of_gains(lib, slopes, stated, joints))
-    return real, promised, float(np.hypot(promised, gains))
+    gains = np.linalg.norm(torque_of_gains(lib, slopes, gain_error, joints))
+    return promised, float(np.hypot(promised, gains))
 
 
-def _error(
+def error_of(
     lib: Library, log: Recording, preparation: Preparation | None, pi: Array, joints: Array
 ) -> float:
-    """Error of the torque of other motions by the default method, fitted to all rows."""
+    """Error of the torque of other motions by the default method, fitted to all rows.
+
+    Args:
+        lib: of the robot.
+        log: of an arm.
+        preparation: of the log; None is that of its recipe.
+        pi: true parameters of the arm, (10 n,).
+        joints: mean of Y_bᵀ Y_b over other motions, (n, n_b, n_b).
+
+    Returns:
+        RMS of all joints together, N·m.
+    """
     result = identify(
         log,
         lib,

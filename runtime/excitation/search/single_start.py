@@ -235,7 +235,7 @@ class Search:
         if self.criterion.is_kinked:
             x = polish(self._correlations, x, rows, POLISH, nonlinear=elastic).x
         else:
-            objective = self._objective(self.goal.target)
+            objective = self._objective(self.goal.last or self.goal.target)
             x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
         return self._coordinates.of_one(x)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.excitation.search.choice import NEARLY, in_order
+from runtime.excitation.search.criteria import LAST_SHARE, LAST_SMOOTH
 from runtime.excitation.search.information import information
 from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
@@ -67,3 +68,27 @@ def test_quantities_of_a_goal(double: Library, criterion: str) -> None:
     if criterion != "mixed":
         by_target = [a for _, a in sorted(others, key=lambda one: one[0])]
         assert same(in_order(search, others), *by_target)
+
+
+def test_the_last_descent_weighs_cond_more(
+    double: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: errors and a Schatten norm from eigenvalues; only `refined` minimises it."""
+    known = information(double, 0.05, 100.0)
+    shape = (double.folder, double.level, double.home, 3, 4.0, 0)
+    search = Search(double, SearchProblem(*shape, criterion="mixed", information=known))
+    assert search.goal.last is not None
+    assert search.goal.errors is not None
+    rows = np.random.default_rng(2).normal(size=(60, len(double.base_columns)))
+    gram = rows.T @ rows
+    size = np.sqrt(np.diag(gram))
+    power, values = LAST_SMOOTH, np.linalg.eigvalsh(gram / np.outer(size, size))
+    norms = np.log(np.sum(values**power)) + np.log(np.sum(values**-power))
+    wanted = search.goal.errors(gram)[0] + LAST_SHARE * norms / (2 * power)
+    assert search.goal.last(gram)[0] == pytest.approx(wanted, rel=1e-9)  # rounding × cond
+    measures: list[object] = []
+    objective = Search._objective
+    monkeypatch.setattr(Search, "_objective", lambda s, m: measures.append(m) or objective(s, m))
+    search.refined(search.start(0)[1])
+    assert measures[-1] is search.goal.last
+    assert search.goal.last not in measures[:-1]

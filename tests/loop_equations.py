@@ -35,10 +35,9 @@ def chain_of(linkage: Linkage, **changes: object) -> Chain:
 
 
 def states(chain: Chain, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """q within the ranges of the chain, brisk dq and ddq."""
-    lower, upper = (
-        np.array([getattr(j, k) for j in chain.coordinates]) for k in ("lower", "upper")
-    )
+    """q within the ranges of the chain, or a turn of joints without end, brisk dq and ddq."""
+    lower = np.array([-np.pi if j.lower is None else j.lower for j in chain.coordinates])
+    upper = np.array([np.pi if j.upper is None else j.upper for j in chain.coordinates])
     n = len(lower)
     q = rng.uniform(lower, upper, (count, n))
     return q, rng.normal(0, 2, (count, n)), rng.normal(0, 5, (count, n))

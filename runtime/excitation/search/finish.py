@@ -25,6 +25,9 @@ SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
 """Factors of the motion, down to 0.95."""
 SLOWER = 1.01 ** np.arange(1, 41)
 """Factors of the duration, up to 1.5."""
+SMALL = 0.9 ** np.arange(1, 23)
+"""Factors of the motion where nothing else helps, down to 0.1: with a small --margin the cost
+of a search rises faster than its penalty of nonlinear limits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,9 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
         duration = np.ceil(1e3 * slower * problem.duration) / 1e3
         if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
             return _with_use(search, _limits(lib, search, duration), a, duration)
+    for scale in SMALL:
+        if rows.worst(scale * a) <= -STRICT:
+            return _with_use(search, fine, scale * a, problem.duration)
     raise IdentificationError(
         f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
         "neither a smaller nor a slower motion of the same shape keeps them; try more starts"

@@ -55,6 +55,12 @@ def _rotation(arrays: dict[str, NDArray], name: str, count: int) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     rpy = numbers_of(arrays, "base_rpy", name, (count, 3))
+    pitch = float(np.abs(rpy[:, 1]).max())
+    if pitch > np.pi:
+        raise RecordingError(
+            f"{name}: base_rpy reaches a pitch of {pitch:.3g}, expected at most π rad; convert "
+            "degrees to rad"
+        )
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
 
 

@@ -37,7 +37,10 @@ def require_twist(
     """
     linear, angular = expected[:, :3], expected[:, 3:]
     reordered = "has a quaternion w, x, y, z, expected x, y, z, w; reorder its columns"
-    _require(given[:, 3:], angular, {reordered: _reordered(turn, t)}, f"{name}: base_pose")
+    # With M = Rᵀ for R, ω from the pose is −R ω, so that the true one is −M ω.
+    inverse = "is the pose of the world in the base, expected that of the base in the world; invert"
+    others = {reordered: _reordered(turn, t), inverse: -_turned(turn, angular)}
+    _require(given[:, 3:], angular, others, f"{name}: base_pose")
     swapped = "holds the other half, expected velocity, then angular velocity; swap the halves"
     _require(
         given[:, :3],

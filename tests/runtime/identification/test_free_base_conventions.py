@@ -66,6 +66,19 @@ def infinite(log: Arrays) -> Arrays:
     return {"contact_wrench": wrench}
 
 
+def inverse(log: Arrays) -> Arrays:
+    """Pose of the world in the base."""
+    pose = log["base_pose"]
+    back = Rotation.from_quat(pose[:, 3:]).inv()
+    return {"base_pose": np.hstack([-back.apply(pose[:, :3]), back.as_quat()])}
+
+
+def in_degrees(log: Arrays) -> Arrays:
+    """Pose by angles in degrees beside the right one."""
+    turn = Rotation.from_quat(log["base_pose"][:, 3:])
+    return {"base_rpy": turn.as_euler("xyz", degrees=True)}
+
+
 CASES: dict[str, tuple[Callable[[Arrays], Arrays], str]] = {
     "velocity": (
         lambda log: half(log, "base_twist", turned(log, log["base_twist"][:, :3])),
@@ -120,6 +133,8 @@ CASES: dict[str, tuple[Callable[[Arrays], Arrays], str]] = {
         lambda log: {"base_pose": np.tile(np.diag([1.0, 1, -1, 1]), (len(log["t"]), 1, 1))},
         "base_pose is not a rigid transform",
     ),
+    "inverse": (inverse, "base_pose is the pose of the world in the base"),
+    "rpy in degrees": (in_degrees, "base_rpy reaches a pitch of .*, expected at most π rad"),
     "flags": (flags, "contact_flags state 0, no contact, where the forces are"),
     "infinite": (infinite, "contact_wrench has infinite values, the first in row 7; state"),
 }

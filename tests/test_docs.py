@@ -23,6 +23,8 @@ SIZES = ((1400, 900), (400, 800))
 EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 """The page has answered to its new size."""
+AT_REST = "() => Promise.all(document.getAnimations().map(each => each.finished.catch(() => 0)))"
+"""The theme's drawer and headings have moved: they do so in .25 s, later on a busy machine."""
 OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
 } | {
@@ -153,6 +155,7 @@ def test_the_site_in_a_browser(address: str) -> None:
                 for width, height in SIZES:
                     page.set_viewport_size({"width": width, "height": height})
                     page.evaluate(DRAWN)
+                    page.evaluate(AT_REST)
                     excess = page.evaluate(EXCESS)
                     assert excess <= 0, f"{name} at {width} px is {excess} px too wide"
             shown = page.evaluate("document.body.getAttribute('data-md-color-scheme')")

@@ -30,7 +30,7 @@ OF_SCRIPTS = {
 } | {
     f"--{name}"
     for name in (
-        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
+        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again", "parts"),
         *("free", "latest", "only", "throughput", "resume", "serial", "compiled", "slopes"),
     )
 }

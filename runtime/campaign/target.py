@@ -2,7 +2,7 @@
 
 | target | standard deviation of |
 |---|---|
-| `v=5mNm` | the torque of motions never seen, all joints together [N·m] |
+| `v=5mNm` | the torque of motions never seen, all joints together [N·m]; mN or N where all slide |
 | `a=1.5%` | the base parameters over their sizes, root mean square |
 | `payload=5g` | the mass of a payload that the last motion carries on the identified arm |
 """
@@ -26,7 +26,7 @@ from runtime.library.parameters import N_PARAMETERS
 from runtime.recording.friction import OFFSET
 
 UNITS = {
-    "v": {"mNm": 1e-3, "Nm": 1.0},
+    "v": {"mNm": 1e-3, "Nm": 1.0, "mN": 1e-3, "N": 1.0},
     "a": {"%": 0.01},
     "payload": {"g": 1e-3, "kg": 1.0},
 }

@@ -51,7 +51,9 @@ def campaign_command(
     ] = "virtual",
     gains: Annotated[
         str | None,
-        typer.Option(metavar="K,K,…", help="N·m/A per joint, for a robot that measures currents."),
+        typer.Option(
+            metavar="K,K,…", help="N·m/A or N/A per joint, for a robot that measures currents."
+        ),
     ] = None,
     rehearsal: Annotated[
         bool,

@@ -10,13 +10,13 @@ from rich.progress import Progress
 
 from runtime.cli.approach_options import SessionPlan
 from runtime.cli.common import console, say
+from runtime.cli.design_tables import print_design
 from runtime.cli.motion_output import (
     certified_stages,
     designed_by,
     export_stages,
     write_motion_log,
 )
-from runtime.cli.predict_tables import print_design
 from runtime.excitation import Design, Information, predict
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside
@@ -129,7 +129,7 @@ def write_design(
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
         written += write_pictures(profile_of(motion), files.path.with_suffix(".png"))
-    print_design(optimum, expected, len(lib.base_columns), note)
+    print_design(optimum, expected, lib, note)
     for sentence in sentences(optimum):
         say(sentence)
     stages = certified_stages(motion, files.speeds)

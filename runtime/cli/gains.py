@@ -17,6 +17,8 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.payload import read_known_payload
 from runtime.identification.sensor_gains import Gains, identify_gains
+from runtime.library import Library
+from runtime.library.torque_units import common_unit, torque_units
 from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
@@ -87,7 +89,7 @@ def gains_command(
     Record exciting motions without and with a payload of known mass and centre of mass; a
     heavy payload gives accurate gains. Gains, biases, friction and the parameters of the arm are
     estimated together. A gain whose 95 % interval is wider than 10 % is not changed. For motor
-    currents, write unit = "A" into the recipe; the gains are then in N·m/A.
+    currents, write unit = "A" into the recipe; the gains are then in N·m/A or N/A.
     One log without payload gives the gains up to a common factor, which comes from the masses of
     the URDF, or from weighed masses.
     """
@@ -127,7 +129,7 @@ def gains_command(
     )
     plan = plan_of(empty, recipe, run)
     factors = _factors(plan, gains)
-    console.print(_table(gains, plan, factors))
+    console.print(_table(gains, plan, factors, lib))
     say(f"status: {gains.status}")
     say(f"{gains.n_samples} samples count as {gains.n_effective:.0f} independent ones")
     for note in gains.notes:
@@ -157,14 +159,21 @@ def _recipe(plan: Plan, gains: Gains, factors: tuple[float, ...]) -> str:
     return recipe_text(
         dataclasses.replace(plan, torque=torque),
         f"Gains of torque: {gains.status}.",
-        f"Biases, not taken off: {biases[0]} N·m empty, {biases[1]} N·m loaded.",
+        f"Biases, not taken off: {biases[0]} empty, {biases[1]} loaded, N·m or N.",
         command_line(),
     )
 
 
-def _table(gains: Gains, plan: Plan, factors: tuple[float, ...]) -> Table:
+def _table(gains: Gains, plan: Plan, factors: tuple[float, ...], lib: Library) -> Table:
     units = plan.signals()["torque"].unit
     units = (units,) * len(factors) if isinstance(units, str) else units
+    outputs = torque_units(lib.manifest)
+    if gains.channels != lib.joint_names:  # motors, each of which may drive several joints
+        outputs = (common_unit(outputs),) * len(factors)
+    units = tuple(
+        f"{torque}/A" if unit.endswith("A") else unit
+        for torque, unit in zip(outputs, units, strict=True)
+    )
     table = Table(Column("joint", overflow="fold"), title="Measured torque over true torque")
     for head in ("gain ± 95 %", "bias empty", "bias loaded"):
         table.add_column(head, justify="right")
@@ -185,8 +194,8 @@ def _interval(value: float, sigma: float, digits: int) -> str:
 def _meaning(gains: Gains, j: int, unit: str, factor: float) -> str:
     if not gains.is_determined[j]:
         return "not identifiable"
-    if unit.endswith("A"):
-        return f"{factor:.4g} N·m/A"
+    if unit.endswith("/A"):
+        return f"{factor:.4g} {unit}"
     percent = 100 * (gains.gain[j] - 1)
     if abs(gains.gain[j] - 1) < NORMAL_95 * gains.sigma[j]:
         return "true within ±"

@@ -79,15 +79,15 @@ Viscous = Annotated[
     str | None,
     typer.Option(
         metavar="FV",
-        help="Viscous friction in the torque limits, N·m·s/rad: one number or one per joint "
-        "with commas; default 0.",
+        help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
+        "joint with commas; default 0.",
     ),
 ]
 Coulomb = Annotated[
     str | None,
     typer.Option(
         metavar="FC",
-        help="Coulomb friction in the torque limits, N·m: one number or one per joint with "
+        help="Coulomb friction in the torque limits, N·m or N: one number or one per joint with "
         "commas; default 0.",
     ),
 ]

@@ -90,7 +90,7 @@ EncoderBias = Annotated[
     bool | None,
     typer.Option(
         "--encoder-bias/--no-encoder-bias",
-        help="Estimate the error of the zero of every encoder, rad; default where --delay "
+        help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
         "estimates the delay of a commanded torque.",
     ),
 ]

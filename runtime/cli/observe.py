@@ -18,6 +18,7 @@ from runtime.files import replacing
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Array, Library
+from runtime.library.torque_units import file_units
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated, tails_of, verified
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
@@ -208,7 +209,7 @@ def _facts(
     return {
         "robot": lib.name,
         "joints": list(lib.joint_names),
-        "units": ["N" if joint.kind == "prismatic" else "N*m" for joint in lib.manifest.joints],
+        "units": file_units(lib.manifest),
         "seconds": seen.seconds,
         "contacts": contacts,
         "alarms": len(contacts),

@@ -22,9 +22,9 @@ from runtime.library import Array, Library
 from runtime.recording import Friction
 
 NOISE_HELP = (
-    "Torque noise: its standard deviation in N·m, one number or one per joint with commas, without "
-    "model error; or a log of this robot, whose residuals contain friction beyond the columns, "
-    "gains and delays, with their autocorrelation"
+    "Torque noise: its standard deviation in N·m or N, one number or one per joint with commas, "
+    "without model error; or a log of this robot, whose residuals contain friction beyond the "
+    "columns, gains and delays, with their autocorrelation"
 )
 """Help of the option."""
 WHITE, COLOURED = "white", "coloured"
@@ -125,7 +125,7 @@ def planned_noise(
     if noise is None:
         raise IdentificationError(
             f"--noise needs a log with measured torque and more rows than unknowns, got '{text}'; "
-            "give another log, or the standard deviation in N·m"
+            "give another log, or the standard deviation in N·m or N"
         )
     if model == WHITE:
         return TorqueNoise(noise.sigma, noise.inflation / moved.rate, moved.name)

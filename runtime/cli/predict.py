@@ -44,6 +44,7 @@ from runtime.identification.expected_accuracy import (
 )
 from runtime.identification.expected_accuracy.promise import ModelError
 from runtime.library import Array, Library
+from runtime.library.torque_units import torque_units
 from runtime.recording import Friction
 from runtime.simulation import sample_times
 
@@ -183,9 +184,10 @@ def _show(
         console.print(base_table(now, lib))
         console.print(link_table(now, lib))
         torque, whole = _unseen(situation, now, gain_error)
-        say(torque_sentence(torque))
+        units = torque_units(lib.manifest)
+        say(torque_sentence(torque, units))
         if whole is not None and gain_error:
-            say(torque_sentence(whole, gain_error))
+            say(torque_sentence(whole, units, gain_error))
     say(payload_sentence(now, alone))
     if not situation.from_residuals and situation.planned.sentence():
         say(situation.planned.sentence())

@@ -19,6 +19,7 @@ from runtime.identification.expected_accuracy import (
 )
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
+from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import read_recording
 
 
@@ -98,9 +99,10 @@ class Situation:
         )
         earlier = ", earlier logs counted" if self.known.earlier is not None else ""
         beside = ", ".join(self.moved.columns) or "none"
+        unit = common_unit(torque_units(self.lib.manifest))
         return (
             f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
-            f"noise {size} N·m{origin}; friction columns: {beside}{earlier}"
+            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}"
         )
 
     def facts(self) -> dict[str, object]:

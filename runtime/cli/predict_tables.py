@@ -8,17 +8,17 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import console, say
 from runtime.cli.planned_noise import WHITE, planned_noise, with_spectrum
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
-from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
+from runtime.excitation import Information, information
 from runtime.excitation.search.information import FRICTION
 from runtime.identification.expected_accuracy import Expected, GainOfRecording, base_names
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.identification.expected_accuracy.expected import ARM_ERROR
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
+from runtime.library.torque_units import listed_torques
 from runtime.recording import read_recording
 
 EarlierLogs = Annotated[
@@ -73,7 +73,7 @@ def information_of(
 
     Args:
         lib: library of the robot.
-        noise: value of --noise, N·m, or a log.
+        noise: value of --noise, N·m or N, or a log.
         rate: rate at which the log will be recorded, Hz; dependent rows count as fewer.
         logs: earlier logs.
         payload_only: only the ten parameters of the last link are unknown.
@@ -100,89 +100,34 @@ def information_of(
     return replace(planned, earlier=known), torque.sentence()
 
 
-def print_design(optimum: Design, expected: Prediction, columns: int, note: str) -> None:
-    """Print the criteria of a design, their spread over the starts, and the expected accuracy.
-
-    Args:
-        optimum: the designed motion.
-        expected: accuracy of a log of it.
-        columns: number of base parameters.
-        note: what the expected accuracy leaves out; empty for nothing.
-    """
-    say(
-        f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
-        f"({columns} columns, {COST_SAMPLES} samples)"
-    )
-    spreads = {"cond": optimum.conditions}
-    if optimum.criterion != "cond":
-        spreads = {f"{optimum.criterion} ({optimum.unit})": optimum.values, **spreads}
-    for label, values in spreads.items():
-        say(
-            f"starts, {label}: best {min(values):.4g}, median {np.median(values):.4g}, "
-            f"worst {max(values):.4g}"
-        )
-    if optimum.variations:
-        best = min(optimum.variations)
-        say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
-    console.print(criteria_table(expected))
-    for sentence in (*prediction_sentences(expected), *([note] if note else [])):
-        say(sentence)
-    for assumption in optimum.assumptions:
-        say(f"note: {assumption}")
-
-
-def criteria_table(prediction: Prediction) -> Table:
-    """All criteria, for each set of unknowns and each number of samples."""
-    unknowns = "payload" if prediction.payload_only else "base"
-    prior = ", with earlier logs" if prediction.has_earlier_logs else ""
-    sigma = prediction.noise
-    noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
-    table = Table(
-        title=f"expected at {noise} N·m of torque noise, {prediction.rate:g} Hz{prior}; "
-        "cond: unit columns"
-    )
-    table.add_column("columns")
-    for head in ("samples", "cond", "A %", "V mN·m", "D"):
-        table.add_column(head, justify="right")
-    for score in prediction.scores:
-        names = f"{score.columns} = {unknowns}" + (" + friction" if score.friction else "")
-        table.add_row(
-            names,
-            str(score.samples),
-            f"{score.condition:.3f}",
-            f"{100 * score.relative_error:.2f}",
-            f"{1000 * score.torque_error:.2f}",
-            f"{score.half_axis:.3g}",
-        )
-    return table
-
-
-def prediction_sentences(prediction: Prediction) -> tuple[str, ...]:
-    """Expected accuracy of torque and payload, and notes."""
-    lines = [torque_sentence(prediction.torque)]
-    if prediction.payload_mass is not None and prediction.payload_com is not None:
-        lines.append(_payload(prediction.payload_mass, prediction.payload_com))
-    return (*lines, *(f"note: {note}" for note in prediction.notes))
-
-
-def torque_sentence(bands: Array, gain_error: float = 0.0) -> str:
+def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:
     """Sentence on the σ of predicted torque for motions that are not in the log.
 
     Args:
-        bands: σ of every joint, (n,) N·m.
+        bands: σ of every joint, (n,) N·m or N.
+        units: of these joints, (n,).
         gain_error: standard deviation of the torque gains that σ counts, relative to one.
 
     Returns:
         The sentence.
     """
-    sigmas = ", ".join(f"{1000 * value:.2f}" for value in bands)
+    sigmas = listed_torques(1000 * bands, units, ".2f", "m")
     if gain_error:
         off = f"{100 * gain_error:g} % off (--gain-error), which residuals hardly show"
-        return f"with torque gains that may be {off}: {sigmas} mN·m"
-    return f"expected σ of the predicted torque, joint by joint: {sigmas} mN·m"
+        return f"with torque gains that may be {off}: {sigmas}"
+    return f"expected σ of the predicted torque, joint by joint: {sigmas}"
 
 
-def _payload(mass: float, com: Array) -> str:
+def unit_payload_sentence(mass: float, com: Array) -> str:
+    """Sentence on the accuracy of a payload of 1 kg.
+
+    Args:
+        mass: σ of its mass, kg.
+        com: σ of its centre of mass, (3,) m.
+
+    Returns:
+        The sentence.
+    """
     position = " ".join(f"{1000 * value:.2f}" for value in com)
     return (
         f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
@@ -202,7 +147,7 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
     """
     if expected.payload is None or expected.payload_com is None:
         return "note: a payload on the last link is not identifiable: too few joints turn it"
-    sentence = _payload(float(mass(expected.payload)), expected.payload_com)
+    sentence = unit_payload_sentence(float(mass(expected.payload)), expected.payload_com)
     if expected.payload_of_arm is not None:
         sentence += (
             ", against an empty run of the same motion; without one, an arm whose links are "

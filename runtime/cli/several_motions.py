@@ -17,6 +17,7 @@ from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.several_motions import design_several, torque_sigma, with_motion
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
+from runtime.library.torque_units import common_unit, torque_units
 
 Motions = Annotated[
     int,
@@ -96,6 +97,7 @@ def excite_several(
     require_unused([p for one in paths for p in (one, one.with_suffix(".csv"))], files.overwrite)
     written = []
     designs = design_several(lib, settings, count, **search)
+    unit = common_unit(torque_units(lib.manifest), "m")
     for k, (path, design) in enumerate(zip(paths, designs, strict=True), 1):
         optimum = replace(
             design, trajectory=pulled_inside(lib, design.trajectory, share=settings.margin)
@@ -109,7 +111,7 @@ def excite_several(
         sigma = torque_sigma(lib, optimum.trajectory.home, known)
         say(
             f"motion {k}: {optimum.trajectory.duration:.4g} s; expected σ of the torque of motions "
-            f"never seen, by the logs so far: {1e3 * sigma:.4g} mN·m"
+            f"never seen, by the logs so far: {1e3 * sigma:.4g} {unit}"
         )
         certified_stages(motion, files.speeds)
     say(f"trajectories: {', '.join(map(str, written))}")

@@ -117,20 +117,22 @@ def simulate_command(
         ),
     ] = None,
     torque_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the torque noise, N·m.")
+        float, typer.Option(help="Standard deviation of the torque noise, N·m or N.")
     ] = 0.05,
     position_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the position noise, rad.")
+        float, typer.Option(help="Standard deviation of the position noise, rad or m.")
     ] = 1e-5,
     velocity_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the velocity noise, rad/s.")
+        float, typer.Option(help="Standard deviation of the velocity noise, rad/s or m/s.")
     ] = 1e-3,
     viscous: Annotated[
-        float, typer.Option(help="Viscous friction of every joint, N·m·s/rad.")
+        float, typer.Option(help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
     ] = 0.0,
-    coulomb: Annotated[float, typer.Option(help="Coulomb friction of every joint, N·m.")] = 0.0,
+    coulomb: Annotated[
+        float, typer.Option(help="Coulomb friction of every joint, N·m or N.")
+    ] = 0.0,
     rotor: Annotated[
-        float, typer.Option(help="Motor inertia reflected to the joint, kg·m².")
+        float, typer.Option(help="Motor inertia reflected to the joint, kg·m² or kg.")
     ] = 0.1,
     overwrite: Overwrite = False,
 ) -> None:

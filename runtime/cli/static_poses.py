@@ -18,6 +18,7 @@ from runtime.excitation.static.pose_design import RANDOM_SETS, PoseDesign, desig
 from runtime.excitation.static.pose_file import pose_json, pose_table
 from runtime.files import replacing
 from runtime.library import Library
+from runtime.library.torque_units import common_unit, torque_units
 
 POSES = 12
 """Default number of poses."""
@@ -114,7 +115,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
     for place, content in ((path, pose_json(designed, lib)), (table, pose_table(designed, lib))):
         with replacing(place) as file:
             file.write(content)
-    say(accuracy_sentence(designed))
+    say(accuracy_sentence(designed, common_unit(torque_units(lib.manifest))))
     for sentence in designed.assumptions:
         say(f"assumed: {sentence}")
     left = [
@@ -125,11 +126,12 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
     say(f"poses: {path}, {table}")
 
 
-def accuracy_sentence(designed: PoseDesign) -> str:
+def accuracy_sentence(designed: PoseDesign, unit: str) -> str:
     """Sentence on the accuracy of a design against random poses.
 
     Args:
         designed: the poses.
+        unit: of the torque.
 
     Returns:
         The sentence.
@@ -137,6 +139,7 @@ def accuracy_sentence(designed: PoseDesign) -> str:
     return (
         f"{len(designed.poses)} poses, each reached from both sides, determine "
         f"{len(designed.columns)} gravity parameters to {designed.sigma:.3g} kg·m (RMS σ) and the "
-        f"gravity torque to {designed.torque:.3g} N·m; {RANDOM_SETS} sets of as many random poses "
-        f"reach {designed.sigma_random:.3g} kg·m and {designed.torque_random:.3g} N·m (mean)"
+        f"gravity torque to {designed.torque:.3g} {unit}; {RANDOM_SETS} sets of as many random "
+        f"poses reach {designed.sigma_random:.3g} kg·m and {designed.torque_random:.3g} "
+        f"{unit} (mean)"
     )

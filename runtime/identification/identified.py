@@ -11,6 +11,7 @@ from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
+from runtime.library.torque_units import torque_units
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
 
@@ -131,7 +132,7 @@ class Identification(Framed):
         """Torque errors and bodies of the links, as tables for notebooks."""
         before, after = torque_errors(self)
         verdict = "consistent" if self.is_consistent else "not physically consistent"
-        units = ("N" if j.kind == "prismatic" else "N·m" for j in self.lib.manifest.joints)
+        units = torque_units(self.lib.manifest)
         torque = [
             (name, f"{old:.2f} %", f"{new:.2f} %", f"{rms:.4f} {unit}")
             for name, old, new, rms, unit in zip(

@@ -28,6 +28,7 @@ from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST, model_facts
 from runtime.library import Array
+from runtime.library.torque_units import file_units
 
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
@@ -49,7 +50,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "model": model_facts(lib),
         "status": result.status,
         "joints": list(lib.joint_names),
-        "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
+        "units": file_units(lib.manifest),
         "recording": recording_facts(result),
         **torque_facts(result),
         **error_facts(before, after, friction_error(result)),

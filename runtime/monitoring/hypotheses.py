@@ -15,6 +15,7 @@ import numpy as np
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
+from runtime.library.torque_units import torque_units
 from runtime.monitoring.model import MonitoredModel
 from runtime.recording.friction_column import COLUMNS
 from runtime.recording.preprocessing import segments
@@ -72,11 +73,12 @@ def hypotheses(
         if part.stop - part.start > 2:
             slope[part] = np.gradient(tau[part], t[part], axis=0)
     yield Hypothesis("clock", "", -slope[:, :, None], 1e3, "ms")
+    units = torque_units(lib.manifest)
     for j, name in enumerate(lib.joint_names):
         only = np.zeros((count, n, 1))
         for group, values, scale, unit in (
             ("sensor gain", tau[:, j], 100.0, "%"),
-            ("sensor bias", np.ones(count), 1.0, "N·m"),
+            ("sensor bias", np.ones(count), 1.0, units[j]),
             ("friction", dry[:, j], 100.0, "%"),
         ):
             if np.any(values):

@@ -4,6 +4,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Library
+from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import Recording
 
 OUTSIDE = 1.0
@@ -37,7 +38,11 @@ def require_plausible(recording: Recording, lib: Library) -> None:
         )
     largest = float(np.abs(recording.tau).max())
     if largest < SMALLEST:
-        much = f"at most {largest:.2g} N·m" if largest else "0 throughout"
+        much = (
+            f"at most {largest:.2g} {common_unit(torque_units(lib.manifest))}"
+            if largest
+            else "0 throughout"
+        )
         raise IdentificationError(
             f"the torque of the recording '{recording.name}' is {much}; log the measured one"
         )

@@ -18,6 +18,7 @@ from runtime.excitation.limits.nonlinear_limits import (
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.library import Array, Library
+from runtime.library.torque_units import torque_units
 
 
 def constraints(
@@ -67,10 +68,11 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
         limit = safety.torque_fraction * limits["effort"] - coulomb
         if not (limit > 0).all():
             j = int(np.argmin(limit))
+            unit = torque_units(lib.manifest)[j]
             raise IdentificationError(
-                f"Coulomb friction of {coulomb[j]:g} N·m exceeds the torque of "
+                f"Coulomb friction of {coulomb[j]:g} {unit} exceeds the torque of "
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
-                f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
+                f"{limits['effort'][j]:g} {unit}; lower the friction or raise the share"
             )
         chosen.append(Torque(lib, pi, limit, *rest))
     if np.isfinite(limits["torque_rate"]).any():

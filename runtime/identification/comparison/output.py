@@ -19,6 +19,7 @@ from runtime.identification.comparison.row import Figures, Row
 from runtime.identification.comparison.run import Comparison
 from runtime.identification.problem_setup import PARTS
 from runtime.identification.result_file import versions
+from runtime.library.torque_units import file_units
 from runtime.recording import Recording
 
 FORMAT = 1
@@ -75,7 +76,7 @@ def _facts(
         "format": FORMAT,
         "robot": lib.name,
         "joints": list(lib.joint_names),
-        "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
+        "units": file_units(lib.manifest),
         "recording": {
             "name": train.name.removesuffix("/train"),
             "samples": {name: count for name, (count, *_) in parts.items()},

@@ -81,7 +81,7 @@ def scaled(recording: Recording, gains: CurrentGains) -> Recording:
     coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
     tau = ((tau @ np.linalg.inv(R)) * k) @ R if coupled else tau * k
     listed = ", ".join(f"{each:.4g}" for each in k)
-    sentence = f"Multiplied currents by estimated gains ({listed} N·m/A; {gains.scale})."
+    sentence = f"Multiplied currents by estimated gains ({listed} N·m/A or N/A; {gains.scale})."
     return recording.replace(tau=tau, gains=gains).noted(sentence)
 
 

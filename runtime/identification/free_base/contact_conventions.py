@@ -92,7 +92,7 @@ def _require_newtons(lib: Library, motion: FreeBaseMotion, name: str) -> None:
     mean = float(vertical.sum(axis=1).mean())
     weight = float(mass(links(lib.pi0)).sum()) * float(np.linalg.norm(lib.gravity))
     for unit, factor in _UNITS.items():
-        if abs(mean * factor / weight - 1.0) < _NEAR:
+        if abs(mean * factor - weight) < _NEAR * weight:
             raise IdentificationError(
                 f"{name}: the vertical forces are {mean:.3g} in the mean, and the URDF weighs "
                 f"{weight:.3g} N; the forces look like {unit}, expected N"

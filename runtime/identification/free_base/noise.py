@@ -5,7 +5,7 @@ or the total mass) and the errors of the sensors, within their prior, are taken 
 with ν = 4 degrees of freedom, fitted by weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the
 instants. A robot that stands shows the errors of its sensors to a fraction of a newton, one that
 steps has errors of acceleration of several; with equal weights the few steps would hide what the
-standing shows. That holds for less than a fifth of the instants, 1 / (ν + 1).
+standing shows. That holds for a share of such instants below 1 / (ν + m), a fifth for one equation.
 Source: Lange, Little & Taylor 1989, ν = 4.
 """
 

@@ -171,7 +171,13 @@ def notes_on_errors(
         Sentences.
     """
     notes = []
-    share = float(np.median(after / np.maximum(rms, np.finfo(float).tiny)))
+    loaded = rms > 0
+    if not loaded.any():
+        notes.append(
+            "torques and wrenches of the test part are zero throughout, as in free flight; if "
+            "sensors were off, choose another --split"
+        )
+    share = float(np.median(after[loaded] / rms[loaded])) if loaded.any() else 0.0
     if share > _UNEXPLAINED:
         unnamed = "" if joints_are_named else " (the log has no array joints, which names them)"
         notes.append(

@@ -42,7 +42,7 @@ def vertical_force(
         phi: coefficients of the errors of the sensors, in the first row; see `vertical_sensors`.
 
     Returns:
-        Errors; None where vertical forces were not all measured.
+        Errors; None where vertical forces were not all measured, or are zero throughout.
     """
     contacts = motion.contacts
     if not contacts.links:
@@ -59,6 +59,8 @@ def vertical_force(
         force = np.where(np.isnan(wrench), 0.0, wrench)
         on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force.reshape(count, -1))
         measured = np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
+    if not measured.any():
+        return None
 
     def predicted(parameters: Array) -> Array:
         force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)[:, :3]

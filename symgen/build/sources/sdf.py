@@ -197,6 +197,12 @@ def _loop(joint: Element, places: dict[str, pinocchio.SE3], frames: Frames, wher
             f"{where}: the joint '{name}' closes a loop and is of the type '{kind}'; revolute, "
             "prismatic, ball and fixed joints can close one"
         )
+    if spring_of_sdf(joint):
+        raise BuildError(
+            f"{where}: the joint '{name}' closes a loop and has a spring, expected springs of the "
+            "other joints; set its spring_stiffness to 0, and state [[spring]] along these in a "
+            "mechanism file"
+        )
     ends = parent, child = (_end(joint, "parent", where), _end(joint, "child", where))
     for end in ends:
         _require_link(end, list(places), joint, where)

@@ -3,9 +3,11 @@
     MJCF   <joint stiffness springref>, <tendon> with stiffness along joints or between two sites
     SDF    <dynamics> with <spring_stiffness> and <spring_reference>
 
-A [[spring]] of the same joints in a mechanism file takes the place of that of the robot file.
+A [[spring]] of the same joints in a mechanism file takes the place of that of the robot file; of
+springs between sites, one of the same name.
 """
 
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -35,7 +37,8 @@ def springs_of_mjcf(
         Springs with τ = k (x − rest) ∂x/∂q.
 
     Raises:
-        BuildError: a spring with slack, over pulleys or more than two sites, or not linear.
+        BuildError: a spring with slack, over pulleys or more than two sites, not linear, or of
+            negative stiffness.
     """
     springs = []
     for k in range(model.njnt):
@@ -43,13 +46,13 @@ def springs_of_mjcf(
             continue
         name = model.joint(k).name or f"joint_{k}"
         _require_linear(model, "jnt", k, f"joint '{name}'")
-        if stiffness := float(model.jnt_stiffness[k]):
+        if stiffness := _stiffness(model.jnt_stiffness[k], f"joint '{name}'"):
             rest = float(model.qpos_spring[model.jnt_qposadr[k]])
             springs.append(Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness))
     for k in range(model.ntendon):
         name = model.tendon(k).name or f"tendon_{k}"
         _require_linear(model, "tendon", k, f"tendon '{name}'")
-        if stiffness := float(model.tendon_stiffness[k]):
+        if stiffness := _stiffness(model.tendon_stiffness[k], f"tendon '{name}'"):
             springs.append(_of_tendon(mujoco, model, k, name, stiffness, names, shifts))
     return tuple(springs)
 
@@ -64,6 +67,7 @@ def spring_of_sdf(joint: Element) -> tuple[Spring, ...]:
         The spring.
 
     Raises:
+        BuildError: the stiffness is negative.
         UrdfError: an entry is not a number.
     """
     name, axis = joint.get("name", ""), joint.find("axis")
@@ -73,11 +77,13 @@ def spring_of_sdf(joint: Element) -> tuple[Spring, ...]:
         float(numbers(axis.findtext(f"dynamics/{key}", "0"), 1, f"joint '{name}': {key}")[0])
         for key in ("spring_stiffness", "spring_reference")
     )
-    return (Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness),) if stiffness else ()
+    if not _stiffness(stiffness, f"joint '{name}'"):
+        return ()
+    return (Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness),)
 
 
 def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spring, ...]:
-    """Springs of a mechanism file, and those of the robot file along other joints.
+    """Springs of a mechanism file, and those of the robot file that these do not replace.
 
     Args:
         of_file: springs of the robot file.
@@ -86,9 +92,17 @@ def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spr
     Returns:
         All of them, those of the mechanism file first; each name once.
     """
-    names, joints = {s.name for s in stated}, [s.of.keys() for s in stated if s.of]
-    kept = [s for s in of_file if s.name not in names and s.of.keys() not in joints]
-    return (*stated, *kept)
+    between, joints = {s.name for s in stated if not s.of}, [s.of.keys() for s in stated if s.of]
+    springs, names = list(stated), {s.name for s in stated}
+    for spring in of_file:
+        if spring.of.keys() in joints or (not spring.of and spring.name in between):
+            continue
+        name, number = spring.name, 2
+        while name in names:  # joints and tendons have names of their own in a robot file
+            name, number = f"{spring.name}_{number}", number + 1
+        names.add(name)
+        springs.append(replace(spring, name=name))
+    return tuple(springs)
 
 
 def split_by_use(
@@ -157,6 +171,17 @@ def _require_linear(model: Any, kind: str, k: int, what: str) -> None:
             f"{what} has a spring of degree 2 or more, expected a linear one; remove its "
             "polynomial, and state [[known_torque]] in a mechanism file"
         )
+
+
+def _stiffness(value: Any, what: str) -> float:
+    """Stiffness of a spring; 0 for none."""
+    stiffness = float(value)
+    if stiffness < 0:
+        raise BuildError(
+            f"{what} has the stiffness {stiffness:g}, expected at least 0; correct its sign, or "
+            "describe the torque by [[known_torque]] in a mechanism file"
+        )
+    return stiffness
 
 
 def _word(name: str) -> str:

@@ -9,9 +9,12 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
+from runtime.identification.free_base.contact_conventions import require_contact_conventions
 from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import free_base_facts
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
 from tests.free_base_logs import Experiment, virtual_log
 from tests.robots import DATA
 from tests.runtime.conftest import Command
@@ -119,3 +122,25 @@ def test_other_commands_name_the_free_base(
         done = command(*words)
         assert done.code == 2
         assert "is the result of a robot with a free base" in done.err, words
+
+
+def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arrays) -> None:
+    """Property: errors in percent of a mean force need one; a test part without load has none."""
+    wrench = arrays["contact_wrench"].copy()
+    wrench[100:] = 0.0
+    log = arrays | {"contact_wrench": wrench}
+    result = identify_free_base(free_base_of(log, "log"), hopper, "base", share=0.5)
+    assert result.vertical is None
+    assert free_base_facts(result, "")["vertical_force"] is None
+    assert any("of the test part are zero throughout" in note for note in result.notes)
+
+
+def test_forces_without_gravity(
+    hopper: Library, arrays: Arrays, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: a robot without weight shows no unit of its vertical forces."""
+    monkeypatch.setattr(hopper, "gravity", np.zeros(3))
+    log = arrays | {"contact_axes": np.array("world")}
+    motion = motion_of(free_base_of(log, "log"), hopper.joint_names)
+    with pytest.raises(RuntimeFault, match="in axes of the link, and the log states"):
+        require_contact_conventions(hopper, motion, "log")

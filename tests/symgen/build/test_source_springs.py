@@ -81,8 +81,8 @@ def test_other_tendons_with_stiffness_are_refused(tmp_path: Path, tendon: str) -
         read_source(Source(mjcf(tmp_path, f"<tendon>{tendon}</tendon>")), Mechanism())
 
 
-def test_sdf_springs(tmp_path: Path) -> None:
-    """Property: stiffness and reference of a joint; zero stiffness is no spring."""
+def sdf(tmp_path: Path, *joints: tuple[str, str, str, str]) -> Path:
+    """A file with joints of a name, a parent, a child and a stiffness."""
     link = (
         "<link name='{}'><inertial><mass>1</mass><inertia><ixx>.1</ixx><iyy>.1</iyy><izz>.1</izz>"
         "</inertia></inertial></link>"
@@ -96,13 +96,44 @@ def test_sdf_springs(tmp_path: Path) -> None:
     path.write_text(
         "<sdf version='1.6'><model name='m'>"
         + "".join(map(link.format, ("base", "a", "b")))
-        + joint.format("j1", "base", "a", "1500")
-        + joint.format("j2", "a", "b", "0")
+        + "".join(joint.format(*each) for each in joints)
         + "</model></sdf>"
     )
+    return path
+
+
+def test_sdf_springs(tmp_path: Path) -> None:
+    """Property: stiffness and reference of a joint; zero stiffness is no spring."""
+    path = sdf(tmp_path, ("j1", "base", "a", "1500"), ("j2", "a", "b", "0"))
     assert read_source(Source(path), Mechanism())[1].spring == (
         Spring("j1", {"j1": 1.0}, rest=0.2, stiffness=1500.0),
     )
+
+
+def test_a_spring_of_a_joint_that_closes_a_loop_is_refused(tmp_path: Path) -> None:
+    """Property: its angle is no coordinate of the tree, so the spring has no place; it is named."""
+    ends = ("j1", "base", "a", "0"), ("j2", "a", "b", "0"), ("j3", "base", "b", "7")
+    with pytest.raises(BuildError, match="'j3' closes a loop and has a spring, expected"):
+        read_source(Source(sdf(tmp_path, *ends)), Mechanism())
+
+
+def test_springs_of_negative_stiffness_are_refused(tmp_path: Path) -> None:
+    """Property: in a robot file as in a mechanism file."""
+    path = mjcf(tmp_path)
+    for old, what in (('stiffness="90"', "joint 'slide-1'"), ('stiffness="700"', "tendon 'strut'")):
+        other = tmp_path / "negative.xml"
+        other.write_text(path.read_text().replace(old, 'stiffness="-9"'))
+        with pytest.raises(BuildError, match=f"{what} has the stiffness -9, expected at least 0"):
+            read_source(Source(other), Mechanism())
+    with pytest.raises(BuildError, match="joint 'j1' has the stiffness -5"):
+        read_source(Source(sdf(tmp_path, ("j1", "base", "a", "-5"))), Mechanism())
+
+
+def test_springs_of_one_name_along_other_joints_stay(tmp_path: Path) -> None:
+    """Property: a spring is replaced by one along its joints, and does not vanish by its name."""
+    path = mjcf(tmp_path, "")
+    springs = chain_of(path, Mechanism(spring=(Spring("lift", {"slide-1": 1.0}),))).mechanism.spring
+    assert [(s.name, *s.of) for s in springs] == [("lift", "slide-1"), ("lift_2", "lift")]
 
 
 def test_a_mechanism_file_takes_precedence(tmp_path: Path) -> None:

@@ -233,7 +233,11 @@ def _rehearsed(lib: Library, plan: Plan, motion: Trajectory, path: Path, k: int)
         write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
     left = json_of(path)["unnoticed"]
     if left:
-        raise IdentificationError(f"motion {k} is refused in rehearsal: {'; '.join(left)}")
+        option = "--duration" if k == 1 else "--later-duration"
+        raise IdentificationError(
+            f"motion {k} is refused in rehearsal: {'; '.join(left)}; begin another campaign "
+            f"(--out) with longer motions ({option} above {plan.duration_of(k):g})"
+        )
 
 
 def _recorded(

@@ -140,22 +140,27 @@ def rehearsed(
 
 
 def unnoticed(verdicts: tuple[Verdict, ...], lib: Library) -> tuple[str, ...]:
-    """Sentences on planted faults that were neither named nor recovered.
+    """Planted faults that were neither named nor recovered.
 
     Args:
         verdicts: of `rehearse`.
         lib: library of the robot.
 
     Returns:
-        One sentence per fault.
+        One clause per fault.
     """
     return tuple(
-        f"in the rehearsal a fault of kind '{each.kind}' on {lib.joint_names[each.joint]} was "
-        f"neither named nor recovered (torque error {100 * each.error:.2g} %); "
-        "record a longer motion (--duration)"
+        f"a fault of kind '{each.kind}' on {lib.joint_names[each.joint]} was neither named nor "
+        f"recovered ({_error(each)})"
         for each in verdicts
         if not (each.is_named or each.is_recovered)
     )
+
+
+def _error(verdict: Verdict) -> str:
+    if np.isnan(verdict.error):
+        return "no model was identified"
+    return f"torque error {100 * verdict.error:.2g} %"
 
 
 def _stiff(settings: VirtualRobotSettings, joint: int) -> VirtualFriction:

@@ -89,13 +89,13 @@ def predict_command(
     payload_only: PayloadOnly = False,
     earlier_log: EarlierLogs = None,
     gain_error: Annotated[
-        float,
+        float | None,
         typer.Option(
             metavar="SHARE",
             help="Standard deviation of the torque gain of every joint, relative to one, for the "
-            "σ of predicted torque; residuals hardly show it.",
+            f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
         ),
-    ] = ModelError().gain,
+    ] = None,
     more: Annotated[
         str | None,
         typer.Option(
@@ -133,7 +133,7 @@ def predict_command(
     """
     lib = open_robot(robot, yes)
     require_unused([plot] if plot else [], overwrite, "--plot")
-    require_gain_error(gain_error)
+    gains = _gain_error(gain_error, payload_only)
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where the rate is out of range
     _require_rates_apply(
@@ -148,10 +148,10 @@ def predict_command(
     if plot is not None:
         _draw(situation, more, options, log_rate, plot)
     if as_json:
-        figures = _facts(situation, now, gain_error, steps)
+        figures = _facts(situation, now, gains, steps)
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    _show(situation, now, gain_error, steps)
+    _show(situation, now, gains, steps)
     if plot is not None:
         say(f"plot: {plot}")
 
@@ -165,7 +165,7 @@ def _facts(
         torque, whole = _unseen(situation, now, gain_error)
         figures["torque_of_unseen_motions"] = torque.tolist()
         figures["gain_error"] = gain_error
-        figures["torque_of_unseen_motions_with_gains"] = None if whole is None else whole.tolist()
+        figures["torque_of_unseen_motions_with_gains"] = whole.tolist()
     if steps:
         figures["more"] = [
             {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
@@ -186,7 +186,7 @@ def _show(
         torque, whole = _unseen(situation, now, gain_error)
         units = torque_units(lib.manifest)
         say(torque_sentence(torque, units))
-        if whole is not None and gain_error:
+        if gain_error:
             say(torque_sentence(whole, units, gain_error))
     say(payload_sentence(now, alone))
     if not situation.from_residuals and situation.planned.sentence():
@@ -196,11 +196,28 @@ def _show(
         say(verdict(steps))
 
 
-def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Array, Array | None]:
+def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Array, Array]:
     """σ of the torque of motions never seen, per joint, without and with errors of the gains."""
     unseen = unseen_joints(situation.lib, situation.lib.home)
     torque = now.torque(situation.lib, unseen)
     return torque, situation.with_gains(torque, gain_error, unseen)
+
+
+def _gain_error(given: float | None, payload_only: bool) -> float:
+    """Value of --gain-error.
+
+    Raises:
+        RuntimeFault: it is out of range, or given where no torque is predicted.
+    """
+    if given is None:
+        return ModelError().gain
+    if payload_only:
+        raise IdentificationError(
+            "--gain-error changes the σ of predicted torque, which --payload-only does not print; "
+            "leave out one of them"
+        )
+    require_gain_error(given)
+    return given
 
 
 def _moved(

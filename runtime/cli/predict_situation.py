@@ -69,7 +69,7 @@ class Situation:
             )
         return sigmas
 
-    def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array | None:
+    def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array:
         """σ of the torque of motions that are not in the log, errors of the torque gains included.
 
         Args:
@@ -78,11 +78,9 @@ class Situation:
             unseen: mean of Y_bᵀ Y_b per joint over these motions, (n, n_b, n_b).
 
         Returns:
-            (n,) N·m or N; None where rows are not of single joints (power of all joints).
+            (n,) N·m or N.
         """
         lib = self.lib
-        if self.moved.samples.equations != lib.n_joints:
-            return None
         slopes = gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
         return np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
 

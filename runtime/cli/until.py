@@ -61,11 +61,17 @@ def until_kind(context: typer.Context, until: str | None) -> str | None:
         v, a or payload; None without --until.
 
     Raises:
-        RuntimeFault: the target is none, or an option is given that --until chooses.
+        RuntimeFault: the target is none, an option is given that --until chooses, or --gain-error
+            without --until.
     """
+    given = given_options(context)
     if until is None:
+        if "gain_error" in given:
+            raise RuntimeFault(
+                "--gain-error is part of the accuracy of --until; give --until, or leave it out"
+            )
         return None
-    for name, option in given_options(context).items():
+    for name, option in given.items():
         if name in _FOLLOWING:
             raise RuntimeFault(f"--until chooses the motion by its target; leave out {option}")
     from runtime.campaign.target import target_of

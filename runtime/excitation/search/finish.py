@@ -2,7 +2,7 @@
 
 A small remaining violation is repaired by scaling the motion towards its home, which helps against
 every limit, or by more time for the same path, rounded up to whole milliseconds, which helps
-against speeds and torques.
+against speeds and torques. Where neither suffices, the motion is scaled by as much as it takes.
 """
 
 from contextlib import suppress
@@ -26,8 +26,8 @@ SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
 SLOWER = 1.01 ** np.arange(1, 41)
 """Factors of the duration, up to 1.5."""
 SMALL = 0.9 ** np.arange(1, 23)
-"""Factors of the motion where nothing else helps, down to 0.1: with a small --margin the cost
-of a search rises faster than its penalty of nonlinear limits."""
+"""Factors of the motion where nothing else helps, down to 0.1: with a small share of the limits
+(--margin) the cost of a search rises faster than its penalty of nonlinear limits."""
 
 
 @dataclass(frozen=True, slots=True)

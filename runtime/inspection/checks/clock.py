@@ -129,7 +129,7 @@ def _gaps(t: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Findi
     gaps = np.flatnonzero((steps > _least_gap(steps)) & is_logged)
     if not gaps.size:
         return []
-    longest = float(steps.max())
+    longest = float(steps[gaps].max())
     places = ", ".join(f"{t[i]:.4g} s" for i in gaps[:4])
     sentence = (
         f"{gaps.size} gaps in the clock, the longest {longest:.3g} s (after {places}); keep "

@@ -1,11 +1,13 @@
 """Friction columns of geared joints: what they depend on is recovered, and σ of the arm holds."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from runtime import load
+from runtime.campaign.campaign import Plan, _rehearsed
 from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
 from runtime.campaign.gear_friction import GearFriction, smoothed
 from runtime.campaign.gear_search import gear_of
@@ -13,6 +15,8 @@ from runtime.campaign.payload import payload_of
 from runtime.campaign.rehearsal import Verdict, unnoticed
 from runtime.campaign.target import base_covariance
 from runtime.campaign.torque_faults import torque_faults
+from runtime.errors import IdentificationError
+from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.simulation.joint_friction import JointFriction
@@ -138,8 +142,25 @@ def test_a_planted_fault_that_passes_is_stated(arm: Library) -> None:
     (said,) = unnoticed((named, recovered, missed), arm)
     assert "'gain'" in said
     assert arm.joint_names[0] in said
-    assert "30 %" in said
-    assert unnoticed((Verdict("order", 0, (), np.nan),), arm)
+    assert "torque error 30 %" in said
+    (said,) = unnoticed((Verdict("order", 0, (), np.nan),), arm)
+    assert "no model was identified" in said
+    assert "nan" not in said
+
+
+@pytest.mark.parametrize(("k", "option"), [(1, "--duration above 2.5"), (2, "--later-duration")])
+def test_a_refused_motion_names_its_option(
+    arm: Library, tmp_path: Path, k: int, option: str
+) -> None:
+    """Property: all faults come before one remedy, with the option of that motion's duration."""
+    path = tmp_path / "rehearsal.json"
+    path.write_text(json.dumps({"unnoticed": ["a fault of kind 'one'", "a fault of kind 'two'"]}))
+    with pytest.raises(IdentificationError) as refused:
+        _rehearsed(arm, Plan("v=1Nm"), Trajectory(arm.home, np.zeros((1, 1)), 2.5), path, k)
+    said = str(refused.value)
+    assert said.startswith(f"motion {k} is refused in rehearsal: a fault of kind 'one'; a fault")
+    assert said.count("longer motions") == 1
+    assert option in said
 
 
 def test_a_joint_without_ripple(arm: Library) -> None:

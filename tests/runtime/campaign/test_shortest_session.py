@@ -141,5 +141,7 @@ def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path)
         refused = command(*words, *more, "--out", "w.json")
         assert refused.code == 2
         assert match in refused.err
+    refused = command("excite", "--robot", tiny, "--gain-error", 0.01, "--out", "w.json")
+    assert (refused.code, "give --until, or leave it out" in refused.err) == (2, True)
     refused = command("excite", "--until", "mass=5g")
     assert (refused.code, "expected a target such as" in refused.err) == (2, True)

@@ -9,6 +9,7 @@ import pytest
 
 from runtime.inspection import proposed_preparation as proposal
 from runtime.inspection.checks import gear_coupling, other_model, torque_delay
+from runtime.inspection.checks.clock import _gaps
 from runtime.inspection.checks.drives import rotor
 from runtime.inspection.checks.frozen import frozen
 from runtime.inspection.checks.gravity_direction import _finding, _Fit
@@ -98,6 +99,15 @@ def test_joints_without_limits_may_turn_many_times(double: Library) -> None:
     assert units(log, plan, double)[1] == []
     _, findings = units(log.replace(q=np.degrees(q), dq=np.degrees(dq)), plan, double)
     assert findings[0].kind in {"position_unit", "position_range"}
+
+
+def test_the_longest_gap_is_one_that_counts() -> None:
+    """Oracle: of gaps of 1 s and 9 s the second is across rows that the recipe leaves out."""
+    t = np.concatenate([np.arange(100) / 100, 2 + np.arange(100) / 100, 12 + np.arange(100) / 100])
+    is_logged = np.arange(len(t) - 1) != 199
+    (finding,) = _gaps(t, is_logged, INFO)
+    assert finding.evidence["count"] == 1
+    assert finding.evidence["longest_s"] == pytest.approx(1.01)
 
 
 def test_currents_without_gains_keep_the_other_findings() -> None:

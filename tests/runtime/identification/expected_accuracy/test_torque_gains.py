@@ -93,3 +93,6 @@ def test_predict_states_both(command: Command, double: Library, tmp_path: Path) 
     ran = command(*plan, "--gain-error", "-1")
     assert ran.code == 2
     assert "--gain-error is a share of one, such as 0.005, got -1" in ran.err
+    alone = command(*plan, "--payload-only", "--gain-error", "0.01")
+    assert alone.code == 2
+    assert "which --payload-only does not print; leave out one of them" in alone.err

@@ -116,7 +116,7 @@ def inspect_log(
     # Quantised torques at rest look like a frozen, saturated or corrupt signal.
     at_rest = static_poses(checks.recording) if has_gains else None
     if at_rest is None:
-        checks.run(frozen.frozen)
+        checks.run(lambda r, p: frozen.frozen(r, p, lib))
         checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     else:
         findings.append(_of_poses(len(at_rest)))
@@ -127,11 +127,11 @@ def inspect_log(
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     if not lib.placeholders:
         checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
-    checks.run(lambda r, p: clock.clock(r, p, raw))
+    checks.run(lambda r, p: clock.clock(r, p, raw, lib))
     recording = checks.recording
     findings += motion.wraps(recording)
     if not blind and at_rest is None:
-        findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan)
+        findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan, lib)
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
     if recording.tau is None or not recording.tau.any():
         sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
@@ -156,7 +156,7 @@ def inspect_log(
         findings=tuple(sorted(findings, key=lambda f: LEVELS.index(f.level))),
         plan=plan,
         recording=checks.recording,
-        rest=tuple(signals.rest_spans(checks.recording)),
+        rest=tuple(signals.rest_spans(checks.recording, lib)),
     )
 
 

@@ -7,13 +7,13 @@ where none does, the regressor of momentum, which needs no accelerations.
 
 from dataclasses import replace
 
-from runtime.inspection.checks import signals
 from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.inspection.finding import INFO, Finding
 from runtime.inspection.regressor_choice import choose_regressor, differentiation_of
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import before_test
+from runtime.recording.rest_speeds import as_rest_speed
 
 WORSE = 0.05
 """Excess of a candidate's score over the best one up to which it may replace the chosen one."""
@@ -49,10 +49,10 @@ def proposed_preparation(
         if quality is None or not quality.fails:
             if ready != choice.preparation:
                 findings.append(_instead(ready, choice))
-            return _thinned(ready, recording), findings
+            return _thinned(ready, recording, lib), findings
     taken, sentences = choose_regressor(seen, lib, choice.preparation, replaces=True)
     findings += [Finding("regressor", INFO, each) for each in sentences]
-    return _thinned(taken or choice.preparation, recording), findings
+    return _thinned(taken or choice.preparation, recording, lib), findings
 
 
 def _candidates(choice: CutoffChoice) -> list[Preparation]:
@@ -86,7 +86,7 @@ def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
     )
 
 
-def _thinned(ready: Preparation, recording: Recording) -> Preparation:
+def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:
     """A preparation decimated to the rate that its band needs, without intervals of rest."""
     grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
     most = grid / (ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
@@ -95,5 +95,5 @@ def _thinned(ready: Preparation, recording: Recording) -> Preparation:
         ready,
         trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
         rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
-        rest_speed=ready.rest_speed or signals.REST_SPEED,
+        rest_speed=ready.rest_speed or as_rest_speed(lib),
     )

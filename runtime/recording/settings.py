@@ -52,7 +52,8 @@ class Preparation:
         motion_hz: cut-off of q and dq before they enter momentum or energy [Hz].
         trim_s: cut from both ends of every segment [s].
         rate_hz: decimate to this rate [Hz].
-        rest_speed: drop rows in which every joint is slower [rad/s].
+        rest_speed: drop rows in which every joint is slower; one number, or one per joint
+            [rad/s, m/s].
         torque_delay_s: the log stamps τ this much later than q, below 0 earlier; one number, or
             one per joint [s].
     """
@@ -69,15 +70,16 @@ class Preparation:
     motion_hz: float | None = None
     trim_s: float | None = None
     rate_hz: float | None = None
-    rest_speed: float | None = None
+    rest_speed: float | tuple[float, ...] | None = None
     torque_delay_s: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
-            if value is None or isinstance(value, str | tuple) or item.name == "torque_delay_s":
+            if value is None or isinstance(value, str) or item.name == "torque_delay_s":
                 continue
-            positive(f"[preparation] {item.name}", value)
+            for each in value if isinstance(value, tuple) else (value,):
+                positive(f"[preparation] {item.name}", each)
         delays = self.torque_delay_s
         if delays is not None and not all(map(isfinite, np.atleast_1d(delays))):
             raise RecordingError("[preparation] torque_delay_s expects a number of s; correct it")

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.inspection.checks.lost_rows import lost_beside_repeats, lost_rows
-from runtime.inspection.checks.signals import REST_SPEED, moving_joints
+from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.library import Library
 from runtime.recording import Preparation, Recipe, Recording
 from runtime.recording.preprocessing import repair_clock
 from runtime.recording.preprocessing.segments import HOLE, JITTER
 from runtime.recording.reader import Raw
 from runtime.recording.recipes.recipe import UNITS, Time
 from runtime.recording.recording import FloatArray
+from runtime.recording.rest_speeds import rest_speeds
 
 REPEATED = 0.002
 """Share of the rows that may repeat the one before, while the arm moves, without a finding."""
@@ -76,13 +78,16 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Finding]]:
+def clock(
+    recording: Recording, plan: Recipe, raw: Raw, lib: Library
+) -> tuple[Recipe, list[Finding]]:
     """Repeated states, dropped samples, jitter and holes.
 
     Args:
         recording: read with the plan.
         plan: recipe so far.
         raw: signals as logged.
+        lib: library of the robot.
 
     Returns:
         The recipe with the preparation that handles them; "repeated_rows", "holes",
@@ -90,7 +95,7 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
     """
     logged = raw.values["position"]
     preparation, findings = _stale(
-        recording, plan, logged if len(logged) == len(recording) else None
+        recording, plan, lib, logged if len(logged) == len(recording) else None
     )
     if not findings:
         preparation, findings = _lost(recording, preparation)
@@ -192,14 +197,14 @@ def _lost(recording: Recording, preparation: Preparation) -> tuple[Preparation, 
 
 
 def _stale(
-    recording: Recording, plan: Recipe, logged: FloatArray | None
+    recording: Recording, plan: Recipe, lib: Library, logged: FloatArray | None
 ) -> tuple[Preparation, list[Finding]]:
     """States logged twice, and the clock rebuilt from Δq = v Δt where that fits better."""
     preparation = plan.preparation
     same = np.all(np.diff(recording.q, axis=0) == 0.0, axis=1)
     if recording.dq is not None:
         same &= np.all(np.diff(recording.dq, axis=0) == 0.0, axis=1)
-        same &= np.abs(recording.dq[1:]).max(axis=1) > REST_SPEED
+        same &= np.any(np.abs(recording.dq[1:]) > rest_speeds(lib), axis=1)
     else:
         # A slow joint repeats its encoder count, and noise at rest may span many counts: only
         # large steps of a moving arm are significant.
@@ -207,7 +212,7 @@ def _stale(
         moved = np.abs(np.diff(values, axis=0))
         around = np.minimum(np.roll(moved, 1, axis=0), np.roll(moved, -1, axis=0))
         same &= np.any(around > _COUNTS * _counts(values)[1:], axis=1)
-        same &= moving_joints(recording)[1:].any(axis=1)
+        same &= moving_joints(recording, lib)[1:].any(axis=1)
     count = int(same.sum())
     if count <= REPEATED * len(same):
         return preparation, []

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.inspection.checks.signals import REST_SPEED
 from runtime.inspection.finding import WARNING, Finding
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
+from runtime.recording.rest_speeds import rest_speeds
 
 LEAST_S, LEAST_ROWS = 0.25, 20
 """Shortest interval that is reported: a quantised signal of a slow arm repeats some values."""
@@ -18,7 +18,7 @@ not stand still."""
 _NAMES = {"q": "positions", "dq": "velocities", "tau": "torques"}
 
 
-def frozen(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
     """Intervals in which signals of all joints keep their value to the last bit, though the arm
     moves.
 
@@ -27,12 +27,14 @@ def frozen(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     Args:
         recording: read with the plan.
         plan: recipe so far.
+        lib: library of the robot.
 
     Returns:
         The recipe that leaves these intervals out, and "frozen".
     """
     if len(recording) < LEAST_ROWS:
         return plan, []
+    slowest = rest_speeds(lib)
     signals = {key: getattr(recording, key) for key in _NAMES}
     signals = {key: values for key, values in signals.items() if values is not None}
     same = {key: _repeats(values) for key, values in signals.items()}
@@ -40,7 +42,7 @@ def frozen(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     for key, repeats in same.items():
         for first, last in _runs(repeats, recording.rate_hz):
             keys = tuple(k for k in same if same[k][first : last - 1].all())
-            if keys[0] == key and _moves(recording, first, last, keys):
+            if keys[0] == key and _moves(recording, first, last, keys, slowest):
                 intervals.append((first, last, keys))
     rows = sum(last - first for first, last, _ in intervals)
     if not intervals or rows > MOST * len(recording):
@@ -80,13 +82,15 @@ def _runs(repeats: NDArray[np.bool_], rate_hz: float) -> list[tuple[int, int]]:
     return [(int(a), int(b) + 1) for a, b in pairs if b - a >= least]
 
 
-def _moves(recording: Recording, first: int, last: int, keys: tuple[str, ...]) -> bool:
+def _moves(
+    recording: Recording, first: int, last: int, keys: tuple[str, ...], slowest: Array
+) -> bool:
     """Whether the arm moves in rows first … last − 1, in which these signals are constant."""
     q, dq = recording.q, recording.dq
-    if dq is not None and float(np.abs(dq[first:last]).max(axis=1).min()) > REST_SPEED:
+    if dq is not None and float((np.abs(dq[first:last]) / slowest).max(axis=1).min()) > 1.0:
         return True
     if "q" not in keys:  # the positions move on
-        return float(np.ptp(q[first:last], axis=0).max()) > REST_SPEED * LEAST_S
+        return bool(np.any(np.ptp(q[first:last], axis=0) > slowest * LEAST_S))
     steps = np.abs(np.diff(q, axis=0)).max(axis=1)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else np.inf
     return last < len(q) and float(steps[last - 1]) > JUMP * usual

@@ -7,11 +7,11 @@ residual of least squares on base parameters and friction, W x = T (traps 1, 12)
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.inspection.checks.signals import REST_SPEED
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
+from runtime.recording.rest_speeds import rest_speeds
 
 SURE = 4.0
 """Standard deviations from which on a value is significant."""
@@ -69,8 +69,9 @@ def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
     s = torque_rows.samples
     of_joints = matrix.reshape(*s.tau.shape, -1)
     shares = []
+    slowest = rest_speeds(torque_rows.lib)
     for j in range(s.tau.shape[1]):
-        moves = np.abs(s.dq[:, j]) >= REST_SPEED
+        moves = np.abs(s.dq[:, j]) >= slowest[j]
         columns = of_joints[moves, j]
         columns = columns[:, np.any(columns != 0.0, axis=0)]
         if len(columns) <= 2 * columns.shape[1]:

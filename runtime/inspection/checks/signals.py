@@ -5,6 +5,12 @@ import numpy as np
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
+from runtime.recording.rest_speeds import (
+    as_rest_speed,
+    rest_speeds,
+    shown_rest_speed,
+    still_travels,
+)
 
 FLAT_ROWS = 5
 """Equal extreme values in a row, while the joint moves, that make a flat top."""
@@ -16,11 +22,6 @@ AT_END = 5e-4
 """Distance from the end of the range [rad or m] within which a joint stands at its stop."""
 STOP_SHARE = 0.01
 """Share of the rows at a stop above which it is reported."""
-REST_SPEED = 0.02
-"""Speed [rad/s or m/s] below which a joint rests: above the noise of filtered encoders, and below
-it Coulomb friction takes any value."""
-STILL = 1e-3
-"""Travel [rad or m] of a joint at rest, by noise and vibration."""
 REST_SHARE = 0.05
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
@@ -42,7 +43,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
         above `STOP_SHARE`.
     """
     findings, names = [], lib.joint_names
-    moving = moving_joints(recording)
+    moving = moving_joints(recording, lib)
     if recording.tau is not None:
         effort = lib.limits()["effort"]
         flat = [_flat_rows(column, moving) for column in recording.tau.T]
@@ -94,7 +95,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
 def still_joints(recording: Recording, lib: Library) -> list[Finding]:
     """Joints that do not move in the whole log.
 
-    Measured: travel of every joint, below `STILL` by noise and vibration alone.
+    Measured: travel of every joint, below `still_travels` by noise and vibration alone.
 
     Args:
         recording: in SI units.
@@ -103,7 +104,7 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
     Returns:
         "still_joints", a warning where fewer than half of the joints move.
     """
-    still = np.flatnonzero(np.ptp(recording.q, axis=0) < STILL)
+    still = np.flatnonzero(np.ptp(recording.q, axis=0) < still_travels(lib))
     if not still.size:
         return []
     sentence = (
@@ -123,31 +124,32 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
     ]
 
 
-def rest(recording: Recording, plan: Recipe) -> list[Finding]:
+def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
     """Intervals in which no joint moves (trap 7).
 
-    Measured: share of the rows in which every joint is slower than `REST_SPEED`. There the
+    Measured: share of the rows in which every joint is slower than `rest_speeds`. There the
     friction torque lies anywhere between its bounds, and the sign of dq is noise.
 
     Args:
         recording: in SI units.
         plan: recipe; with rest_speed it already drops these rows.
+        lib: library of the robot.
 
     Returns:
         "rest" above `REST_SHARE`, as information where the recipe drops the rows; none where
         no joint moves at all, which `still_joints` states.
     """
-    still = ~moving_joints(recording).any(axis=1)
-    share, spans = float(still.mean()), rest_spans(recording)
-    if share < REST_SHARE or not spans or np.ptp(recording.q, axis=0).max() < STILL:
+    still = ~moving_joints(recording, lib).any(axis=1)
+    share, spans = float(still.mean()), rest_spans(recording, lib)
+    if share < REST_SHARE or not spans or (np.ptp(recording.q, axis=0) < still_travels(lib)).all():
         return []
-    given = plan.preparation.rest_speed
+    given, usual = plan.preparation.rest_speed, shown_rest_speed(as_rest_speed(lib))
     listed = ", ".join(f"{a:.3g}–{b:.3g} s" for a, b in spans[:4])
     more = f" and {len(spans) - 4} more" if len(spans) > 4 else ""
     what = (
-        f"rest_speed = {given:g} of the recipe drops these rows"
+        f"rest_speed = {shown_rest_speed(given)} of the recipe drops these rows"
         if given is not None
-        else f"drop these rows with rest_speed = {REST_SPEED:g} under [preparation]"
+        else f"drop these rows with rest_speed = {usual} under [preparation]"
     )
     return [
         Finding(
@@ -161,17 +163,20 @@ def rest(recording: Recording, plan: Recipe) -> list[Finding]:
     ]
 
 
-def rest_spans(recording: Recording, least_s: float = 0.3) -> list[tuple[float, float]]:
+def rest_spans(
+    recording: Recording, lib: Library, least_s: float = 0.3
+) -> list[tuple[float, float]]:
     """Intervals of rest.
 
     Args:
         recording: in SI units.
+        lib: library of the robot.
         least_s: shortest interval [s].
 
     Returns:
         (from, to) of every interval [s].
     """
-    still = ~moving_joints(recording).any(axis=1)
+    still = ~moving_joints(recording, lib).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     t = recording.t
     spans = [(float(t[a]), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -209,17 +214,26 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
     ]
 
 
-def moving_joints(recording: Recording) -> Array:
-    """Whether each joint is faster than `REST_SPEED`, row by row, (N, n)."""
+def moving_joints(recording: Recording, lib: Library) -> Array:
+    """Whether each joint is faster than its `rest_speeds`, row by row.
+
+    Args:
+        recording: in SI units.
+        lib: library of the robot.
+
+    Returns:
+        (N, n).
+    """
+    slowest = rest_speeds(lib)
     if recording.dq is not None:
-        return np.asarray(np.abs(recording.dq) >= REST_SPEED)
+        return np.asarray(np.abs(recording.dq) >= slowest)
     # Speed over a tenth of a second: single steps of an encoder look like speed.
     width = max(1, round(0.05 * recording.rate_hz))
     ahead = np.minimum(np.arange(len(recording)) + width, len(recording) - 1)
     behind = np.maximum(np.arange(len(recording)) - width, 0)
     span = np.maximum(recording.t[ahead] - recording.t[behind], 1e-12)
     speed = (recording.q[ahead] - recording.q[behind]) / span[:, None]
-    return np.asarray(np.abs(speed) >= REST_SPEED)
+    return np.asarray(np.abs(speed) >= slowest)
 
 
 def _flat_rows(values: Array, moving: Array) -> int:

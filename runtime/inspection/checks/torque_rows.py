@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.inspection.checks.signals import REST_SPEED
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction
 from runtime.recording.preprocessing import prepare
+from runtime.recording.rest_speeds import rest_speeds
 
 EPSILON = 0.05
 """Width of the smooth sign of dq, rad/s."""
@@ -86,7 +86,7 @@ def torque_rows_of(
     if lib.manifest.springs or "known_torque" in lib.manifest.kernels:
         samples = _without_springs(samples, lib) if lib.manifest.springs else samples
         whole = whole.replace(tau=samples.tau)
-    moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
+    moving = np.any(np.abs(samples.dq) >= rest_speeds(lib), axis=1)
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
     rows = rows[:: max(1, len(rows) // ROWS)]
     return TorqueRows(lib, whole, rows, samples.rows(rows))

@@ -13,6 +13,7 @@ from runtime.errors import RecordingError
 from runtime.numerics.order import median
 from runtime.recording import Recording
 from runtime.recording.recording import FloatArray
+from runtime.recording.rest_speeds import shown_rest_speed
 
 HOLE = 1.5
 JITTER = 0.01
@@ -193,28 +194,33 @@ def trim(recording: Recording, seconds: float) -> Recording:
     )
 
 
-def drop_rest(recording: Recording, speed: float) -> Recording:
+def drop_rest(recording: Recording, speed: float | tuple[float, ...]) -> Recording:
     """The recording without rows in which every |dq| < speed: friction at rest is not determined.
 
     Args:
         recording: with dq.
-        speed: threshold [rad/s].
+        speed: threshold, one or one per joint [rad/s, m/s].
 
     Returns:
         The moving rows.
 
     Raises:
-        RecordingError: there is no dq, or no row moves.
+        RecordingError: there is no dq, or no row moves, or `speed` has another number of joints.
     """
     if recording.dq is None:
         raise RecordingError(
             "dq is needed to drop rows at rest, but there is none; differentiate q first"
         )
+    n = recording.dq.shape[1]
+    if np.size(speed) not in {1, n}:
+        raise RecordingError(
+            f"rest_speed expects one number or {n}, got {np.size(speed)}; give one per joint"
+        )
     moving = np.any(np.abs(recording.dq) >= speed, axis=1)
     count = int(np.sum(~moving))
-    return recording.take(
-        moving, f"Dropped {count} rows at rest (every joint below {speed:g} rad/s)."
-    )
+    slides = isinstance(speed, tuple)
+    shown = f"{shown_rest_speed(speed)} {'rad/s or m/s' if slides else 'rad/s'}"
+    return recording.take(moving, f"Dropped {count} rows at rest (every joint below {shown}).")
 
 
 def decimate(recording: Recording, rate_hz: float) -> Recording:

@@ -63,10 +63,11 @@ class FollowJointTrajectory:
         trajectory: JointTrajectory = field(default_factory=JointTrajectory)
 
 
-def ros2(arm: Arm, accepted: bool = True, error_code: int = 0) -> dict[str, ModuleType]:
+def ros2(arm: Arm, accepted: bool | None = True, error_code: int = 0) -> dict[str, ModuleType]:
     """Modules of ROS 2 with one arm behind /joint_trajectory_controller.
 
-    The controller joins the points by quintics through position, velocity and acceleration.
+    A controller whose `accepted` is None does not answer. It joins the points by quintics through
+    position, velocity and acceleration.
     """
     names = [*arm.lib.joint_names[::-1], "gripper"]
     receivers: list[Callable[[JointState], None]] = []
@@ -116,7 +117,7 @@ def ros2(arm: Arm, accepted: bool = True, error_code: int = 0) -> dict[str, Modu
             ]
             if accepted:
                 paths.append((arm.time, BPoly.from_derivatives(t, states)))
-            return _Future(Handle())
+            return _Future(Handle() if accepted is not None else None)
 
     def spin_once(node: Node, timeout_sec: float) -> None:
         arm.time += arm.period

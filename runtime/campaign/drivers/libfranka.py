@@ -21,6 +21,7 @@ from runtime.library import Library
 RATE_HZ = 1000.0
 NAME = "libfranka"
 _READY = "release the brakes and activate FCI in Desk, then repeat the command"
+_CLEARED = "find the cause of this stop and clear it in Desk before you repeat the command"
 
 
 class FrankaDriver(Driver):
@@ -108,7 +109,7 @@ class FrankaDriver(Driver):
             self._control.writeOnce(command)
         except self._franka.FrankaException as error:
             raise NoSampleError(
-                f"expected the next state, libfranka says: {error}; {_READY}"
+                f"expected the next state, libfranka says: {error}; {_CLEARED}"
             ) from None
         return self._sample(state)
 

@@ -104,7 +104,11 @@ class RosDriver(Driver):
         sent = self._client.send_goal_async(goal)
         self._ros.spin_until_future_complete(self._node, sent, timeout_sec=WAIT_S)
         handle = sent.result() if sent.done() else None
-        if handle is None or not handle.accepted:
+        if handle is None:
+            raise NoSampleError(
+                f"the controller did not answer within {WAIT_S:g} s; check that it is active"
+            )
+        if not handle.accepted:
             raise NoSampleError(
                 "the controller refused the motion; check its joints, limits and state"
             )
@@ -163,8 +167,8 @@ class RosDriver(Driver):
             left = last - self.clock()
             if left <= 0:
                 raise NoSampleError(
-                    f"expected a message of {STATES} within {seconds:.3g} s, got none; start the "
-                    "joint state broadcaster"
+                    f"expected a message of {STATES} within {seconds:.3g} s, got none; check "
+                    "the network and that the joint state broadcaster is active"
                 )
             self._ros.spin_once(self._node, timeout_sec=left)
         return self._sample(self._inbox.pop(0))

@@ -107,6 +107,8 @@ def test_a_lost_connection_stops_every_arm(opened, monkeypatch, kind: str) -> No
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     assert done.stop is not None
     assert done.stop.guard == "connection"
+    remedies = {"libfranka": "find the cause of this stop", "ur": "check the", "ros2": "network"}
+    assert remedies[kind] in done.stop.sentence
     expected = 0.3 / arm.period
     assert expected - 3 <= len(done.samples) <= expected
     calls = {"libfranka": "stop", "ur": None, "ros2": "cancel"}
@@ -149,7 +151,8 @@ def test_arms_that_do_not_answer(opened, kind: str, address: str, match: str) ->
 def test_a_controller_that_reports_an_error(monkeypatch, pendulum: Library) -> None:
     """Property: refused goals and failed motions are stops of the connection, with the reason."""
     for words, match in (
-        ({"accepted": False}, "the controller refused the motion"),
+        ({"accepted": False}, "the controller refused the motion; check its joints"),
+        ({"accepted": None}, "the controller did not answer within 5 s; check that it is active"),
         ({"error_code": -4}, "got: -4 tolerance violated"),
     ):
         arm = Arm(pendulum, 0.01)

@@ -68,9 +68,8 @@ def require_motion(recording: Recording, lib: Library) -> None:
             "Hz is too low to differentiate q; if its time is in ms, state that in a recipe"
         )
     limits = lib.limits()
-    joints = np.ascontiguousarray(
-        recording.q.T
-    )  # a minimum over short rows takes ten times as long
+    # A minimum over short rows takes ten times as long.
+    joints = np.ascontiguousarray(recording.q.T)
     low, high = joints.min(axis=1), joints.max(axis=1)
     beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
     worst = int(np.argmax(beyond))

@@ -118,6 +118,10 @@ class _Array(NamedTuple):
 class NpzRows:
     """Arrays of an NPZ that `numpy.savez` has written, read where they lie.
 
+    Attributes:
+        keys: names of all arrays.
+        shapes: (N, m) of those that can be read in place; m = 1 for a vector.
+
     Raises:
         RecordingError: compressed, damaged, or no NPZ.
     """
@@ -134,6 +138,7 @@ class NpzRows:
                 "not an NPZ; copy or export it again"
             ) from error
         self.keys = tuple(located)
+        self.shapes = {key: (at.rows, at.width) for key, at in located.items() if at is not None}
         self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}
         self.count = common_count(path, (array.rows for array in self._arrays.values()))
 

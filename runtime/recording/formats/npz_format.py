@@ -34,9 +34,11 @@ class NpzReader(LogReader):
     def convention(self) -> Recipe:
         """Recipe of the arrays that are there; q is always expected."""
         if self.raw.in_place:
-            return arrays_convention(NpzRows(self.raw.hashed()).keys, "npz")
-        plan = arrays_convention(self._content(), "npz")
-        self.said = unread_arrays(self.arrays(), plan, self.raw.name)
+            rows = NpzRows(self.raw.hashed())
+            plan, shapes = arrays_convention(rows.keys, "npz"), rows.shapes
+        else:
+            plan, shapes = arrays_convention(self._content(), "npz"), self.arrays()
+        self.said = unread_arrays(shapes, plan, self.raw.name)
         return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:

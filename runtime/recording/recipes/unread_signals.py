@@ -55,9 +55,12 @@ def unread_arrays(
         The sentence; none where dq and tau are read, or no such array is left.
     """
     signals, law = plan.signals(), plan.of_law()
-    taken = {part.key for part in (*signals.values(), *law.values())}
-    size = shapes.get(signals["position"].key)
-    unread = [key for key, shape in shapes.items() if shape == size and key not in taken]
+    time = () if plan.time is None else (plan.time,)
+    taken = {part.key for part in (*signals.values(), *law.values(), *time)}
+    # Of one joint (N,) and (N, 1) are the same.
+    sizes = {key: shape if len(shape) > 1 else (*shape, 1) for key, shape in shapes.items()}
+    size = sizes.get(signals["position"].key)
+    unread = [key for key, each in sizes.items() if each == size and key not in taken]
     present = {"dq": "velocity" in signals, "tau": "torque" in signals or bool(law)}
     missing = [key for key in _WANTED if not present[key]]
     return _sentence(missing, "arrays", unread, name)

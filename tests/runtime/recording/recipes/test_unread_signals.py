@@ -48,6 +48,25 @@ def test_arrays(tmp_path: Path, log: Recording, suffix: str) -> None:
     assert f"log{suffix} has no dq, and its arrays qd are not read" in history
 
 
+def test_streamed_arrays(tmp_path: Path, log: Recording) -> None:
+    """Property: a large log is read in parts with the same note."""
+    path = tmp_path / "log.npz"
+    np.savez(path, t=log.t, q=log.q, qd=log.dq, tau=log.tau)
+    history = " ".join(open_streamed(path).block(0, 20).history)
+    assert "log.npz has no dq, and its arrays qd are not read" in history
+
+
+def test_arrays_of_one_joint(tmp_path: Path, log: Recording) -> None:
+    """Property: the time, which has the shape of q there, is read; velocities are named."""
+    path, one = tmp_path / "log.npz", log.q[:, 0]
+    np.savez(path, t=log.t, q=one, tau=3 * one)
+    for history in (read_recording(path).history, open_streamed(path).block(0, 20).history):
+        assert not any("not read" in step for step in history)
+    np.savez(path, t=log.t, q=one, tau=3 * one, qd=one)
+    for history in (read_recording(path).history, open_streamed(path).block(0, 20).history):
+        assert any("its arrays qd are not read" in step for step in history)
+
+
 def test_complete_logs_and_others_are_silent(tmp_path: Path, log: Recording) -> None:
     """Property: temperatures beside all signals, or fewer columns than joints, are no finding."""
     path = tmp_path / "log.csv"

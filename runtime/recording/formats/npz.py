@@ -138,7 +138,9 @@ class NpzRows:
                 "not an NPZ; copy or export it again"
             ) from error
         self.keys = tuple(located)
-        self.shapes = {key: (at.rows, at.width) for key, at in located.items() if at is not None}
+        self.shapes: dict[str, tuple[int, ...]] = {
+            key: (at.rows, at.width) for key, at in located.items() if at is not None
+        }
         self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}
         self.count = common_count(path, (array.rows for array in self._arrays.values()))
 

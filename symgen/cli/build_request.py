@@ -119,8 +119,8 @@ def request_from_urdf(
         say(f"note: springs of the file, whose torque counts as known: {listed}")
     if left:
         say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")
-    springs = tuple(s for s in mechanism.spring if s not in left)
-    options = replace(options, mechanism=replace(mechanism, spring=springs))
+    stated = tuple(s for s in mechanism.spring if s not in of_file)
+    options = replace(options, mechanism=replace(mechanism, spring=(*stated, *kept)))
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()

@@ -110,8 +110,8 @@ def split_by_use(
 ) -> tuple[tuple[Spring, ...], tuple[Spring, ...]]:
     """Springs of a robot file that a build takes, and those it leaves out.
 
-    A free base takes no springs. A spring along joints that are locked or cut off does not act on
-    the others.
+    A free base takes no springs. A spring along locked joints alone, or along one that is cut off,
+    does not act on the others. Locked joints of another one move its rest: Σ of[m] x_m − rest.
 
     Args:
         text: URDF.
@@ -119,13 +119,21 @@ def split_by_use(
         springs: those of the file.
 
     Returns:
-        Springs that are kept, and the others.
+        Springs that are kept, along joints that move, and the others.
     """
     if options.floating or not springs:
         return (), springs
     joints = set(moving_joints(text, options))
-    kept = tuple(s for s in springs if not s.of or joints & s.of.keys())
-    return kept, tuple(s for s in springs if s not in kept)
+    kept, left = [], []
+    for spring in springs:
+        locked = spring.of.keys() - joints
+        if spring.of and (locked == spring.of.keys() or not locked <= options.locks.keys()):
+            left.append(spring)
+            continue
+        moved = sum(spring.of[name] * options.locks[name] for name in sorted(locked))
+        of = {name: factor for name, factor in spring.of.items() if name in joints}
+        kept.append(replace(spring, of=of, rest=spring.rest - moved))
+    return tuple(kept), tuple(left)
 
 
 def _of_tendon(

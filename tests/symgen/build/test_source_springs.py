@@ -169,6 +169,35 @@ def test_the_build_names_them(
     assert len(request.options.mechanism.spring) == kept
 
 
+@pytest.mark.parametrize(("locked", "value"), [("lift", 0.4), ("slide-1", -0.2)])
+def test_a_lock_moves_the_rest_of_a_tendon(tmp_path: Path, locked: str, value: float) -> None:
+    """Oracle: passive forces of MuJoCo with that joint held; the tendon was refused by the lock."""
+    path = mjcf(tmp_path, TENDONS[: TENDONS.index("<spatial")] + "</tendon>")
+    options = ChainOptions(locks={locked: value})
+    request = request_from_urdf(Source(path), "robot", options, False, None, None)
+    chain = read_chain(request.urdf, request.options)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, place = mujoco.MjData(model), ("lift", "slide-1").index(locked)
+    data.qpos[place] = value
+    q = ca.SX.sym("q", 1)
+    torque = ca.Function("torque", [q], [known_torque(chain, q)])
+    for position in (-0.3, 0.1, 0.5):
+        data.qpos[1 - place] = position
+        mujoco.mj_forward(model, data)
+        # rounding of forces of 50 N
+        assert float(torque(position)) == pytest.approx(-data.qfrc_passive[1 - place], abs=1e-12)
+
+
+def test_a_tendon_to_a_joint_that_is_cut_off_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: its end is not part of the robot, so that it is named instead of refused."""
+    path = mjcf(tmp_path, TENDONS[: TENDONS.index("<spatial")] + "</tendon>")
+    request = request_from_urdf(Source(path), "robot", ChainOptions(tip="arm"), False, None, None)
+    assert [s.name for s in request.options.mechanism.spring] == ["lift"]
+    assert "left out: slide_1, both" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_negative_stiffness_is_refused() -> None:
     """Property: a spring that pushes away from its rest is a sign error of the file."""
     table = {"spring": [{"name": "s", "joint": "j", "stiffness": -4.0}]}

@@ -36,8 +36,28 @@ def spared(constraint: Constraint, share: float) -> float:
     return 1 - share if isinstance(constraint, uses) else 0.0
 
 
+def unit_of(constraint: Constraint, share: float) -> float:
+    """Part of the limit that is the unit of g, so that g is use − 1 of the share.
+
+    Coefficients at the bounds are as small as the share. In units of the whole limit a motion far
+    beyond the share of another one has a small g, and a penalty that outweighs the cost for whole
+    limits does not outweigh it.
+
+    Args:
+        constraint: kind of the limit.
+        share: of the limit that may be used, above 0 and up to 1.
+
+    Returns:
+        The share, and its square for the speed of the tip, whose g is in squares.
+    """
+    return share**2 if isinstance(constraint, TipSpeed) else share
+
+
 class LimitRows:
-    """Values g(a) of constraints on a grid, (R, N) per constraint, one after another."""
+    """Values g(a) of constraints on a grid, (R, N) per constraint, one after another.
+
+    With a share, g is in units of the share: (use − share) / share.
+    """
 
     def __init__(
         self,
@@ -55,11 +75,13 @@ class LimitRows:
             home: (n,) rad or m.
             basis: φ_m and three derivatives at times over the whole duration, (N, M, 4).
             half: the motion is its own mirror image, so that even constraints use its first half.
-            tightened: added to every g.
+            tightened: added to every g, in units of the share.
             share: of every limit that may be used; distances and places have margins instead.
         """
         self._constraints, self._home, self._basis = tuple(constraints), home, basis
-        self._tightened = [tightened + spared(each, share) for each in self._constraints]
+        self._tightened = tightened
+        self._spared = [spared(each, share) for each in self._constraints]
+        self._units = [unit_of(each, share) for each in self._constraints]
         middle = (len(basis) + 1) // 2
         # The merit comes first and the rows of the same point after it: values are computed once.
         self._seen: tuple[Array, list[Array]] = np.zeros(0), []
@@ -80,9 +102,9 @@ class LimitRows:
         if not np.array_equal(self._seen[0], a):
             motion = self.motion(a)
             parts = [
-                constraint.values(motion[:, :count]).T + tightened
-                for constraint, count, tightened in zip(
-                    self._constraints, self._counts, self._tightened, strict=True
+                (constraint.values(motion[:, :count]).T + more) / unit + self._tightened
+                for constraint, count, more, unit in zip(
+                    self._constraints, self._counts, self._spared, self._units, strict=True
                 )
             ]
             self._seen = a.copy(), parts
@@ -123,14 +145,16 @@ class LimitRows:
         """
         motion = self.motion(a)
         blocks, first = [np.zeros((0, a.size))], 0
-        for constraint, count in zip(self._constraints, self._counts, strict=True):
+        for constraint, count, unit in zip(
+            self._constraints, self._counts, self._units, strict=True
+        ):
             last = first + count * len(constraint.labels)
             row, sample = np.divmod(chosen[(chosen >= first) & (chosen < last)] - first, count)
             first = last
             if not row.size:
                 continue
             samples, back = np.unique(sample, return_inverse=True)
-            slopes = constraint.slopes(motion[:, samples])[back, row]  # (rows, orders, n)
+            slopes = constraint.slopes(motion[:, samples])[back, row] / unit  # (rows, orders, n)
             basis = self._basis[sample][:, :, : constraint.orders]
             # Chain rule over the derivatives of the motion: Σ_d ∂g/∂q^(d) φ^(d), (rows, M, n).
             chain = np.matmul(basis, slopes)

@@ -1,6 +1,5 @@
 """`symgen compare`."""
 
-import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -129,7 +128,7 @@ def compare_command(
         assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
     settings = {
         "methods": list(names),
-        **dataclasses.asdict(log_options),
+        **log_options._asdict(),
         "loop": None if controller is None else controller.name,
         "truth": None if place is None else place.name,
         "seed": seed,

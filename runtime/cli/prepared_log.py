@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from runtime.cli.choice_tables import cutoff_table, friction_table
 from runtime.cli.common import console
@@ -32,8 +32,7 @@ _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""
 
 
-@dataclass(frozen=True, slots=True)
-class LogOptions:
+class LogOptions(NamedTuple):
     """Values of the options on a log; None where an option is not given.
 
     The names are also keys of compare.json.
@@ -61,8 +60,7 @@ class LogOptions:
     regressor: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedLog:
+class PreparedLog(NamedTuple):
     """A log that is read, with its preparation, split and friction columns.
 
     Attributes:

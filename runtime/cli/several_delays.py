@@ -34,9 +34,7 @@ def with_delays(
         RuntimeFault: the value is no delay, or a log is no identification problem.
     """
     if delay not in {AUTO, PER_JOINT}:
-        moved = [
-            dataclasses.replace(each, preparation=delayed(each, delay, False)) for each in data
-        ]
+        moved = [each._replace(preparation=delayed(each, delay, False)) for each in data]
         return moved, []
     from runtime.identification.drive.estimate import identify_drive
 
@@ -62,7 +60,7 @@ def with_delays(
         usual = each.preparation or each.recording.preparation
         shift = late[0] if len(late) == 1 else tuple(late)
         ready = dataclasses.replace(usual, torque_delay_s=shift)
-        logs.append(dataclasses.replace(each, preparation=ready))
+        logs.append(each._replace(preparation=ready))
         value, sigma = drive.delay.tolist(), drive.delay_sigma.tolist()
         one = len(value) == 1
         facts.append(

@@ -1,7 +1,6 @@
 """Several logs of a commanded torque: both ends left out, dry friction chosen on the first."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import LogOptions, PreparedLog
@@ -35,7 +34,7 @@ def with_drives(
     late = delay in {AUTO, PER_JOINT}
     terms, sentence = with_dry_friction(seen, lib, first.preparation, terms, late)
     notes = (*first.notes, sentence) if sentence else first.notes
-    return [replace(first, friction=terms, notes=notes), *ready[1:]]
+    return [first._replace(friction=terms, notes=notes), *ready[1:]]
 
 
 def _is_commanded(log: PreparedLog) -> bool:
@@ -50,4 +49,4 @@ def _without_ends(log: PreparedLog) -> PreparedLog:
     if not _is_commanded(log):
         return log
     usual = log.preparation or log.recording.preparation
-    return replace(log, preparation=without_ends(log.recording, usual))
+    return log._replace(preparation=without_ends(log.recording, usual))

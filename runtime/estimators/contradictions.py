@@ -6,7 +6,7 @@ motion (`regression.delay_test`), does the friction fit its columns (`regression
 and does the result fit the torques?
 """
 
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ UNFITTED = 2.0
 the prior, is the cause."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelTests:
+class ModelTests(NamedTuple):
     """Results of all tests.
 
     Attributes:
@@ -48,7 +47,7 @@ class ModelTests:
     contradictions: tuple[str, ...] = ()
     model_errors: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
-    gain_limits: Array = field(default_factory=lambda: np.zeros(0))
+    gain_limits: Array = np.zeros(0)
 
 
 def model_tests(

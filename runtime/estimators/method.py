@@ -13,7 +13,7 @@ from typing import Any
 from runtime.estimators.problem import Fit
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Method:
     """One estimator.
 

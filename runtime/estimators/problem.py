@@ -81,7 +81,7 @@ class NoiseFloor(NamedTuple):
     inflation: float
 
 
-@dataclass(frozen=True)  # no slots: the statistics are computed once and kept
+@dataclass(frozen=True, eq=False)  # no slots: the statistics are computed once and kept
 class Problem:
     """Data, weights and first guess of an identification, the same for every method.
 
@@ -167,8 +167,7 @@ class Problem:
         return terms.columns if terms else ()
 
 
-@dataclass(frozen=True, slots=True)
-class Fit:
+class Fit(NamedTuple):
     """Result of an estimator.
 
     Attributes:

@@ -3,7 +3,6 @@
 `laplace` computes it.
 """
 
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +35,7 @@ class Information(NamedTuple):
     centre: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Uncertainty:
+class Uncertainty(NamedTuple):
     """Covariance of π and the figures that a report states beside it.
 
     Attributes:
@@ -75,7 +73,7 @@ class Uncertainty:
     determined: int
     conditioning: float
     information: Information | None = None
-    tests: ModelTests = field(default_factory=ModelTests)
+    tests: ModelTests = ModelTests()
     filtered: float = 1.0
 
     def __repr__(self) -> str:
@@ -157,7 +155,7 @@ class Uncertainty:
         Returns:
             A copy with `noise` and `white` of these residuals.
         """
-        return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
+        return self._replace(noise=noise(rest, lib, 0), white=white_share(rest))
 
     def advice(self) -> str:
         """What to trust, what this log cannot show, and what to record next."""

@@ -52,7 +52,7 @@ class TrainedModel(NamedTuple):
     phi: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Identification(Framed):
     """Identified parameters with their certificates.
 

@@ -5,8 +5,8 @@ columns, split, weights, first guess. All methods that share an assembly use the
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,7 @@ WITHOUT_FRICTION = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Assembly:
+class Assembly(NamedTuple):
     """An identification problem and the recordings it was made from.
 
     Attributes:

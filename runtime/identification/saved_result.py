@@ -47,7 +47,7 @@ class ModelOfResult(NamedTuple):
     lumped: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SavedResult(Framed):
     """Parameters and friction of a result.json, with the preparation of its log.
 

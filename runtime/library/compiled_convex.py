@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _DOUBLES, _LONGS = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ConvexTask:
     """(‖A π − b‖² + ρ)/2N + γ Σ share_k (slope_k·π_k − log det P_k), for each γ in turn.
 

@@ -40,7 +40,7 @@ class JointMotion(NamedTuple):
     zeta: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FrictionColumn:
     """One friction column and what the rooms of the package need of it.
 

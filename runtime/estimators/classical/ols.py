@@ -6,7 +6,7 @@ Source: Gautier 1997; document Sec. 3.1.3.
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ RANK_TOLERANCE = 1e-9
 as not excited."""
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
+class Solution(NamedTuple):
     """Least-squares solution.
 
     Attributes:
@@ -79,7 +78,7 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     phi, solution, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
     notes += _zero_columns(problem, np.asarray(is_column))
-    return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
+    return solution._replace(phi=phi.reshape(lib.n_joints, -1)), notes
 
 
 def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ RANK_TOLERANCE = 1e-9
 """Pivot of unit columns, relative to the first, below which a column counts as dependent."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
     """Least squares over π: ‖A π − b‖² + ρ = Σ rᵀ W r at the best φ, the mean loss half of it / N.
 

@@ -8,7 +8,6 @@ The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ 
 backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 γ.
 """
 
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,8 +61,7 @@ class Subspace(NamedTuple):
     basis: Array
 
 
-@dataclass(frozen=True, slots=True)
-class ConvexProblem:
+class ConvexProblem(NamedTuple):
     """Least squares over π with an entropic prior and optional linear constraints.
 
     Attributes:
@@ -82,11 +80,10 @@ class ConvexProblem:
 
     def weighted(self, factor: float) -> "ConvexProblem":
         """The same problem with γ times a factor."""
-        return replace(self, gamma=factor * self.gamma)
+        return self._replace(gamma=factor * self.gamma)
 
 
-@dataclass(frozen=True, slots=True)
-class Minimum:
+class Minimum(NamedTuple):
     """Minimiser of a convex problem with its optimality measure.
 
     Attributes:
@@ -98,7 +95,7 @@ class Minimum:
         converged: whether the decrement is small enough; else π is the last point that was better.
     """
 
-    problem: ConvexProblem = field(repr=False)
+    problem: ConvexProblem
     pi: Array
     loss: float
     decrement: float

@@ -20,7 +20,7 @@ _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "model_hash")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Statistics:
     """Compressed samples of one robot: all that least squares needs of them.
 

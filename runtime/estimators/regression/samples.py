@@ -28,7 +28,7 @@ def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
     return raw / raw.mean()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Samples:
     """Complete motion and torque of a recording, with its friction columns (N, n, k).
 

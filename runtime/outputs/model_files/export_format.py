@@ -14,7 +14,7 @@ from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ExportFormat:
     """A model file format.
 

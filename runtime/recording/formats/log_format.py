@@ -91,7 +91,7 @@ class RawFile:
         return path
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Extras:
     """Content of a log file beside its signals.
 
@@ -179,7 +179,7 @@ class LogReader:
         return {}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LogFormat:
     """One format of log files.
 

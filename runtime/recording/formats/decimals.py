@@ -87,13 +87,18 @@ def _numbers(
     """
     # A word at every byte; the first character is in the lowest byte of its word.
     words = np.ndarray(len(padded) - 7, "<u8", padded, strides=(1,))
-    digits = words[places].astype(np.uint64, copy=False)
+    digits = words.take(places).astype(np.uint64, copy=False)
     digits ^= _ZEROS
     others = (64 - 8 * counts).view(np.uint64)
     digits >>= others  # what stands in front of the digits becomes zero
     digits <<= others
     # A byte above 9, and only such a byte, carries into its top bit or has it set.
-    is_number = (digits + _BEYOND_NINE | digits) & _TOPS == 0
+    higher = digits + _BEYOND_NINE
+    higher |= digits
+    other = (higher[0] | higher[1]) & _TOPS
     for factor, shift, mask in _FOLDS:
-        digits = (digits * factor + (digits >> shift)) & mask
-    return digits, is_number.all(axis=0)
+        np.right_shift(digits, shift, out=higher)
+        digits *= factor
+        digits += higher
+        digits &= mask
+    return digits, other == 0

@@ -5,7 +5,7 @@
 Dry friction opposes motion whatever the links weigh, so that φ₁ < 0 is a wrong sign. Torques of
 another joint leave a large share of e. r_j far from 1 is a gain, a load, or a URDF that is wrong by
 more than `RATIO`; it counts where τ_URDF,j outweighs the friction, or the part of it that friction
-does not resemble outweighs e by far.
+does not imitate outweighs e by far.
 """
 
 import numpy as np
@@ -22,8 +22,9 @@ UNEXPLAINED = 0.5
 """Largest RMS of e over the standard deviation of τ; sound logs stay below 0.25, exchanged columns
 leave 0.74 and more on one of the two joints."""
 DISTINCT = 10.0
-"""Size of the part of a torque that friction does not resemble, over e, from which on r is known to
-0.1 at least; 6 and more with three times the usual friction, which deviates by up to 0.06."""
+"""Standard deviation of the part of τ_URDF,j that friction and an offset do not imitate, over that
+of e, from which on r is known to 0.1. Sound joints with three times the usual friction reach 6 and
+more, and their r is off by up to 0.06."""
 SMALL = 0.1
 """Torques of wrists below this share of the largest one are left to the first rule."""
 CLEAR = 2.0

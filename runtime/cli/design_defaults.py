@@ -64,7 +64,7 @@ def require_plain(document: bool, options: tuple[object, ...]) -> None:
     """
     if document and any(option is not None for option in options):
         raise RuntimeFault(
-            "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
-            "--obstacles, --from, --payload-band, --friction-band and --model-band; give "
-            "--criterion cond instead, which keeps all limits"
+            "--document excludes --torque-fraction, --table, --box, --clearance, --viscous, "
+            "--coulomb, --carry, --obstacles, --from, --payload-band, --friction-band and "
+            "--model-band; give --criterion cond instead, which keeps all limits"
         )

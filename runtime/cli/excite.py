@@ -35,6 +35,7 @@ from runtime.cli.excite_options import (
     Scheduler,
     Speed,
 )
+from runtime.cli.given_options import given_options
 from runtime.cli.limit_options import (
     Box,
     Carry,
@@ -177,7 +178,8 @@ def excite_command(
         friction_band=friction_band,
         model_band=model_band,
     )
-    require_plain(document, (*astuple(limits)[1:], from_pose))
+    fraction = given_options(context).get("torque_fraction")  # its default is a number
+    require_plain(document, (fraction, *astuple(limits)[1:], from_pose))
     safety = None if document else safety_of(lib, limits)
     if static and safety is not None:
         kept = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)

@@ -210,6 +210,7 @@ def test_excite_with_a_body_in_the_hand(command: Command, lib: Library, tmp_path
     assert ran.code == 0, ran.err
     assert "load: empty hand; NOT checked: table" in ran.out
     assert ran.out.count("checked: position, velocity, acceleration, jerk, braking, torque") == 1
-    ran = command("excite", "--robot", lib.folder, *words, "--document", "--carry", "1,0,0,0")
-    assert (ran.code, ran.err.count("\n")) == (2, 1)
-    assert "--document excludes" in ran.err
+    for option in (("--carry", "1,0,0,0"), ("--torque-fraction", "0.9")):
+        ran = command("excite", "--robot", lib.folder, *words, "--document", *option)
+        assert (ran.code, ran.err.count("\n")) == (2, 1)
+        assert "--document excludes" in ran.err

@@ -135,7 +135,8 @@ def _distance(chain: Chain, spring: Spring, q: Matrix) -> Matrix:
         elif link != chain.base:
             raise UrdfError(
                 f"the spring '{spring.name}' names the link '{link}', which is neither the base "
-                f"nor a moving link; these are {listing([chain.base, *links])}"
+                f"nor a moving link; name one of {listing([chain.base, *links])} in [[spring]] "
+                f"'{spring.name}' of a mechanism file, and the point in its frame"
             )
         ends.append(at)
     between = ca.SX(ends[1] - ends[0])
@@ -143,8 +144,8 @@ def _distance(chain: Chain, spring: Spring, q: Matrix) -> Matrix:
     if _is_constant(distance):
         raise UrdfError(
             f"the spring '{spring.name}' is between points of '{spring.parent}' and "
-            f"'{spring.child}' whose distance no joint changes; move a point off the axis, or name "
-            "two links that move relative to each other"
+            f"'{spring.child}' whose distance no joint changes; move a point off the axis, name "
+            "two links that move relative to each other, or remove the spring"
         )
     return distance
 

@@ -236,3 +236,19 @@ def test_gravity_of_mjcf_is_noted(
     out = " ".join(capsys.readouterr().out.split())
     assert ("the file states the gravity 0,0,-1.62 m/s²" in out) == (given is None)
     assert "the gravcomp of finger is left out" in out
+
+
+def test_a_tendon_between_sites_of_a_locked_link_names_the_remedy(tmp_path: Path) -> None:
+    """Property: a lock makes the link a part of another one; [[spring]] of its name replaces it."""
+    locks, path = {"lift": 0.4}, mjcf(tmp_path)
+    strut = Spring("strut", {}, "world", "finger", (0.0, 0.2, 0.3), (0.3, 0.1, 0.2), 0.3, 700.0)
+
+    def torque(mechanism: Mechanism) -> ca.SX:
+        options = ChainOptions(locks=locks, mechanism=mechanism)
+        request = request_from_urdf(Source(path), "robot", options, False, None, None)
+        chain = read_chain(request.urdf, request.options)
+        return known_torque(chain, ca.SX.sym("q", 1))
+
+    with pytest.raises(UrdfError, match=r"name one of .* in \[\[spring\]\] 'strut' of a mechanism"):
+        torque(Mechanism())
+    assert torque(Mechanism(spring=(strut,))).shape == (1, 1)

@@ -34,7 +34,8 @@ class ObserverSettings:
                 raise IdentificationError(f"expected {what} above 0, got {value:g}; correct it")
         if self.velocity not in VELOCITIES:
             raise IdentificationError(
-                f"expected a velocity of {', '.join(VELOCITIES)}, got {self.velocity!r:.40}"
+                f"expected a velocity of {', '.join(VELOCITIES)}, got {self.velocity!r:.40}; "
+                "choose one of them"
             )
         if self.steps < (self.velocity == "position"):
             raise IdentificationError(

@@ -100,6 +100,7 @@ def per_joint(n: int, value: ArrayLike, name: str) -> Array:
     array = np.asarray(value, dtype=float)
     if array.shape not in {(), (n,)}:
         raise IdentificationError(
-            f"{name} needs one number, or one for each of the {n} joints, got {array.size}"
+            f"{name} needs one number, or one for each of the {n} joints, got {array.size}; "
+            "give that many"
         )
     return np.array(np.broadcast_to(array, (n,)))

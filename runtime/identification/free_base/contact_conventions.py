@@ -95,7 +95,7 @@ def _require_newtons(lib: Library, motion: FreeBaseMotion, name: str) -> None:
         if abs(mean * factor - weight) < _NEAR * weight:
             raise IdentificationError(
                 f"{name}: the vertical forces are {mean:.3g} in the mean, and the URDF weighs "
-                f"{weight:.3g} N; the forces look like {unit}, expected N"
+                f"{weight:.3g} N; the forces look like {unit}, expected N; convert them"
             )
 
 

@@ -22,6 +22,8 @@ from runtime.library import Array, Library
 from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import read_recording
 
+_MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
+
 
 @dataclass(frozen=True, slots=True)
 class Situation:
@@ -97,10 +99,11 @@ class Situation:
         )
         earlier = ", earlier logs counted" if self.known.earlier is not None else ""
         beside = ", ".join(self.moved.columns) or "none"
+        rows = _MOMENTUM if self.moved.replaces_power else ""
         unit = common_unit(torque_units(self.lib.manifest))
         return (
             f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
-            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}"
+            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}{rows}"
         )
 
     def facts(self) -> dict[str, object]:

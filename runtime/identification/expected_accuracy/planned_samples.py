@@ -36,6 +36,7 @@ class MotionSamples:
         columns: names of the friction columns of the samples; a recording may contain others.
         rate: rate of the samples, Hz.
         measured: True when τ is a measured torque.
+        replaces_power: True when the recipe states rows of power, and these are of momentum.
     """
 
     name: str
@@ -44,6 +45,7 @@ class MotionSamples:
     columns: tuple[str, ...]
     rate: float
     measured: bool
+    replaces_power: bool = False
 
     @property
     def seconds(self) -> float:
@@ -159,7 +161,10 @@ def motion_samples_of(
     added = (terms,) if recording.columns is None else ()
     done = prepare(recording, preparation, *added, lib=lib)
     samples = samples_of(done, lib)
-    return MotionSamples(recording.name, samples, terms, done.column_names, done.rate_hz, measured)
+    replaces = (preparation or recording.preparation).regressor == "energy"
+    return MotionSamples(
+        *(recording.name, samples, terms, done.column_names, done.rate_hz, measured, replaces)
+    )
 
 
 def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime import write_recording
 from runtime.excitation import Trajectory
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import write_motion
@@ -96,3 +97,23 @@ def test_predict_states_both(command: Command, double: Library, tmp_path: Path) 
     alone = command(*plan, "--payload-only", "--gain-error", "0.01")
     assert alone.code == 2
     assert "which --payload-only does not print; leave out one of them" in alone.err
+
+
+def test_rows_of_power_are_named(command: Command, double: Library, tmp_path: Path) -> None:
+    """Property: the accuracy for a recipe of energy is that of momentum, and the first line says
+    so.
+    """
+    log = planned_recording(swing(double), np.arange(401) / 100, double, "log")
+    noise = 0.01 * np.random.default_rng(1).normal(size=log.q.shape)
+    tau = double.inverse_dynamics(log.q, log.dq, log.ddq, double.pi0) + noise
+    write_recording(log.replace(tau=tau), tmp_path / "log.npz")
+    first = {}
+    for form in ("energy", "momentum"):
+        text = f'[preparation]\nregressor = "{form}"\ncutoff_hz = 10\n'
+        (tmp_path / f"{form}.toml").write_text(text)
+        ran = command("predict", "log.npz", "--robot", double.folder, "--recipe", f"{form}.toml")
+        assert ran.code == 0, ran.err
+        first[form], *_ = ran.out.splitlines()
+    assert first["energy"] == first["momentum"] + (
+        "; rows of momentum, which show more than the rows of energy that the recipe states"
+    )

@@ -24,9 +24,11 @@ def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, .
     """
     value = np.asarray(arrays.get(key, known[0]))
     value = value.reshape(()) if value.size == 1 else value
-    word = str(value.astype(str) if value.dtype.kind == "S" else value)
+    word = str(_texts(value))
     if word not in known:
-        raise RecordingError(f"{name}: {key} is '{word}', expected one of {', '.join(known)}")
+        raise RecordingError(
+            f"{name}: {key} is '{word}', expected one of {', '.join(known)}; correct it"
+        )
     return word
 
 
@@ -40,10 +42,12 @@ def names_of(arrays: dict[str, NDArray], key: str) -> tuple[str, ...]:
     Returns:
         The names; none where the file has no such array.
     """
-    values = np.atleast_1d(arrays.get(key, np.array([], dtype=str)))
-    if values.dtype.kind == "S":
-        values = np.char.decode(values, "utf-8")
-    return tuple(map(str, values))
+    return tuple(map(str, _texts(np.atleast_1d(arrays.get(key, np.array([], dtype=str))))))
+
+
+def _texts(values: NDArray) -> NDArray:
+    """Texts of bytes; others as they are. Bytes of another encoding become a replacement mark."""
+    return np.char.decode(values, "utf-8", "replace") if values.dtype.kind == "S" else values
 
 
 def numbers_of(

@@ -87,6 +87,16 @@ def test_names_as_bytes(hopper: Library, arrays: Arrays) -> None:
     assert log.joint_names == tuple(arrays["joints"])
 
 
+def test_bytes_of_another_encoding(hopper: Library, arrays: Arrays) -> None:
+    """Property: a name in Latin-1 is one that the robot does not have, not a traceback."""
+    links = np.array([b"fu\xdf", FEET[1].encode()])
+    log = free_base_of(arrays | {"contact_links": links}, "log")
+    with pytest.raises(RuntimeFault, match="fu\ufffd"):
+        identify_free_base(log, hopper, "all")
+    with pytest.raises(RuntimeFault, match="contact_kind is 'fl\ufffdche', expected one of"):
+        free_base_of(arrays | {"contact_kind": np.array(b"fl\xe4che")}, "log")
+
+
 @pytest.mark.parametrize(
     ("measured", "unit"), list(itertools.product(("dq", "base_twist", ""), (1e3, 1e6)))
 )

@@ -20,6 +20,9 @@ from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.library import Array, Library
 from runtime.library.torque_units import torque_units
 
+AT_LIMIT = 1e-9
+"""Largest g of a robot that rests on a limit: rounding of its position, 1e-10 m of places."""
+
 
 def constraints(
     lib: Library, home: Array, safety: Safety | None
@@ -139,6 +142,12 @@ def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
                 "another --home"
             )
         value, limit, unit = constraint.measured(worst, float(g[worst]))
+        if g[worst] <= AT_LIMIT:
+            raise IdentificationError(
+                f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]}, "
+                f"{limit:.4g} {unit}, is already reached and leaves no room for a motion; choose "
+                "another --home or limit"
+            )
         raise IdentificationError(
             f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]} is already "
             f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "

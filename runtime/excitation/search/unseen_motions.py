@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from runtime.excitation.limits.dependent_joints import dependent_joints
 from runtime.excitation.limits.joint_limits import Limits, whitening
+from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.measures import mean_gram
 from runtime.library import Array, Library
@@ -11,12 +14,14 @@ UNSEEN = 40
 """Number of motions."""
 UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
 """Of each motion: duration [s], cosines per joint, samples of its way out."""
+SMALLER = 0.97
+"""Factor of a motion that breaks a limit of a dependent joint, as often as needed."""
 UNSEEN_SEED = 20
 """The same motions for all designs of a robot."""
 
 
 def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
-    """Random cosines, each scaled until it reaches a limit.
+    """Random cosines, each scaled until it reaches a limit, those of dependent joints included.
 
     Args:
         lib: the robot.
@@ -29,11 +34,19 @@ def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
     matrix, _ = Limits(*shape).inequalities()
     spread = whitening(matrix, lib.n_joints)
     rng = np.random.default_rng(UNSEEN_SEED)
+    dependents = dependent_joints(lib, home)
+    # Both ways are the same path: even limits need its first half.
+    phi = COSINE.at(lib, UNSEEN_HARMONICS, np.linspace(0.0, UNSEEN_DURATION, 201), UNSEEN_DURATION)
+    rows = LimitRows(dependents, home, phi, half=True)
+    # A home beyond such a limit has no way inside it.
+    has_room = rows.worst(np.zeros((lib.n_joints, phi.shape[1]))) < 0.0
     motions = []
     for x in rng.normal(size=(UNSEEN, len(spread))):
         a = spread @ x
-        a /= np.max(matrix @ a)
-        motions.append(Trajectory(home, a.reshape(lib.n_joints, -1), UNSEEN_DURATION))
+        a = (a / np.max(matrix @ a)).reshape(lib.n_joints, -1)
+        while has_room and rows.worst(a) > 0.0:
+            a = SMALLER * a
+        motions.append(Trajectory(home, a, UNSEEN_DURATION))
     return motions
 
 

@@ -244,6 +244,20 @@ def test_limits_that_home_breaks(lib: Library, safety: Safety, sentence: str) ->
         require_rest(constraints(lib, lib.home, safety), lib.home)
 
 
+def test_a_home_on_a_limit(lib: Library) -> None:
+    """Property: rounding of the tip's place is not called a broken limit, nor shown as one."""
+    p = lib.tip_motion(lib.home[None], np.zeros((1, 7)))[0][0]
+    for shift in (0.0, 1e-17, 5e-11):
+        box = Safety(box=(p[0] + shift, 2.0, -2.0, 2.0, -2.0, 2.0))
+        with pytest.raises(
+            IdentificationError, match=r"x min, .* is already reached and leaves no"
+        ):
+            require_rest(constraints(lib, lib.home, box), lib.home)
+    box = Safety(box=(p[0] + 1e-6, 2.0, -2.0, 2.0, -2.0, 2.0))
+    with pytest.raises(IdentificationError, match="x min is already broken"):
+        require_rest(constraints(lib, lib.home, box), lib.home)
+
+
 def test_a_home_without_speed_is_reported(lib: Library) -> None:
     """Property: at the very end of the range the FR3 may not move."""
     facts = lib.braking

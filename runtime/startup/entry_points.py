@@ -9,7 +9,6 @@ import os
 import sys
 from functools import lru_cache
 from importlib.machinery import PathFinder
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -66,7 +65,8 @@ def _text(path: str, modified: int) -> bytes | None:
     for name in names:
         if name.lower().endswith(_METADATA):
             try:
-                parts.append(Path(path, name, "entry_points.txt").read_bytes())
+                with open(os.path.join(path, name, "entry_points.txt"), "rb", buffering=0) as file:
+                    parts.append(file.readall())
             except OSError:  # a package without entry points
                 continue
     return b"\n".join(parts)

@@ -1,5 +1,7 @@
 """Friction coefficients: columns of rounding, possible signs, possible sizes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -194,3 +196,27 @@ def test_the_gap_of_bounded_friction_is_that_of_the_bounded_optimum(lib, reverse
     loose = identify(reversed_torque, lib, "lm", friction_columns=ROTOR)
     assert result.optimum > loose.optimum
     assert -1e-6 < result.gap < 2e-3  # pc-ols stops at 1e-3 above the optimum
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_evidence_is_what_a_column_alone_explains(repeated: bool):
+    """Oracle: least squares of each held column on all others; a repeated one explains nothing."""
+    s = _statistics(np.random.default_rng(2), 3, 6)
+    if repeated:
+        s = replace(s, factor=np.hstack([s.factor[:, :-1], s.factor[:, -2:-1]]))
+    first = np.linalg.lstsq(s.factor, s.target)[0]
+    bounds = Bounds(np.abs(first[3:]) / 2, np.abs(first[3:]))  # holds all negative coefficients
+
+    def solve(part: Statistics):
+        x = np.linalg.lstsq(part.factor, part.target, rcond=1e-12)[0]
+        return x[3:], x[:3], x
+
+    _, _, held = within_bounds(s, bounds, solve)
+    assert held.flags.sum() >= 2
+    left = s.factor @ first - s.target
+    for k in np.flatnonzero(held.flags) + 3:
+        others = np.delete(s.factor, k, axis=1)
+        alone = s.factor[:, k] - others @ np.linalg.lstsq(others, s.factor[:, k])[0]
+        size = np.abs(first[k]) * np.linalg.norm(alone) / np.sqrt(left @ left + s.rest)
+        # Rounding × condition numbers up to 1e4.
+        np.testing.assert_allclose(held.evidence[k - 3], size, rtol=1e-10, atol=1e-10)

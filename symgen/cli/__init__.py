@@ -11,6 +11,7 @@ from inspect import getdoc
 from symgen import __version__
 from symgen.cli import inspect, make, proxies, show
 from symgen.cli.common import app, as_typed, flowing
+from symgen.cli.interrupts import lasting_interrupts
 from symgen.errors import SymgenError
 
 INTERRUPTED = 130
@@ -31,7 +32,8 @@ def main() -> None:
         print(f"symgen {__version__}")
         return
     try:
-        app()
+        with lasting_interrupts():
+            app()
     except SymgenError as error:
         print(f"symgen: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -118,7 +118,7 @@ def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) 
         coloured_noise=coloured,
         tests=False,
     )
-    return posterior._replace(tests=first.tests)
+    return replace(posterior, tests=first.tests)
 
 
 def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:

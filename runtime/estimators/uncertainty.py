@@ -3,6 +3,7 @@
 `laplace` computes it.
 """
 
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,8 @@ class Information(NamedTuple):
     centre: Array
 
 
-class Uncertainty(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
     """Covariance of π and the figures that a report states beside it.
 
     Attributes:
@@ -73,7 +75,7 @@ class Uncertainty(NamedTuple):
     determined: int
     conditioning: float
     information: Information | None = None
-    tests: ModelTests = ModelTests()
+    tests: ModelTests = field(default_factory=ModelTests)
     filtered: float = 1.0
 
     def __repr__(self) -> str:
@@ -155,7 +157,7 @@ class Uncertainty(NamedTuple):
         Returns:
             A copy with `noise` and `white` of these residuals.
         """
-        return self._replace(noise=noise(rest, lib, 0), white=white_share(rest))
+        return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
 
     def advice(self) -> str:
         """What to trust, what this log cannot show, and what to record next."""

@@ -175,7 +175,7 @@ def _refitted(
         # Errors of the friction model grow with the rows as a contradiction does: the margin of the
         # tests holds for training rows.
         posterior = _uncertainty(whole, fit, result.method, settings, tests=False)
-        posterior = posterior._replace(tests=result.uncertainty.tests)
+        posterior = replace(posterior, tests=result.uncertainty.tests)
     return replace(
         result,
         pi=fit.pi,
@@ -213,7 +213,7 @@ def _uncertainty(
         posterior = posterior.with_noise(residuals(lib, samples, fit.pi, fit.phi), lib)
     rows = assembly.parts[0]
     steps = settings.preparation or rows.preparation
-    return posterior._replace(filtered=filter_inflation(steps, rows.rate_hz))
+    return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
 
 
 def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:

@@ -1,5 +1,6 @@
 """`symgen compare`."""
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -128,7 +129,7 @@ def compare_command(
         assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
     settings = {
         "methods": list(names),
-        **log_options._asdict(),
+        **dataclasses.asdict(log_options),
         "loop": None if controller is None else controller.name,
         "truth": None if place is None else place.name,
         "seed": seed,

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from runtime.cli.choice_tables import cutoff_table, friction_table
 from runtime.cli.common import console
@@ -32,7 +32,8 @@ _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""
 
 
-class LogOptions(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class LogOptions:
     """Values of the options on a log; None where an option is not given.
 
     The names are also keys of compare.json.
@@ -60,7 +61,8 @@ class LogOptions(NamedTuple):
     regressor: str | None = None
 
 
-class PreparedLog(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedLog:
     """A log that is read, with its preparation, split and friction columns.
 
     Attributes:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from runtime.cli.common import console
@@ -34,7 +35,7 @@ def with_delays(
         RuntimeFault: the value is no delay, or a log is no identification problem.
     """
     if delay not in {AUTO, PER_JOINT}:
-        moved = [each._replace(preparation=delayed(each, delay, False)) for each in data]
+        moved = [replace(each, preparation=delayed(each, delay, False)) for each in data]
         return moved, []
     from runtime.identification.drive.estimate import identify_drive
 
@@ -60,7 +61,7 @@ def with_delays(
         usual = each.preparation or each.recording.preparation
         shift = late[0] if len(late) == 1 else tuple(late)
         ready = dataclasses.replace(usual, torque_delay_s=shift)
-        logs.append(each._replace(preparation=ready))
+        logs.append(replace(each, preparation=ready))
         value, sigma = drive.delay.tolist(), drive.delay_sigma.tolist()
         one = len(value) == 1
         facts.append(

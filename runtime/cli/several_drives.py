@@ -1,6 +1,7 @@
 """Several logs of a commanded torque: both ends left out, dry friction chosen on the first."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import LogOptions, PreparedLog
@@ -34,7 +35,7 @@ def with_drives(
     late = delay in {AUTO, PER_JOINT}
     terms, sentence = with_dry_friction(seen, lib, first.preparation, terms, late)
     notes = (*first.notes, sentence) if sentence else first.notes
-    return [first._replace(friction=terms, notes=notes), *ready[1:]]
+    return [replace(first, friction=terms, notes=notes), *ready[1:]]
 
 
 def _is_commanded(log: PreparedLog) -> bool:
@@ -49,4 +50,4 @@ def _without_ends(log: PreparedLog) -> PreparedLog:
     if not _is_commanded(log):
         return log
     usual = log.preparation or log.recording.preparation
-    return log._replace(preparation=without_ends(log.recording, usual))
+    return replace(log, preparation=without_ends(log.recording, usual))

@@ -109,7 +109,7 @@ def identify_several(
         read_prepared_log(
             lib,
             log,
-            options._replace(run=run, stream=False),
+            replace(options, run=run, stream=False),
             () if k else usable,
             settings.robust,
         )

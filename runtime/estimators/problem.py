@@ -167,7 +167,8 @@ class Problem:
         return terms.columns if terms else ()
 
 
-class Fit(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
     """Result of an estimator.
 
     Attributes:

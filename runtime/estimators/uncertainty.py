@@ -4,7 +4,6 @@
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,8 @@ BAND_SAMPLES = 200
 """Samples whose bands a report summarises."""
 
 
-class Information(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Information:
     """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P]).
 
     Attributes:

@@ -10,8 +10,8 @@ normal with the root L_π of `Uncertainty`, so that a root of the covariance of 
 The file states π of its result.json and is refused beside another one.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,8 @@ _ARRAYS = ("factor", "target", "base_matrix", "centre", "pi", "pi_root")
 _NUMBERS = ("rest", "n_samples", "density", "kappa", "logs")
 
 
-class Posterior(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
     """Posterior of π and of the friction coefficients φ.
 
     Attributes:

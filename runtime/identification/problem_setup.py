@@ -5,8 +5,8 @@ columns, split, weights, first guess. All methods that share an assembly use the
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ WITHOUT_FRICTION = (
 )
 
 
-class Assembly(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembly:
     """An identification problem and the recordings it was made from.
 
     Attributes:

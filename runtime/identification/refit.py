@@ -60,7 +60,7 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     if pieces is not None:  # a streamed log: `rows` are those of its windows
         names = ("train", "test") if assembly.is_joined else ("train", "validation", "test")
         whole = replace(whole, pieces=lambda _: chain.from_iterable(map(pieces, names)))
-    return assembly._replace(problem=whole)
+    return replace(assembly, problem=whole)
 
 
 def rows_of(problem: Problem, fit: Fit) -> int:

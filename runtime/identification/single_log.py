@@ -155,7 +155,7 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
     notes = assembly.notes
     if len(t) == len(weights.weights):
         notes += (weights.note(t, lib.joint_names),)
-    return assembly._replace(problem=problem, notes=notes)
+    return replace(assembly, problem=problem, notes=notes)
 
 
 def _refitted(

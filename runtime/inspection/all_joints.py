@@ -32,7 +32,7 @@ def of_independent_joints(
         IdentificationError: positions contradict the couplings, or torques act on joints that
             follow others, which a plan of the independent joints cannot state.
     """
-    recording = recording_of(raw._replace(plan=plan))
+    recording = recording_of(replace(raw, plan=plan))
     few = independent_joints(recording, lib)
     if few is recording or few.n_joints == recording.n_joints:
         return raw, plan, []
@@ -56,10 +56,10 @@ def of_independent_joints(
         f"{', '.join(lib.joint_names)}; the positions of the others agree with the mechanism"
     )
     tables = {
-        kind: table._replace(values=table.values[:, places]) if kind in changes else table
+        kind: replace(table, values=table.values[:, places]) if kind in changes else table
         for kind, table in raw.tables.items()
     }
-    changed = raw._replace(tables=tables)
+    changed = replace(raw, tables=tables)
     return changed, plan.replace(**changes), [Finding("all_joints", INFO, sentence)]
 
 

@@ -1,6 +1,7 @@
 """Run of the checks of one log: the plan so far, the log read with it, and the findings."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
 from runtime.inspection.finding import Finding
@@ -25,7 +26,7 @@ class CheckRun:
         """
         self._raw, self.plan, self.findings = raw, plan, findings
         self.has_gains = has_gains
-        self.recording = recording_of(raw._replace(plan=plan))
+        self.recording = recording_of(replace(raw, plan=plan))
 
     def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
         """Run a check, and read the log again where it changes the plan.
@@ -37,7 +38,7 @@ class CheckRun:
         self.findings += findings
         if plan != self.plan:
             self.plan = plan
-            self.recording = recording_of(self._raw._replace(plan=plan))
+            self.recording = recording_of(replace(self._raw, plan=plan))
 
     def run_on_torque(
         self,

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,8 @@ class ArgumentFacts:
         object.__setattr__(self, "size", math.prod(self.shape))
 
 
-class KernelFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class KernelFacts:
     """One kernel as the manifest describes it."""
 
     name: str
@@ -47,7 +48,8 @@ class KernelFacts(NamedTuple):
     operations: int
 
 
-class JointFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class JointFacts:
     """Name, kind, moved link, unit and limits of a joint (None without), and where it stands.
 
     Its frame, that of the link it moves, lies in the frame of joint `parent` (−1: the base) with
@@ -68,7 +70,8 @@ class JointFacts(NamedTuple):
     axis: tuple[float, ...]
 
 
-class CouplingFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CouplingFacts:
     """q_all = A q + b: `matrix` A (N, n), `offset` b (N,) [rad, m], `independent` (n,) indices."""
 
     independent: tuple[int, ...]
@@ -76,7 +79,8 @@ class CouplingFacts(NamedTuple):
     offset: NDArray[np.float64]
 
 
-class ProxyFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ProxyFacts:
     """A capsule rigid in `link` ("base": the fixed one): its axis in that frame and its radius, m.
 
     `joint` is the index of the joint that moves it, −1 for the base.
@@ -90,7 +94,8 @@ class ProxyFacts(NamedTuple):
     radius: float
 
 
-class PairFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PairFacts:
     """Names of two proxies and the distance that they must keep, m."""
 
     first: str
@@ -98,7 +103,8 @@ class PairFacts(NamedTuple):
     margin: float
 
 
-class BrakingFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class BrakingFacts:
     """Velocity limits that shrink towards the ends of the range; (n,) each.
 
     max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower), convex in (q, dq).
@@ -110,7 +116,8 @@ class BrakingFacts(NamedTuple):
     lower: NDArray[np.float64]
 
 
-class FrameFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FrameFacts:
     """A frame rigid in that of a moving link: R (3, 3) to the link's axes, origin [m]."""
 
     link: str
@@ -118,7 +125,8 @@ class FrameFacts(NamedTuple):
     translation: tuple[float, ...]
 
 
-class LoopJointFacts(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LoopJointFacts:
     """A loop joint: two frames that coincide but for what its kind leaves free about their z."""
 
     kind: str
@@ -126,7 +134,8 @@ class LoopJointFacts(NamedTuple):
     child: FrameFacts
 
 
-class Manifest(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Manifest:
     """The facts of one robot, see the fields of `manifest.json`.
 
     `joints`: the independent ones; `all_joints`: one per moving link, which `parent` counts by.

@@ -6,8 +6,8 @@ angle.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,8 @@ def read_recording(
     return check_consistency(recording_of(read_raw(path, recipe, run, joints)))
 
 
-class Raw(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Raw:
     """Content of the files before any conversion.
 
     Attributes:

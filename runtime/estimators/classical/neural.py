@@ -57,7 +57,7 @@ def fit_neural(problem: Problem) -> Fit:
     notes = (
         () if learned else ("linear friction predicts the validation data best: no net is kept",)
     )
-    return fit._replace(status=status, iterations=ROUNDS, optimum=None, net=net, notes=notes)
+    return replace(fit, status=status, iterations=ROUNDS, optimum=None, net=net, notes=notes)
 
 
 def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:

@@ -6,7 +6,7 @@ Source: Gautier 1997; document Sec. 3.1.3.
 """
 
 import itertools
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ RANK_TOLERANCE = 1e-9
 as not excited."""
 
 
-class Solution(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
     """Least-squares solution.
 
     Attributes:
@@ -78,7 +79,7 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     phi, solution, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
     notes += _zero_columns(problem, np.asarray(is_column))
-    return solution._replace(phi=phi.reshape(lib.n_joints, -1)), notes
+    return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
 
 
 def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, ...]:

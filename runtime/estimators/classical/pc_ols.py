@@ -8,6 +8,7 @@ first guess.
 Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import clarabel
@@ -42,7 +43,8 @@ FINER, MORE_STEPS = 4.0, 200
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 
-class ConvexOptimum(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexOptimum:
     """The smallest loss that any physically consistent model reaches on the data.
 
     Attributes:
@@ -88,7 +90,7 @@ def convex_optimum(
     if bounds is None:
         return solved(statistics)[2]
     phi, best, _ = within_bounds(statistics, bounds, solved)
-    return best._replace(phi=phi.reshape(best.phi.shape))
+    return replace(best, phi=phi.reshape(best.phi.shape))
 
 
 def fit_pc_ols(problem: Problem) -> Fit:
@@ -105,7 +107,7 @@ def fit_pc_ols(problem: Problem) -> Fit:
     bounds = bounds_of(problem, is_passive=True)
     phi, fit, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
-    return fit._replace(phi=phi.reshape(problem.train.columns.shape[1:]), notes=notes)
+    return replace(fit, phi=phi.reshape(problem.train.columns.shape[1:]), notes=notes)
 
 
 def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:

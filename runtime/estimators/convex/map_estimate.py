@@ -6,6 +6,7 @@ friction rather than noise, and the prior does not help against friction; the co
 uses `coloured_noise`, includes them.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -141,7 +142,7 @@ def fit_with_prior(problem: Problem, prior: "PriorFile | None" = None) -> Fit:
         f"the inertial prior is that of {prior.units} units of the fleet, which differ by about "
         f"{100 / np.sqrt(kappa):.2g} %"
     )
-    return fit._replace(notes=(note, *fit.notes))
+    return replace(fit, notes=(note, *fit.notes))
 
 
 def _solved(

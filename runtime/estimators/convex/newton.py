@@ -8,6 +8,7 @@ The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ 
 backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 γ.
 """
 
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -61,7 +62,8 @@ class Subspace(NamedTuple):
     basis: Array
 
 
-class ConvexProblem(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexProblem:
     """Least squares over π with an entropic prior and optional linear constraints.
 
     Attributes:
@@ -80,7 +82,7 @@ class ConvexProblem(NamedTuple):
 
     def weighted(self, factor: float) -> "ConvexProblem":
         """The same problem with γ times a factor."""
-        return self._replace(gamma=factor * self.gamma)
+        return replace(self, gamma=factor * self.gamma)
 
 
 class Minimum(NamedTuple):

@@ -97,7 +97,7 @@ def compare(
             if started is not None:
                 started(method)
             # A new problem for each: its time must not profit from statistics of the one before.
-            separate = assembly._replace(problem=replace(problem, progress=progress))
+            separate = replace(assembly, problem=replace(problem, progress=progress))
             rows.append(_row(separate, method, optimum, truth))
             if rows[-1].status == Status.INTERRUPTED.value:
                 break

@@ -152,7 +152,7 @@ def identification_at(
     less = replace(assembly.problem, train=replace(fitted, tau=fitted.tau - c))
     train = train.replace(tau=train.required("tau") - c).noted(FEEDBACK)
     return identify_assembled(
-        assembly._replace(problem=less, parts=(train, *assembly.parts[1:])), usual
+        replace(assembly, problem=less, parts=(train, *assembly.parts[1:])), usual
     )
 
 

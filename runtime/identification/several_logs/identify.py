@@ -178,7 +178,7 @@ class _Fit:
         )
         assembly = assemble(train, self.lib, settings, progress=progress)
         if refit:  # the parts are those of the same logs
-            assembly = assembly._replace(one_run=True, is_joined=joins)
+            assembly = replace(assembly, one_run=True, is_joined=joins)
         return replace(identify_assembled(assembly, settings), one_run=False)
 
 

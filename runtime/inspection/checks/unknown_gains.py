@@ -28,7 +28,7 @@ def with_gain_one(raw: Raw, plan: Recipe) -> tuple[Raw, Recipe]:
         return recipe.replace(torque=replace(recipe.torque, gain=1.0))
 
     recipe = None if raw.recipe is None else known(raw.recipe)
-    return raw._replace(plan=known(raw.plan), recipe=recipe), known(plan)
+    return replace(raw, plan=known(raw.plan), recipe=recipe), known(plan)
 
 
 def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]]:

@@ -1,6 +1,6 @@
 """A robot with identified bodies and friction, as every model file format writes it."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,8 @@ from runtime.outputs.model_files.urdf_tree import Tree, read_tree
 from runtime.recording import Friction
 
 
-class IdentifiedModel(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedModel:
     """Identified parameters of a robot and the kinematics of its URDF.
 
     Attributes:

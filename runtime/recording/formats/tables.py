@@ -1,8 +1,8 @@
 """A table of numbers, in which each corrupt row is NaN and keeps the number of its line."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ EXPANSION, SLACK = 50, 2**26
 noise shrink to a half as numbers and to a tenth as text."""
 
 
-class LogTable(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class LogTable:
     """Rows of numbers and where they come from.
 
     Attributes:

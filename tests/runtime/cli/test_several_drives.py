@@ -27,7 +27,7 @@ def test_friction_is_chosen_on_the_first_log(tiny_built: Path, tmp_path: Path) -
         assert each.preparation == replace(PREPARATION, trim_s=0.1)
     named = LogOptions(friction="viscous,coulomb,offset,rotor")
     assert with_drives([usual, usual], lib, named, None)[0].friction == Friction(DRIVE)
-    for left in (usual._replace(is_at_rest=True), usual._replace(recording=measured(log))):
+    for left in (replace(usual, is_at_rest=True), replace(usual, recording=measured(log))):
         assert with_drives([left, left], lib, LogOptions(), None) == [left, left]
 
 

@@ -69,7 +69,7 @@ def test_placeholders_are_compared_with_no_torque(
 ) -> None:
     """Property: links of 1 kg that stand for missing inertials contradict no torque."""
     placed = dict.fromkeys(lib.link_names, "placeholder")
-    monkeypatch.setattr(lib, "manifest", lib.manifest._replace(assumed=placed))
+    monkeypatch.setattr(lib, "manifest", replace(lib.manifest, assumed=placed))
     pi0 = np.tile([1.0, 0, 0, 0, 1e-3, 1e-3, 1e-3, 0, 0, 0], lib.n_joints)
     monkeypatch.setattr(lib, "pi0", pi0)
     result = inspect_log(saved(clean), lib)

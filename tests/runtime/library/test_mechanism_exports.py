@@ -2,6 +2,7 @@
 
 import re
 from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -38,10 +39,10 @@ def test_loops_are_written(palletizer: Library) -> None:
     shifted = text.replace(site[0], site[0].replace(site[1], str(float(site[1]) + 0.01)))
     with pytest.raises(Unreadable, match="its equalities leave other motions"):
         MJCF.check(model, shifted)
-    slides = lib.manifest.loop_joints[0]._replace(kind="cylindrical")
-    manifest = lib.manifest._replace(loop_joints=(slides,))
+    slides = replace(lib.manifest.loop_joints[0], kind="cylindrical")
+    manifest = replace(lib.manifest, loop_joints=(slides,))
     with pytest.raises(ExportError, match="is cylindrical, which no equality of MuJoCo states"):
-        MJCF.write(model._replace(lib=cast(Library, SimpleNamespace(manifest=manifest))))
+        MJCF.write(replace(model, lib=cast(Library, SimpleNamespace(manifest=manifest))))
 
 
 def test_export_writes_couplings_and_refuses_formats_without(wrist: Library) -> None:
@@ -116,7 +117,7 @@ def test_usd_states_joints_that_follow_one_joint(wrist: Library) -> None:
     single = copy(wrist)
     matrix, offset = np.array([[1, 0], [0, 1], [0, -1.25], [1, 0]]), np.array([0, 0, 0.2, 0])
     coupling = CouplingFacts((0, 1), matrix, offset)
-    single.manifest = wrist.manifest._replace(coupling=coupling)
+    single.manifest = replace(wrist.manifest, coupling=coupling)
     model = make_model(single, single.pi0)
     text = USD.write(model)
     assert USD.check(model, text).startswith("verified")

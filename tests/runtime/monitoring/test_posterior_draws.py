@@ -31,8 +31,9 @@ def test_without_data_the_draws_are_those_of_wishart(lib: Library, monitored: Mo
         factor=np.zeros_like(known.statistics.factor),
         target=np.zeros_like(known.statistics.target),
     )
-    blind = monitored.posterior._replace(
-        information=known._replace(statistics=statistics),
+    blind = dataclasses.replace(
+        monitored.posterior,
+        information=dataclasses.replace(known, statistics=statistics),
         pi_root=np.zeros((lib.pi0.size, lib.pi0.size)),
     )
     draws = draw_models(lib, monitored.saved, blind, COUNT, np.random.default_rng(0))
@@ -59,8 +60,9 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
     phi = np.full_like(monitored.saved.phi, 5.0)
     truth = np.concatenate([lib.base_matrix @ known.centre, phi.ravel()])
     statistics = dataclasses.replace(known.statistics, factor=factor, target=factor @ truth)
-    sharp = monitored.posterior._replace(
-        information=known._replace(statistics=statistics, density=1.0),
+    sharp = dataclasses.replace(
+        monitored.posterior,
+        information=dataclasses.replace(known, statistics=statistics, density=1.0),
         pi=known.centre,
         pi_root=np.zeros((lib.pi0.size, lib.pi0.size)),
     )

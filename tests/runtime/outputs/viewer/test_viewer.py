@@ -4,6 +4,7 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,7 @@ def test_meshes_are_searched_in_packages(
 
 def test_without_shapes_there_are_lines(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: each line ends at the next frame, the last one at the tip."""
-    monkeypatch.setattr(fr3, "manifest", fr3.manifest._replace(proxies=()))
+    monkeypatch.setattr(fr3, "manifest", replace(fr3.manifest, proxies=()))
     look = look_of(fr3)
     assert look.sentence == "lines, because the URDF has no visual shapes"
     frames = dict(zip(fr3.link_names, fr3.link_poses(fr3.home), strict=True)) | {BASE: np.eye(4)}

@@ -27,19 +27,19 @@ from runtime.recording.recipes.recipe import Signal, Time
 from tests.runtime.signals import sine
 
 
-def test_signals_that_stop_while_the_arm_moves_on() -> None:
+def test_signals_that_stop_while_the_arm_moves_on(double: Library) -> None:
     """Oracle: rows 100 to 199 keep their value: seen by the step of q behind, or by q itself."""
     t = np.arange(600) / 100.0
     index = np.where((np.arange(600) >= 100) & (np.arange(600) < 200), 100, np.arange(600))
     q, tau = np.sin(t)[:, None], np.cos(t)[:, None]
     for stopped, signals in ((q[index], ["q", "tau"]), (q, ["tau"])):
         log = Recording(t=t, q=stopped, tau=tau[index])
-        plan, (finding,) = frozen(log, Recipe())
+        plan, (finding,) = frozen(log, Recipe(), double)
         assert finding.evidence == {"spans_s": [[1.0, 1.99]], "signals": [signals]}
         assert plan.leave_out == ((1.0, 1.99),)
     # The arm stood still: q goes on from where it was.
     rest = np.sin(np.where(t < 1.0, t, np.where(t < 2.0, 1.0, t - 1.0)))[:, None]
-    assert frozen(Recording(t=t, q=rest, tau=rest), Recipe())[1] == []
+    assert frozen(Recording(t=t, q=rest, tau=rest), Recipe(), double)[1] == []
 
 
 @pytest.mark.parametrize("with_velocity", [True, False])
@@ -171,7 +171,7 @@ def test_delay_of_a_parabola(monkeypatch, seconds, searched) -> None:
 
 
 @pytest.mark.parametrize(("stated_trim", "trim"), [(0.1, 0.25), (0.7, 0.7)])
-def test_trimmed_edges_follow_the_cutoff(monkeypatch, stated_trim, trim) -> None:
+def test_trimmed_edges_follow_the_cutoff(monkeypatch, double, stated_trim, trim) -> None:
     """Oracle: 4 Hz in place of 10 Hz trims 1/4 s, unless the recipe states another length."""
     ten, four = (
         CutoffCandidate(hz, "measured", score, score - 1.0, 0.1, 1.0)
@@ -185,7 +185,7 @@ def test_trimmed_edges_follow_the_cutoff(monkeypatch, stated_trim, trim) -> None
         "differentiation_of",
         lambda _log, _lib, tried: SimpleNamespace(fails=tried.cutoff_hz > 5),
     )
-    done, findings = proposal.proposed_preparation(sine(1.0), None, ready, None, Friction())
+    done, findings = proposal.proposed_preparation(sine(1.0), double, ready, None, Friction())
     assert (done.cutoff_hz, done.trim_s) == (4.0, trim)
     assert [each.kind for each in findings] == ["cutoff", "regressor"]
 

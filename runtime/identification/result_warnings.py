@@ -13,6 +13,7 @@ from runtime.library import Array
 from runtime.recording import Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import is_filtered
+from runtime.recording.rest_speeds import STILL
 
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error [%] below which a torque cannot come from a real sensor."""
@@ -21,9 +22,6 @@ WORSE = 1.1
 UNEXPLAINED = 20.0
 """Overall error [%] above which the cause is not the method: all real logs that were tried end
 below 10 % once units, filter and friction are right."""
-STILL = 1e-3
-"""Travel [rad or m] of a joint at rest, by noise and vibration."""
-
 RETRACED = 0.8
 """Share of test rows near a training row above which the test is no new motion."""
 _NEAR = 0.05

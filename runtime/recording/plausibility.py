@@ -6,6 +6,7 @@ from runtime.errors import IdentificationError
 from runtime.library import Library
 from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import Recording
+from runtime.recording.recipes.unread_signals import states_unread
 
 OUTSIDE = 1.0
 """Distance beyond a joint limit from which on the unit, order or robot is wrong [rad, m]."""
@@ -31,7 +32,7 @@ def require_plausible(recording: Recording, lib: Library) -> None:
     """
     require_joints(recording, lib)
     if recording.tau is None:
-        unread = [step for step in recording.history if " are not read; if they are " in step]
+        unread = [step for step in recording.history if states_unread(step)]
         raise IdentificationError(
             f"the recording '{recording.name}' has no torque, which identification needs"
             + "".join(f"; {step.removeprefix('Warning: ').rstrip('.')}" for step in unread)

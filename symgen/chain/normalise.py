@@ -17,6 +17,8 @@ from symgen.chain.document import MOVING, Document, listing, numbers, origin
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""Gravity of a build by default, in the frame of the root link [m/s²]."""
 _HALF_PI = math.pi / 2
 
 
@@ -166,7 +168,7 @@ def _gravity(document: Document, options: ChainOptions) -> np.ndarray:
     base = options.base or document.root_link
     document.require_link(base, "--base")
     if options.floating:
-        return np.array([0.0, 0.0, -9.81])
+        return np.array(GRAVITY)
     rotation = np.eye(3)
     for joint in document.path(base):
         if document.kind(joint) != "fixed":
@@ -175,7 +177,7 @@ def _gravity(document: Document, options: ChainOptions) -> np.ndarray:
                 "of gravity in the base frame is unknown; give it with --gravity X,Y,Z"
             )
         rotation = rotation @ origin(document.joints[joint], f"joint '{joint}'")[0]
-    return rotation.T @ np.array([0.0, 0.0, -9.81])
+    return rotation.T @ np.array(GRAVITY)
 
 
 def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:

@@ -101,10 +101,10 @@ def request_from_urdf(
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
     notes: list[str] = []
-    text, mechanism = read_source(source, options.mechanism, notes.append)
+    has_gravity = options.gravity is not None
+    text, mechanism = read_source(source, options.mechanism, notes.append, has_gravity)
     for sentence in notes:
-        if options.gravity is None or "--gravity" not in sentence:
-            say(f"note: {sentence}")
+        say(f"note: {sentence}")
     if densities is not None:
         from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
 

@@ -17,12 +17,11 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
+from runtime.recording.rest_speeds import STILL
 
 MIRRORED = 0.05
 """Largest distance of the way back from the way out, over the range of the joint: controllers
 repeat a path within 1 %."""
-STILL = 1e-3
-"""Range [rad or m] below which a joint does not move."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from runtime.inspection.finding import WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import unwrap
+from runtime.recording.rest_speeds import STILL
 
 EXACT = 0.1
 """Residual of the filter over that of the past of dq alone, below which dq contains q alone."""
@@ -22,8 +23,6 @@ CLOSED = 0.05
 """Distance of the gain b/(1 − a) of a filter from 1."""
 FEWEST = 200
 """Rows that the regression needs."""
-_STILL = 1e-3
-"""Travel [rad or m] below which a joint shows encoder noise only."""
 
 
 def velocity_filter(
@@ -45,7 +44,7 @@ def velocity_filter(
     if recording.dq is None or plan.velocity is None or len(recording) < FEWEST or plan.law:
         return plan, []
     q = unwrap(recording.q)[0]
-    moving = np.flatnonzero(np.ptp(q, axis=0) > _STILL)
+    moving = np.flatnonzero(np.ptp(q, axis=0) > STILL)
     if not moving.size:
         return plan, []
     steps = np.diff(recording.t)

@@ -15,6 +15,7 @@ _SIGNALS = ("q", "dq", "ddq", "tau")
 _WANTED = ("dq", "tau")
 """Signals whose absence is stated; accelerations are rarely measured."""
 _SHOWN = 6
+_NOT_READ = "are not read; if they are such a signal"
 
 
 def unread_columns(titles: Iterable[str], name: str) -> tuple[str, ...]:
@@ -66,12 +67,17 @@ def unread_arrays(
     return _sentence(missing, "arrays", unread, name)
 
 
+def states_unread(step: str) -> bool:
+    """Whether a step of the history of a recording is such a sentence."""
+    return _NOT_READ in step
+
+
 def _sentence(missing: list[str], what: str, unread: list[str], name: str) -> tuple[str, ...]:
     if not missing or not unread:
         return ()
     more = f" and {len(unread) - _SHOWN} more" if len(unread) > _SHOWN else ""
     return (
         f"Warning: {name} has no {' and no '.join(missing)}, and its {what} "
-        f"{', '.join(unread[:_SHOWN])}{more} are not read; if they are such a signal, rename them "
-        "or describe them in a recipe.",
+        f"{', '.join(unread[:_SHOWN])}{more} {_NOT_READ}, rename them or "
+        "describe them in a recipe.",
     )

@@ -20,21 +20,23 @@ from symgen.build.sources.mjcf_loops import assembly_of, loop_of_equality
 from symgen.build.sources.springs import springs_of_mjcf
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Mechanism
+from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
 
-GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity of a build by default [m/s²]."""
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 SPECK_KG = 1e-9
 """Mass of the links between several joints of one body, kg: below the rounding of any torque."""
 
 
-def robot_from_mjcf(path: Path, note: Callable[[str], None]) -> tuple[str, Mechanism]:
+def robot_from_mjcf(
+    path: Path, has_gravity: bool, note: Callable[[str], None]
+) -> tuple[str, Mechanism]:
     """URDF of an MJCF file.
 
     Args:
         path: the file; it may include others.
+        has_gravity: whether the build states the gravity, so that another one needs no note.
         note: receives sentences on what of the file a build does not take.
 
     Returns:
@@ -58,7 +60,9 @@ def robot_from_mjcf(path: Path, note: Callable[[str], None]) -> tuple[str, Mecha
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise BuildError(f"MuJoCo rejects '{path}': {reason}; correct the file") from None
-    _note_gravity(model, note)
+    if not has_gravity:
+        _note_gravity(model, note)
+    _note_compensated(model, note)
     robot = Element("robot", {"name": path.stem})
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
     SubElement(robot, "link", {"name": names[0]})
@@ -81,7 +85,7 @@ def robot_from_mjcf(path: Path, note: Callable[[str], None]) -> tuple[str, Mecha
 
 
 def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
-    """Note gravity other than that of a build, and bodies whose weight MuJoCo compensates."""
+    """Note gravity other than that of a build."""
     gravity = np.array(model.opt.gravity)
     if np.linalg.norm(gravity - GRAVITY) > _FAR:
         stated = ",".join(f"{x:g}" for x in gravity)
@@ -89,6 +93,10 @@ def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
             f"the file states the gravity {stated} m/s², and the build takes 0,0,-9.81 unless "
             "--gravity is given"
         )
+
+
+def _note_compensated(model: Any, note: Callable[[str], None]) -> None:
+    """Note bodies whose weight MuJoCo compensates."""
     compensated = [model.body(k).name or f"body_{k}" for k in np.flatnonzero(model.body_gravcomp)]
     if compensated:
         note(

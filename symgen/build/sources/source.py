@@ -30,7 +30,10 @@ class Source:
 
 
 def read_source(
-    source: Source, mechanism: Mechanism, note: Callable[[str], None] = lambda _: None
+    source: Source,
+    mechanism: Mechanism,
+    note: Callable[[str], None] = lambda _: None,
+    has_gravity: bool = False,
 ) -> tuple[str, Mechanism]:
     """Return the URDF of a robot file, and the mechanism.
 
@@ -38,6 +41,7 @@ def read_source(
         source: URDF, xacro, MJCF, SDF or TOML of modified DH rows.
         mechanism: that of --mechanism.
         note: receives sentences on what of the file a build does not take.
+        has_gravity: whether the build states the gravity, so that another one needs no note.
 
     Returns:
         Text of the URDF, and the mechanism of both files; `independent` and [assembly] of
@@ -63,7 +67,7 @@ def read_source(
     else:
         text = urdf_text(path)
         if "<mujoco" in text and "<robot" not in text:
-            text, stated = robot_from_mjcf(path, note)
+            text, stated = robot_from_mjcf(path, has_gravity, note)
         elif "<sdf" in text and "<robot" not in text:
             text, stated = robot_from_sdf(text, f"'{path}'")
     springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()

@@ -96,11 +96,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name of `__all__` at its first use.
-
-    Raises:
-        AttributeError: the package has no such name.
-    """
+    """Import a name of `__all__` at its first use."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_MODULES[name]), name)

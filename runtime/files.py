@@ -41,23 +41,14 @@ _TOML_LITERAL = re.compile(
 
 
 def require_file(path: Path) -> Path:
-    """Path of a regular file; links are followed.
-
-    Raises:
-        OSError: it does not exist, or it is a folder, a pipe or a device.
-    """
+    """Path of a regular file; links are followed."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
     return path
 
 
 def bytes_of(path: Path) -> bytes:
-    """Content of a document.
-
-    Raises:
-        OSError: it cannot be read, or is no regular file.
-        ValueError: it is larger than `LARGEST`.
-    """
+    """Content of a document."""
     size = require_file(path).stat().st_size
     if size > LARGEST:
         raise ValueError(f"{size} bytes are more than the {LARGEST} of any document")
@@ -101,14 +92,7 @@ def toml_of(path: Path) -> dict[str, Any]:
 
 
 def require_short_keys(text: str) -> None:
-    """Refuse a TOML text with long keys before it is parsed.
-
-    Args:
-        text: TOML.
-
-    Raises:
-        ValueError: a key is longer than `_KEY_LENGTH`, or has more than `_KEY_PARTS` parts.
-    """
+    """Refuse a TOML text with long keys before it is parsed."""
     # Texts become one letter and comments nothing; then only keys, numbers and dates are left.
     plain = _TOML_LITERAL.sub(
         lambda match: "" if match[0][0] == "#" else "s" * min(len(match[0]), _KEY_LENGTH), text
@@ -159,9 +143,6 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
     Missing folders are made. On any error the old file stays unchanged. A link in the place of
     `path` is replaced, not followed.
-
-    Raises:
-        RuntimeFault: the place cannot be written.
     """
     if not path.name:
         raise RuntimeFault(f"cannot write '{path}': it names no file")

@@ -39,21 +39,6 @@ def on_cluster(
 
     The key is new for every call. Closing the iterator cancels pieces that wait and abandons those
     that run.
-
-    Args:
-        work: a function of a module.
-        sent: data that all pieces share.
-        rounds: lists of pieces, one task each; the next list is requested when all of the last have
-            ended.
-        scheduler: address such as tcp://host:8786.
-        of: what a piece is, for messages.
-
-    Returns:
-        Results, in the order in which they end.
-
-    Raises:
-        IdentificationError: no dask here, no scheduler or worker there, a worker without the
-            robot's files, or a piece that took several workers down.
     """
     try:
         from distributed import as_completed

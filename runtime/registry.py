@@ -34,14 +34,7 @@ class Registry(Generic[R]):
     """Records of one kind by name, in the order of the package, then those of plugins by name."""
 
     def __init__(self, group: str, kind: type[R], noun: str, builtin: Mapping[str, str]) -> None:
-        """A registry whose built-in records are not imported yet.
-
-        Args:
-            group: entry-point group of plugins, such as "symgen.estimators".
-            kind: class of the records.
-            noun: what a record is, for messages, such as "method".
-            builtin: name → `module:ATTRIBUTE` of the records of this package.
-        """
+        """A registry whose built-in records are not imported yet."""
         self.group, self.kind, self.noun = group, kind, noun
         self._builtin = dict(builtin)
         self._plugins: dict[str, EntryPoint] | None = None
@@ -59,17 +52,7 @@ class Registry(Generic[R]):
         return name in self._builtin or name in self._entry_points()
 
     def __getitem__(self, name: str) -> R:
-        """The record of this name.
-
-        Args:
-            name: one of the names that iterating yields.
-
-        Returns:
-            The record, imported at its first use.
-
-        Raises:
-            RuntimeFault: the name is unknown, or a plugin cannot be imported or is of another kind.
-        """
+        """The record of this name."""
         if name not in self._loaded:
             self._loaded[name] = self._load(name)
         return self._loaded[name]

@@ -44,15 +44,7 @@ def is_completion() -> bool:
 
 
 def fitting(words: Sequence[str], commands: Mapping[str, Sequence[str]]) -> list[str]:
-    """Words that may stand in place of the last one.
-
-    Args:
-        words: words after `symgen`, the last of them incomplete.
-        commands: packages of each command.
-
-    Returns:
-        Commands, options, or values of an option; empty where a file is expected.
-    """
+    """Words that may stand in place of the last one."""
     *before, begun = words or [""]
     if not before:
         known: Sequence[str] = [*commands, *FLAGS]

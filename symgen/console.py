@@ -101,14 +101,7 @@ def _show_completion(words: Sequence[str]) -> None:
 
 
 def overview(width: int) -> str:
-    """Help of the console command.
-
-    Args:
-        width: columns of the terminal.
-
-    Returns:
-        Usage, all commands in groups with one sentence each, and where to read on.
-    """
+    """Help of the console command."""
     titles = [f"{c.name} {c.argument}".strip() for group in GROUPS.values() for c in group]
     indent = max(map(len, titles)) + 4
     lines = [
@@ -143,14 +136,7 @@ def overview(width: int) -> str:
 
 
 def inspected_file(words: Sequence[str]) -> str | None:
-    """First argument of `inspect` that is no option.
-
-    Args:
-        words: command line after `inspect`.
-
-    Returns:
-        The word, or None where only options are given.
-    """
+    """First argument of `inspect` that is no option."""
     rest = iter(words)
     for word in rest:
         if word == "--":
@@ -163,14 +149,7 @@ def inspected_file(words: Sequence[str]) -> str | None:
 
 
 def is_model(path: Path) -> bool:
-    """Whether a file is a robot model: URDF, xacro and MJCF are XML, and no log is.
-
-    Args:
-        path: a file, a folder, or a word that is neither.
-
-    Returns:
-        True where the first character is `<`; without content the suffix decides.
-    """
+    """Whether a file is a robot model: URDF, xacro and MJCF are XML, and no log is."""
     try:
         with path.open("rb") as file:
             head = file.read(4096).lstrip(_BEFORE_XML)
@@ -182,18 +161,7 @@ def is_model(path: Path) -> bool:
 
 
 def commands_of(package: str) -> Callable[[], None]:
-    """Import the commands of a package.
-
-    Args:
-        package: `BUILD` or `RUN`.
-
-    Returns:
-        Function that runs the command of `sys.argv`; it ends with code 2 and one sentence where the
-        command needs a library of the build that is not installed.
-
-    Raises:
-        SystemExit: Ctrl-C came during the import (130).
-    """
+    """Import the commands of a package."""
     gc.disable()  # what the import makes stays
     try:
         run_command: Callable[[], None] = import_module(package).main
@@ -224,12 +192,6 @@ def installation(extra: str) -> str:
     """Command that installs an extra.
 
     In a clone it names the clone: an index need not have this version, or has another project.
-
-    Args:
-        extra: name in pyproject.toml.
-
-    Returns:
-        Shell command.
     """
     clone = Path(__file__).resolve().parents[1]
     source = clone if (clone / "pyproject.toml").is_file() else "symgen"

@@ -29,10 +29,6 @@ def text_of(path: Path) -> str:
     """Return the text of a UTF-8 file, without its byte order mark.
 
     Pipes and devices are refused: reading them could block or never end.
-
-    Raises:
-        OSError: the file cannot be read, or is not a regular file.
-        ValueError: the file is larger than `LARGEST`, or is not UTF-8.
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
@@ -43,12 +39,7 @@ def text_of(path: Path) -> str:
 
 
 def json_of(path: Path) -> Any:
-    """Return the value of a JSON file.
-
-    Raises:
-        OSError: as for `text_of`.
-        ValueError: as for `text_of`, or the text is not JSON.
-    """
+    """Return the value of a JSON file."""
     try:
         return json.loads(text_of(path), parse_int=_whole)
     except RecursionError:
@@ -56,12 +47,7 @@ def json_of(path: Path) -> Any:
 
 
 def toml_of(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file.
-
-    Raises:
-        OSError: as for `text_of`.
-        ValueError: as for `text_of`, or the text is not TOML, or has long keys.
-    """
+    """Return the tables of a TOML file."""
     text = text_of(path)
     if len(text) > LARGEST_TOML:
         raise ValueError(f"it has more than {LARGEST_TOML >> 20} MiB")
@@ -93,14 +79,7 @@ def _require_short_integers(tree: Any) -> None:
 
 
 def require_short_keys(text: str) -> None:
-    """Refuse a TOML text with long keys before it is parsed.
-
-    Args:
-        text: TOML.
-
-    Raises:
-        ValueError: a key is longer than `_KEY_LENGTH`, or has more than `_KEY_PARTS` parts.
-    """
+    """Refuse a TOML text with long keys before it is parsed."""
     # Texts become one letter and comments nothing; then only keys, numbers and dates are left.
     plain = _TOML_LITERAL.sub(
         lambda match: "" if match[0][0] == "#" else "s" * min(len(match[0]), _KEY_LENGTH), text

@@ -131,25 +131,7 @@ def make_kernel(
     through: tuple[str, ...] = (),
     unhurried: bool = False,
 ) -> Kernel:
-    """Return a kernel of symbolic expressions, with common subexpressions shared.
-
-    Args:
-        name: C name of the kernel without the robot's prefix.
-        inputs: argument → its symbol.
-        outputs: argument → expression of its shape; vectors are columns.
-        equation: one line that states what is computed.
-        per: what a batch runs over: "sample", "link" or "point".
-        rare: True for a kernel without vector code.
-        factors: kernels of a product, see `Kernel`.
-        through: kernels of a composition, see `Kernel`.
-        unhurried: True for a kernel that is compiled without optimisation.
-
-    Returns:
-        The kernel; its outputs are dense vectors in row-major order.
-
-    Raises:
-        BuildError: an expression does not have the declared shape.
-    """
+    """Return a kernel of symbolic expressions, with common subexpressions shared."""
     rows = []
     for argument, expression in outputs.items():
         declared = (*argument.shape, 1)[:2] if argument.shape else (1, 1)
@@ -171,15 +153,7 @@ def make_kernel(
 
 
 def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], Matrix]) -> Kernel:
-    """The kernel with values of the symbols that are no inputs.
-
-    Args:
-        kernel: as made; without further symbols it is returned as it is.
-        values: from the symbols of the inputs by name, and the further symbols, to their values.
-
-    Returns:
-        A kernel of the inputs alone.
-    """
+    """The kernel with values of the symbols that are no inputs."""
     function = kernel.function
     if function.n_in() == len(kernel.inputs):
         return kernel

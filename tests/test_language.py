@@ -18,6 +18,9 @@ AVOIDED = {
 """Words that do not say what a variable holds; docs/contributing lists what is said instead."""
 
 
+SECTION = re.compile(r"^(Args|Returns|Yields|Raises):", re.MULTILINE)
+
+
 @cache
 def tree_of(path: Path) -> ast.Module:
     """The syntax tree of one module."""
@@ -57,13 +60,62 @@ def words_of(identifier: str) -> frozenset[str]:
     return frozenset(word.lower() for word in re.split(r"[_.]", parted) if word)
 
 
-def public_functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
-    """Public functions of a module and public methods of its public classes."""
-    classes = [n for n in tree.body if isinstance(n, ast.ClassDef) and n.name[0] != "_"]
-    for scope in (tree, *classes):
-        for node in scope.body:
-            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                yield node
+def module_of(path: Path) -> str:
+    """Dotted name of a module; that of the package for its face."""
+    parts = path.relative_to(REPOSITORY).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+TREES = {module_of(path): tree_of(path) for path in MODULES}
+
+
+def names_in_all(tree: ast.Module) -> list[str]:
+    """Names that `__all__` of a module lists."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return [str(name) for name in ast.literal_eval(node.value)]
+    return []
+
+
+@cache
+def exported() -> frozenset[tuple[str, str]]:
+    """Module and name of all that some `__all__` lists, up to the definition."""
+    seen: set[tuple[str, str]] = set()
+    rest = [(module, name) for module, tree in TREES.items() for name in names_in_all(tree)]
+    while rest:
+        module, name = rest.pop()
+        if module not in TREES or (module, name) in seen:
+            continue
+        seen.add((module, name))
+        for node in ast.walk(TREES[module]):
+            if isinstance(node, ast.ImportFrom):
+                taken = [each for each in node.names if (each.asname or each.name) == name]
+                rest += [(node.module or "", each.name) for each in taken]
+    return frozenset(seen)
+
+
+@cache
+def bases() -> frozenset[str]:
+    """Names of the classes that others inherit from, and of protocols."""
+    classes = [n for tree in TREES.values() for n in ast.walk(tree) if isinstance(n, ast.ClassDef)]
+    inherited = {
+        ast.unparse(b).partition("[")[0].rpartition(".")[2] for c in classes for b in c.bases
+    }
+    abstract = {c.name for c in classes if any("Protocol" in ast.unparse(b) for b in c.bases)}
+    return frozenset(inherited | abstract)
+
+
+def functions(module: str) -> Iterator[tuple[ast.FunctionDef, bool]]:
+    """Functions of a module and methods of its classes, and whether others may call them."""
+    tree = TREES[module]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and node in tree.body:
+            yield node, (module, node.name) in exported()
+        elif isinstance(node, ast.ClassDef):
+            public = (module, node.name) in exported() or node.name in bases()
+            for method in node.body:
+                if isinstance(method, ast.FunctionDef):
+                    yield method, public and method.name[0] != "_"
 
 
 def parameters(function: ast.FunctionDef) -> list[str]:
@@ -98,22 +150,36 @@ def test_identifiers_use_the_words_of_the_field(path: Path) -> None:
     assert not guilty
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_public_functions_state_arguments_and_results(path: Path) -> None:
+@pytest.mark.parametrize("module", TREES)
+def test_exported_functions_state_arguments_and_results(module: str) -> None:
     """Property: two or more parameters → Args names each of them, Returns says what comes back.
 
     Functions of command-line commands are excepted: their docstring is the text of --help.
     """
     guilty = {
         f"{function.name} (line {function.lineno})": missing_sections(function)
-        for function in public_functions(tree_of(path))
-        if len(parameters(function)) > 1 and not function.name.endswith("_command")
+        for function, public in functions(module)
+        if public and len(parameters(function)) > 1 and not function.name.endswith("_command")
     }
     assert not {name: lacking for name, lacking in guilty.items() if lacking}
+
+
+@pytest.mark.parametrize("module", TREES)
+def test_other_functions_have_no_sections(module: str) -> None:
+    """Property: what no `__all__` lists and no base class declares has neither Args nor Returns."""
+    guilty = [
+        f"{function.name} (line {function.lineno})"
+        for function, public in functions(module)
+        if not public and SECTION.search(ast.get_docstring(function) or "")
+    ]
+    assert guilty == []
 
 
 def test_the_checks_of_this_file_can_fail() -> None:
     """Property: a module with both faults is seen."""
     tree = ast.parse('def f(told, b) -> int:\n    """F.\n\n    Args:\n        b: x.\n    """\n')
     assert any(words_of(name) & AVOIDED for name, _ in identifiers(tree))
-    assert missing_sections(next(public_functions(tree))) == ["told", "Returns"]
+    function = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
+    assert missing_sections(function) == ["told", "Returns"]
+    assert SECTION.search(ast.get_docstring(function) or "")
+    assert ("runtime.identification.single_log", "identify") in exported()

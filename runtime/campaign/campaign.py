@@ -116,24 +116,7 @@ def run_campaign(
     on_model: Callable[[ArmModel], None] = lambda _: None,
     safety: Safety = EMPTY_CELL,
 ) -> Outcome:
-    """Run a campaign, or continue it from its files.
-
-    Args:
-        driver: of the robot; where it stands elsewhere it first moves to the start of a motion.
-        plan: settings.
-        target: of the plan.
-        folder: of the files.
-        say: receives one sentence per step.
-        on_model: receives the model after every stage.
-        safety: limits of all motions and ways: table, box, obstacles.
-
-    Returns:
-        How it ended.
-
-    Raises:
-        IdentificationError: the folder holds another campaign, a gate refuses a stage, or a guard
-            stopped the robot; a joint has no effort limit, which the guards need.
-    """
+    """Run a campaign, or continue it from its files."""
     lib = driver.lib
     model_error(lib)  # the guards need it; before a motion is designed and rehearsed
     described = {

@@ -102,18 +102,7 @@ class Streamed:
     stop: Stop | None = None
 
     def recording(self, lib: Library, name: str) -> Recording:
-        """The samples as a log.
-
-        Args:
-            lib: library of the robot.
-            name: of the log.
-
-        Returns:
-            Recording with t from 0 on, to the nanosecond.
-
-        Raises:
-            SimulationError: there is no sample.
-        """
+        """The samples as a log."""
         if not self.samples:
             raise SimulationError(
                 "the robot sent no sample; check its connection, then repeat the command"

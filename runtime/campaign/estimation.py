@@ -57,16 +57,7 @@ class ArmModel:
 
 
 def arm_model(lib: Library, motions: Sequence[tuple[str, Recording]], first: int = 0) -> ArmModel:
-    """Identify the arm from all rows of all logs, with one offset per joint and log.
-
-    Args:
-        lib: library of the robot.
-        motions: names and logs of `smoothed`, one or more.
-        first: index of the log from which on the parameters of the friction columns are searched.
-
-    Returns:
-        The model.
-    """
+    """Identify the arm from all rows of all logs, with one offset per joint and log."""
     usual = GearFriction.usual(lib.n_joints)
     gear = gear_of([each for _, each in motions[first:]], lib, PREPARATION, usual)
     names = [name for name, _ in motions]
@@ -91,14 +82,6 @@ def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) 
 
     What the friction columns do not describe has the frequencies of friction; averaged over all
     unknowns it would widen the intervals of β, which are orthogonal to these columns, by a third.
-
-    Args:
-        result: of all logs in a row.
-        known: prior of the friction columns.
-        rows: of every log.
-
-    Returns:
-        Posterior of the result.
     """
     first, lib = result.uncertainty, result.lib
     if first is None or first.information is None:
@@ -127,13 +110,6 @@ def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:
     Ripple, Stribeck peak and the difference between the directions are shares of the dry friction.
     Without the prior a short log leaves their sum with the torque of the links open. Errors of the
     parameters have the prior of their search, so that the posterior counts them.
-
-    Args:
-        gear: with coefficients.
-        logs: number of logs, each with an offset of its own.
-
-    Returns:
-        Means 0 and standard deviations, (n, k); infinite for dry and viscous friction and offsets.
     """
     dry = np.maximum(np.abs(gear.phi[:, 0]), 1e-9)
     free = np.full((len(dry), 1), np.inf)
@@ -145,19 +121,7 @@ def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:
 
 
 def agreement_of(model: ArmModel, motion: Recording, unseen: float = 1.0) -> tuple[float, ...]:
-    """RMS of the residual of a new log over the RMS of the band that the model states, per joint.
-
-    Args:
-        model: identified without the log.
-        motion: log of `smoothed`.
-        unseen: share of `UNSEEN_RIPPLE` and `UNSEEN_FRICTION` that counts.
-
-    Returns:
-        (n,).
-
-    Raises:
-        IdentificationError: the model has no uncertainty.
-    """
+    """RMS of the residual of a new log over the RMS of the stated band, per joint."""
     result, shared = model.result, len(NAMES) - 1
     if result.uncertainty is None:
         raise IdentificationError("expected a model with an uncertainty; identify with map")

@@ -62,18 +62,7 @@ def released(
     agreement: tuple[float, ...] | None = None,
     safety: Safety = EMPTY_CELL,
 ) -> Release:
-    """Decide whether a stage may run.
-
-    Args:
-        lib: library of the robot.
-        motion: of the stage, at its speed.
-        log: recorded last; None before the first one.
-        agreement: of the last log with the model before it, of `agreement_of`; None without.
-        safety: limits of the motion.
-
-    Returns:
-        Decision with its reasons.
-    """
+    """Decide whether a stage may run."""
     reasons: list[str] = []
     checked = ["limits at every instant"]
     certificate = certificate_of(lib, motion, safety)

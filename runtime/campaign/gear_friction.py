@@ -81,31 +81,14 @@ class GearFriction:
 
 
 def smoothed(recording: Recording, lib: Library) -> Recording:
-    """The log with dq and ddq of the low-passed q, zero-phase.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-
-    Returns:
-        The log at its full rate.
-    """
+    """The log with dq and ddq of the low-passed q, zero-phase."""
     bare = independent_joints(recording, lib).replace(dq=None, ddq=None)
     cutoff = min(MOTION_HZ, BELOW_RATE * recording.rate_hz)
     return differentiate(low_pass(bare, cutoff, only=("q",)))
 
 
 def prepared_log(motion: Recording, gear: GearFriction, preparation: Preparation) -> Recording:
-    """Rows of a log with the columns of `NAMES`.
-
-    Args:
-        motion: of `smoothed`.
-        gear: what the columns depend on.
-        preparation: filter and rate; its delay is that of the gear.
-
-    Returns:
-        Prepared recording with columns (N, n, k).
-    """
+    """Rows of a log with the columns of `NAMES`."""
     friction, slopes, rows = prepared_columns(motion, gear, preparation)
     columns = (friction, errors_of(slopes, gear.phi), np.ones((*friction.shape[:2], 1)))
     return rows.replace(columns=np.concatenate(columns, axis=2), column_names=NAMES)
@@ -114,16 +97,7 @@ def prepared_log(motion: Recording, gear: GearFriction, preparation: Preparation
 def prepared_columns(
     motion: Recording, gear: GearFriction, preparation: Preparation
 ) -> tuple[Array, Array, Recording]:
-    """Columns of friction and their derivatives, at the rows of a prepared log.
-
-    Args:
-        motion: of `smoothed`.
-        gear: what the columns depend on.
-        preparation: filter and rate; its delay is that of the gear.
-
-    Returns:
-        Columns of `FRICTION` (N, n, 7), derivatives of `slope_columns` (N, n, 8), and the rows.
-    """
+    """Columns of friction and their derivatives, at the rows of a prepared log."""
     columns = friction_columns(motion, gear)
     both = np.concatenate([columns, slope_columns(motion, gear, columns)], axis=2)
     names = tuple(f"column {k}" for k in range(both.shape[2]))
@@ -136,12 +110,7 @@ def prepared_columns(
 def errors_of(slopes: Array, phi: Array) -> Array:
     """Torque per error of delay, ln z_c, ln v_s and w.
 
-    Args:
-        slopes: of `prepared_columns`, (N, n, 8).
-        phi: coefficients of `FRICTION`, (n, 7).
-
-    Returns:
-        (N, n, 4) in the order of `ERRORS`.
+    slopes (N, n, 8), phi (n, 7) → (N, n, 4).
     """
     return np.stack(
         [
@@ -157,12 +126,7 @@ def errors_of(slopes: Array, phi: Array) -> Array:
 def friction_columns(motion: Recording, gear: GearFriction) -> Array:
     """Columns of a log at its full rate.
 
-    Args:
-        motion: of `smoothed`, (N, n).
-        gear: what the columns depend on.
-
-    Returns:
-        (N, n, 7) in the order of `FRICTION`.
+    motion (N, n) → (N, n, 7).
     """
     dq = motion.required("dq")
     angle = gear.waves * motion.q
@@ -175,14 +139,7 @@ def friction_columns(motion: Recording, gear: GearFriction) -> Array:
 def slope_columns(motion: Recording, gear: GearFriction, columns: Array) -> Array:
     """Derivatives of the columns by the parameters of the gear.
 
-    Args:
-        motion: of `smoothed`, (N, n).
-        gear: where they are taken.
-        columns: of `friction_columns`.
-
-    Returns:
-        (N, n, 8): of the four columns with ζ by ln z_c, of the third by ln v_s, of sine and
-        cosine by w, and dτ/dt.
+    motion (N, n) → (N, n, 8).
     """
     further = _with_memory(motion, gear, gear.stroke * np.exp(STEP))
     by_stroke = (further - columns[..., :MEMORY]) / STEP

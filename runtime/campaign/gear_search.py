@@ -44,17 +44,7 @@ RANK_TOLERANCE = 1e-9
 def gear_of(
     motions: Sequence[Recording], lib: Library, preparation: Preparation, start: GearFriction
 ) -> GearFriction:
-    """Estimate delay, strokes, peak speeds and waves.
-
-    Args:
-        motions: logs of `smoothed`.
-        lib: library of the robot.
-        preparation: of the rows.
-        start: where the search begins, without waves.
-
-    Returns:
-        Estimates, (n,) each.
-    """
+    """Estimate delay, strokes, peak speeds and waves."""
     gear = _moved(start, _step(motions, lib, preparation, start)[0])
     for _ in range(SEARCHES):  # ripples that others have covered show once these are columns
         waves = _step(motions, lib, preparation, gear, searches_waves=True)[1]
@@ -128,16 +118,7 @@ def _spread(columns: Array) -> Array:
 
 
 def _least_squares(rows: Array, target: Array, known: Array) -> tuple[Array, Array]:
-    """Solution of least norm over unit columns, and an orthonormal basis of the columns.
-
-    Args:
-        rows: weighted, (N, n, p).
-        target: weighted, (N, n).
-        known: rows of a prior with mean 0, over its standard deviation, (m, p).
-
-    Returns:
-        Solution (p,), and the part of the basis that belongs to the data, (N n, r).
-    """
+    """Solution of least norm over unit columns, and an orthonormal basis of the columns."""
     flat = np.concatenate([rows.reshape(-1, rows.shape[2]), known])
     lengths = np.linalg.norm(flat, axis=0)
     unit = flat / np.where(lengths > 0, lengths, 1.0)
@@ -154,11 +135,6 @@ def _waves(q: Array, rest: Array, basis: Array) -> Array:
 
     The residual r explained by C = [sin wq, cos wq] beside the other columns is cᵀ G⁻¹ c with
     c = Cᵀ r and G = Cᵀ C − (Bᵀ C)ᵀ (Bᵀ C), B the orthonormal basis of these columns.
-
-    Args:
-        q: positions, (N, n) [rad, m].
-        rest: weighted residual, (N, n).
-        basis: B, (N n, p).
     """
     count, n = q.shape
     tried, waves = np.arange(LOWEST, HIGHEST, SPACING), np.zeros(n)

@@ -13,11 +13,7 @@ MODEL_ERROR = (0.006, 0.03, 0.5)
 
 
 def model_error(lib: Library) -> Array:
-    """σ of the modelled torque of an arm that is not identified yet, (n,) [N·m, N].
-
-    Raises:
-        IdentificationError: a joint has no effort limit, from which it follows.
-    """
+    """σ of the modelled torque of an arm that is not identified yet, (n,) [N·m, N]."""
     effort = lib.limits()["effort"]
     bounded = np.isfinite(effort) & (effort > 0)
     if not bounded.all():

@@ -53,15 +53,7 @@ class TrackingGuard:
         self._most = np.broadcast_to(usual if most is None else most, lib.n_joints)
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on the first joint that is too far away.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
+        """Sentence on the first joint that is too far away."""
         away = np.abs(sample.q - reference.q)
         if (away <= self._most).all():
             return None
@@ -105,15 +97,7 @@ class ExternalTorqueGuard:
         self._variance = np.diag(usual**2)
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on the joint with the largest external torque above its threshold.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
+        """Sentence on the joint with the largest external torque above its threshold."""
         r = self._observer.update(sample.q, sample.dq, sample.tau)
         mass = ACCELERATION_NOISE * self._lib.mass_matrix(sample.q, self._pi)
         precision = np.linalg.inv(mass @ mass + self._variance)
@@ -143,15 +127,7 @@ class ClockGuard:
         self._before: Sample | None = None
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on a sample that is late, repeated or stamped with another time.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
+        """Sentence on a sample that is late, repeated or stamped with another time."""
         before, self._before = self._before, sample
         if before is None:
             return None
@@ -181,15 +157,7 @@ class KeyGuard:
         self._pressed = pressed
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on the key.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
+        """Sentence on the key."""
         return "the user pressed the key to stop" if self._pressed() else None
 
 
@@ -199,17 +167,7 @@ def usual_guards(
     model: SavedResult | None = None,
     pressed: Callable[[], bool] | None = None,
 ) -> Sequence[Guard]:
-    """All guards with their usual settings, fresh for one motion.
-
-    Args:
-        lib: library of the robot.
-        rate_hz: of the samples [Hz].
-        model: identified model of the observer; None: the URDF.
-        pressed: of `KeyGuard`; None leaves it out.
-
-    Returns:
-        Guards, those of the data first.
-    """
+    """All guards with their usual settings, fresh for one motion."""
     guards: list[Guard] = [ClockGuard(rate_hz), LimitsGuard(lib), TrackingGuard(lib)]
     if pressed is not None:
         guards.append(KeyGuard(pressed))

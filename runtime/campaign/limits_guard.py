@@ -36,15 +36,7 @@ class LimitsGuard:
         self._ends, self._speed = (low, high), (1 + margin) * speed
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
-        """Sentence on the first limit that is exceeded.
-
-        Args:
-            sample: newest sample.
-            reference: commanded before it.
-
-        Returns:
-            The sentence, or None.
-        """
+        """Sentence on the first limit that is exceeded."""
         for what, values in (
             ("position", sample.q),
             ("velocity", sample.dq),

@@ -24,15 +24,7 @@ PLAUSIBLE = np.array([20.0, *3 * [5.0], *6 * [2.0]])
 def payload_of(model: ArmModel, motion: Recording) -> tuple[Array, Array]:
     """Parameters of a payload from one log.
 
-    Args:
-        model: of the arm without the payload.
-        motion: log with it, of `smoothed`.
-
-    Returns:
-        x (10,) in the frame of the last link [kg, kg·m, kg·m²], and its covariance (10, 10).
-
-    Raises:
-        IdentificationError: the model has no posterior.
+    Returns (10,) [kg, kg·m, kg·m²].
     """
     result, lib = model.result, model.result.lib
     if result.uncertainty is None or result.uncertainty.information is None:

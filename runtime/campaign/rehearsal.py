@@ -74,16 +74,7 @@ class Verdict:
 
 
 def rehearse(lib: Library, motion: Trajectory, seed: int = 0) -> tuple[Verdict, ...]:
-    """Let the virtual robot run a motion with one fault of each kind.
-
-    Args:
-        lib: library of the robot.
-        motion: at the speed of the stage.
-        seed: of the robot, the noise and the joints.
-
-    Returns:
-        One verdict per kind.
-    """
+    """Let the virtual robot run a motion with one fault of each kind."""
     rng = np.random.default_rng([seed, 3])
     kinds = KINDS if lib.n_joints > 1 else tuple(kind for kind in KINDS if kind != "order")
     return tuple(
@@ -99,19 +90,7 @@ def rehearsed(
     seed: int,
     settings: VirtualRobotSettings | None = None,
 ) -> Verdict:
-    """Let one virtual robot run a motion with one fault, and judge its log.
-
-    Args:
-        lib: library of the robot.
-        motion: at the speed of the stage.
-        kind: of `KINDS`; another word for a sound robot.
-        joint: index of the joint.
-        seed: of the robot and the noise.
-        settings: of the robot; None for `settings_of(lib)`.
-
-    Returns:
-        The verdict.
-    """
+    """Let one virtual robot run a motion with one fault, and judge its log."""
     usual = settings or settings_of(lib)
     if kind == "friction":
         usual = replace(usual, friction=_stiff(usual, joint))
@@ -140,15 +119,7 @@ def rehearsed(
 
 
 def unnoticed(verdicts: tuple[Verdict, ...], lib: Library) -> tuple[str, ...]:
-    """Planted faults that were neither named nor recovered.
-
-    Args:
-        verdicts: of `rehearse`.
-        lib: library of the robot.
-
-    Returns:
-        One clause per fault.
-    """
+    """Planted faults that were neither named nor recovered."""
     return tuple(
         f"a fault of kind '{each.kind}' on {lib.joint_names[each.joint]} was neither named nor "
         f"recovered ({_error(each)})"

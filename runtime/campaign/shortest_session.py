@@ -96,24 +96,7 @@ def shortest_session(
     around: Callable[[Trajectory], Trajectory | JoinedMotion],
     **search: Any,
 ) -> PromisedSession:
-    """Design motions until the shortest session that promises the target is known to `CLOSE`.
-
-    Args:
-        lib: the robot.
-        target: error to promise.
-        settings: of the designs; duration, criterion and a smaller number of harmonics follow.
-        known: noise, rate, earlier logs.
-        error: of the model, which no motion reduces.
-        around: the motion with the ways to its start and back.
-        **search: keywords of `design`: progress, processes, scheduler, budget.
-
-    Returns:
-        The session.
-
-    Raises:
-        IdentificationError: no session of up to `MOST` seconds promises the target; which part of
-            the error is the largest.
-    """
+    """Design motions until the shortest session that promises the target is known to `CLOSE`."""
     home = lib.home if settings.home is None else settings.home
     size = size_of(lib, target, home, error)
     attempts: dict[float, float] = {}
@@ -156,14 +139,7 @@ def size_of(
     v is the error of the measured torque: a gain changes measurement and model alike, and only
     what no parameters imitate is an error, g_j τ_j − Y_b δβ.
 
-    Args:
-        lib: the robot.
-        target: states which.
-        home: start of motions never seen, (n,) [rad, m].
-        error: of the model.
-
-    Returns:
-        Function of the name of a part and its root R, (10 n, m) or, for a payload, (10, m).
+    home (n,) [rad, m] → (10 n, m).
     """
     if target.kind == "payload":
         return lambda _, root: float(np.linalg.norm(root[MASS]))

@@ -21,18 +21,7 @@ def limits_facts(safety: Safety) -> dict[str, Any] | None:
 
 
 def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
-    """Content of state.json; a new one where the folder has none.
-
-    Args:
-        folder: of the campaign.
-        described: robot, plan and limits; a state of others is refused.
-
-    Returns:
-        The description and the accuracy after every motion.
-
-    Raises:
-        IdentificationError: the folder holds another campaign, or files of the user.
-    """
+    """Content of state.json; a new one where the folder has none."""
     path = folder / STATE
     if not path.exists():
         # Motions may be given; they are read and never replaced.
@@ -65,11 +54,6 @@ def _remove_drafts(folder: Path) -> None:
 
 
 def write_json(path: Path, facts: dict[str, Any]) -> None:
-    """Write a file of a campaign, completely or not at all.
-
-    Args:
-        path: JSON file.
-        facts: JSON-ready content.
-    """
+    """Write a file of a campaign, completely or not at all."""
     with replacing(path) as file:
         file.write(f"{json.dumps(facts, indent=1, ensure_ascii=False)}\n".encode())

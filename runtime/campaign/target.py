@@ -51,29 +51,12 @@ class Target:
     unit: str
 
     def shown(self, value: float) -> str:
-        """A standard deviation in the unit of the target.
-
-        Args:
-            value: [N·m, 1, kg].
-
-        Returns:
-            Text such as "4.2 mNm".
-        """
+        """A standard deviation in the unit of the target."""
         return f"{value / UNITS[self.kind][self.unit]:.3g} {self.unit}"
 
 
 def target_of(text: str) -> Target:
-    """Target from its text.
-
-    Args:
-        text: such as "v=5mNm", "a=1.5%" or "payload 5 g", with or without the equals sign.
-
-    Returns:
-        The target.
-
-    Raises:
-        IdentificationError: the text is none.
-    """
+    """Target from its text."""
     match = _FORM.fullmatch(text.replace(" ", ""))
     if match and match["unit"] in UNITS.get(match["kind"], {}):
         value = float(match["number"]) * UNITS[match["kind"]][match["unit"]]
@@ -85,19 +68,7 @@ def target_of(text: str) -> Target:
 
 
 def reached(target: Target, result: Identification, motion: Trajectory) -> float:
-    """Standard deviation that a target speaks of, from the posterior of a result.
-
-    Args:
-        target: states which.
-        result: identification with an uncertainty.
-        motion: last motion, with which a payload would be identified.
-
-    Returns:
-        Standard deviation [N·m, 1, kg].
-
-    Raises:
-        IdentificationError: the result has no uncertainty.
-    """
+    """Standard deviation that a target speaks of, from the posterior of a result."""
     lib, spread = result.lib, base_covariance(result)
     if target.kind == "v":
         seen = np.sum(unseen_joints(lib, motion.home), axis=0)
@@ -118,11 +89,7 @@ def reached(target: Target, result: Identification, motion: Trajectory) -> float
 
 
 def base_covariance(result: Identification) -> Array:
-    """Covariance of β, (n_b, n_b), with the error of the estimate.
-
-    Raises:
-        IdentificationError: the result has no uncertainty.
-    """
+    """Covariance of β, (n_b, n_b), with the error of the estimate."""
     root = result.lib.base_matrix @ _uncertainty(result).root
     return np.asarray(root @ root.T)
 
@@ -138,26 +105,14 @@ def _uncertainty(result: Identification) -> Uncertainty:
 def torque_noise(result: Identification) -> tuple[Array, float]:
     """σ of independent noise that stands for the coloured residuals, and the rate of the rows.
 
-    Returns:
-        (n,) [N·m, N], and rate [Hz].
-
-    Raises:
-        IdentificationError: the result has no uncertainty.
+    Returns (n,) [N·m, N].
     """
     uncertainty = _uncertainty(result)
     return uncertainty.noise * np.sqrt(max(uncertainty.inflation, 1.0)), result.train.rate_hz
 
 
 def known_before(result: Identification, lib: Library) -> Array:
-    """Information G₀ over β of all logs and the prior of a result.
-
-    Args:
-        result: identification with an uncertainty.
-        lib: library of the robot.
-
-    Returns:
-        (n_b, n_b), symmetric.
-    """
+    """Information G₀ over β of all logs and the prior of a result."""
     spread = base_covariance(result)
     floor = 1e-12 * np.trace(spread) / len(spread)  # β that the data fix to rounding
     inverse = np.linalg.inv(spread + floor * np.eye(len(lib.base_columns)))

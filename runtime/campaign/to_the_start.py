@@ -25,15 +25,7 @@ def move_to(
 ) -> None:
     """Let the robot follow a certified way from where it stands.
 
-    Args:
-        driver: of the robot at rest.
-        start: where it is to stand, (n,) [rad, m].
-        safety: limits of the way.
-        speed: share of its speed, above 0 and up to 1.
-        say: receives one sentence where the robot moves.
-
-    Raises:
-        IdentificationError: there is no way, or a guard stopped the robot on it.
+    start (n,) [rad, m].
     """
     here = driver.state().q
     if not np.abs(here - start).max() > NEAR:

@@ -32,15 +32,7 @@ CLEAR = 2.0
 
 
 def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
-    """Sentences on joints whose torque contradicts the URDF and its own friction.
-
-    Args:
-        lib: library of the robot.
-        motion: log of `smoothed`.
-
-    Returns:
-        One sentence per joint at most.
-    """
+    """Sentences on joints whose torque contradicts the URDF and its own friction."""
     usual = GearFriction.usual(lib.n_joints)
     columns, _, rows = prepared_columns(motion, usual, PREPARATION)
     tau = rows.required("tau")

@@ -101,8 +101,7 @@ class VirtualDriver(Driver):
     def place(self, q: Array) -> None:
         """Put the robot at rest at a position.
 
-        Args:
-            q: (n,) [rad, m].
+        q (n,) [rad, m].
         """
         plant = self._plant
         plant.q[:], plant.dq[:] = plant.sorted(np.asarray(q, dtype=float)), 0.0
@@ -124,9 +123,6 @@ class VirtualDriver(Driver):
         """Start a motion at rest, with noise of its own: its log does not depend on earlier ones.
 
         A campaign that was interrupted so records what an undisturbed one records.
-
-        Args:
-            motion: at whose start the robot stands.
         """
         shown = motion.at(self.lib, np.linspace(0.0, motion.duration, _SHOWN))[0]
         digest = crc32(np.ascontiguousarray(shown).tobytes(), round(1e6 * motion.duration))
@@ -135,17 +131,7 @@ class VirtualDriver(Driver):
         self.place(shown[0])
 
     def exchange(self, reference: Reference) -> Sample:
-        """Let the controller follow one reference for a period.
-
-        Args:
-            reference: of this period.
-
-        Returns:
-            The state measured at the end of the period, with the clock of the robot.
-
-        Raises:
-            NoSampleError: the connection is dead.
-        """
+        """Let the controller follow one reference for a period."""
         if self._start == np.inf:
             self._start = self._time
         if self._has("dead"):

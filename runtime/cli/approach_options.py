@@ -77,21 +77,7 @@ def session_plan(
 ) -> SessionPlan:
     """Ways of --from and --return.
 
-    Args:
-        lib: the robot.
-        text: value of --from; None without ways.
-        returns: value of --return.
-        start: start and end of the motion, (n,) [rad, m]; None is the home of the robot.
-        safety: limits; None is the document's mode, which has no ways.
-        share: share of the limits that the ways may use.
-        zero_jerk: the ways begin and end without jerk.
-        seed: of the search for a way around obstacles.
-
-    Returns:
-        The ways.
-
-    Raises:
-        RuntimeFault: --return without --from, a pose that is none, or no way.
+    start (n,) [rad, m].
     """
     if text is None or safety is None:
         if returns:
@@ -109,16 +95,7 @@ def session_plan(
 def pose_of(lib: Library, text: str) -> Array:
     """Pose of --from.
 
-    Args:
-        lib: the robot.
-        text: home, numbers with commas, or the path of a log.
-
-    Returns:
-        (n,) [rad, m].
-
-    Raises:
-        RecordingError: the log is of another robot.
-        RuntimeFault: the text is no pose.
+    Returns (n,) [rad, m].
     """
     if text == HOME:
         return lib.home

@@ -20,16 +20,7 @@ Budget = Annotated[
 
 
 def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
-    """Sentences about starts that were not made, and about starts that were given up.
-
-    Args:
-        best: the design.
-        budget: value of --budget [s].
-        starts: value of --starts.
-
-    Returns:
-        The sentences; nothing where all starts were made in full.
-    """
+    """Sentences about starts that were not made, and about starts that were given up."""
     notes, count = [], len(best.conditions)
     descents = count + len(best.variations)
     if count < starts:

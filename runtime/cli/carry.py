@@ -28,18 +28,6 @@ def carried_body(lib: Library, text: str | None) -> CarriedBody | None:
     """Body of the option --carry in the frame of the link that carries it.
 
     A body whose inertia is not given is a homogeneous box, or a point mass without a box.
-
-    Args:
-        lib: library of the robot.
-        text: value of the option, numbers with commas or a path that ends in .json; None is an
-            empty hand.
-
-    Returns:
-        The body, or None.
-
-    Raises:
-        RecordingError: the text is no body, or its values are in another frame.
-        IdentificationError: such a body cannot exist, or the robot has no such link.
     """
     if text is None:
         return None

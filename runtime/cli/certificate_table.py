@@ -54,18 +54,7 @@ class LimitValues:
 
 
 def safety_of(lib: Library, values: LimitValues) -> Safety:
-    """Limits of the options, which hold besides those that the robot states.
-
-    Args:
-        lib: library of the robot.
-        values: of the options.
-
-    Returns:
-        The limits.
-
-    Raises:
-        RuntimeFault: an option is not of this form, or the file of obstacles is none.
-    """
+    """Limits of the options, which hold besides those that the robot states."""
     body, box = carried_body(lib, values.carry), values.box
     return Safety(
         torque_fraction=values.torque_fraction,
@@ -82,17 +71,7 @@ def safety_of(lib: Library, values: LimitValues) -> Safety:
 
 
 def table_height(text: str | None) -> tuple[float | None, bool]:
-    """Height of the option --table.
-
-    Args:
-        text: a number, none, or None where the option is not given.
-
-    Returns:
-        Height in the base frame, m, or None; and whether the user states that there is no table.
-
-    Raises:
-        RuntimeFault: another word.
-    """
+    """Height of the option --table."""
     if text is None or text == NO_TABLE:
         return None, text == NO_TABLE
     try:
@@ -112,16 +91,7 @@ def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]
 
 
 def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...]:
-    """Notes on a designed motion: a longer duration, and a robot without collision proxies.
-
-    Args:
-        lib: library of the robot.
-        requested: duration of the option, s.
-        taken: duration of the motion, s.
-
-    Returns:
-        One sentence per note.
-    """
+    """Notes on a designed motion: a longer duration, and a robot without collision proxies."""
     sentences = []
     if taken != requested:
         sentences.append(
@@ -136,15 +106,7 @@ def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...
 
 
 def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
-    """What a certificate states in two sentences: the limits that hold, and what it leaves out.
-
-    Args:
-        proof: certificate of the motion.
-        percent: speed of the motion in % of the designed one.
-
-    Returns:
-        One line with the verdict and the limits checked, one with the load and what is missing.
-    """
+    """What a certificate states in two sentences: the limits that hold, and what it leaves out."""
     verdict = "holds at every instant" if proof.holds else "does NOT hold"
     checked = ", ".join(use.kind for use in proof.uses)
     others = "other obstacles" if any(use.kind == OBSTACLE for use in proof.uses) else "obstacles"
@@ -156,14 +118,7 @@ def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
 
 
 def certificate_table(proof: Certificate) -> Table:
-    """Largest use of every limit: how much, where and when, and how it is shown.
-
-    Args:
-        proof: certificate of the motion.
-
-    Returns:
-        Table with one row per limit; distances in mm, all others in % of the limit.
-    """
+    """Largest use of every limit: how much, where and when, and how it is shown."""
     table = Table(Column("limit", overflow="fold"))
     for head in ("use %", "margin %"):
         table.add_column(head, justify="right")

@@ -148,19 +148,7 @@ def share_table(facts: dict[str, Any]) -> Table | None:
 
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
-    """Numbers separated by commas.
-
-    Args:
-        text: value of the option.
-        count: how many numbers are expected.
-        option: name of the option, for the message.
-
-    Returns:
-        The numbers, in the unit of the option.
-
-    Raises:
-        IdentificationError: the text is not that many numbers.
-    """
+    """Numbers separated by commas."""
     try:
         values = tuple(float(word) for word in text.split(","))
     except ValueError:

@@ -23,45 +23,21 @@ MARGIN_HELP = (
 
 
 def harmonics_of(given: int | None, document: bool) -> int:
-    """Number of harmonics of a design.
-
-    Args:
-        given: value of --harmonics.
-        document: whether the problem is that of the document.
-
-    Returns:
-        The value, or the default.
-    """
+    """Number of harmonics of a design."""
     if given is not None:
         return given
     return DOCUMENT_HARMONICS if document else HARMONICS
 
 
 def margin_of(given: float | None, is_exported: bool) -> float:
-    """Share of every limit that a design may use.
-
-    Args:
-        given: value of --margin.
-        is_exported: whether files for a robot are written.
-
-    Returns:
-        The value, or the default.
-    """
+    """Share of every limit that a design may use."""
     if given is not None:
         return given
     return EXPORT_MARGIN if is_exported else 1.0
 
 
 def require_plain(document: bool, options: tuple[object, ...]) -> None:
-    """Refuse options of limits beside --document.
-
-    Args:
-        document: value of --document.
-        options: values of the options; None where one is not given.
-
-    Raises:
-        RuntimeFault: one is given.
-    """
+    """Refuse options of limits beside --document."""
     if document and any(option is not None for option in options):
         raise RuntimeFault(
             "--document excludes --torque-fraction, --table, --box, --clearance, --viscous, "

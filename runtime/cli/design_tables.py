@@ -13,14 +13,7 @@ from runtime.library.torque_units import common_unit, torque_units
 
 
 def print_design(optimum: Design, expected: Prediction, lib: Library, note: str) -> None:
-    """Print the criteria of a design, their spread over the starts, and the expected accuracy.
-
-    Args:
-        optimum: the designed motion.
-        expected: accuracy of a log of it.
-        lib: library of the robot.
-        note: what the expected accuracy leaves out; empty for nothing.
-    """
+    """Print the criteria of a design, their spread over the starts, and the expected accuracy."""
     say(
         f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
         f"({len(lib.base_columns)} columns, {COST_SAMPLES} samples)"
@@ -45,15 +38,7 @@ def print_design(optimum: Design, expected: Prediction, lib: Library, note: str)
 
 
 def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
-    """All criteria, for each set of unknowns and each number of samples.
-
-    Args:
-        prediction: accuracy of a log of the motion.
-        units: of the torque of every joint, (n,).
-
-    Returns:
-        The table.
-    """
+    """All criteria, for each set of unknowns and each number of samples."""
     unknowns = "payload" if prediction.payload_only else "base"
     prior = ", with earlier logs" if prediction.has_earlier_logs else ""
     sigma = prediction.noise
@@ -79,15 +64,7 @@ def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
 
 
 def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[str, ...]:
-    """Expected accuracy of torque and payload, and notes.
-
-    Args:
-        prediction: accuracy of a log of the motion.
-        units: of the torque of every joint, (n,).
-
-    Returns:
-        The sentences.
-    """
+    """Expected accuracy of torque and payload, and notes."""
     lines = [torque_sentence(prediction.torque, units)]
     if prediction.payload_mass is not None and prediction.payload_com is not None:
         lines.append(unit_payload_sentence(prediction.payload_mass, prediction.payload_com))

@@ -53,15 +53,7 @@ class MotionFiles:
 
 @contextmanager
 def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, float, float], None]]:
-    """Bar of a search.
-
-    Args:
-        criterion: that is minimised.
-        starts: number of starts.
-
-    Yields:
-        Function of the number of descents that have ended, the value of the last and the best one.
-    """
+    """Bar of a search."""
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(criterion, starts))
 
@@ -76,16 +68,7 @@ def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, floa
 def with_shown_unknowns(
     lib: Library, settings: DesignSettings, planned: Information
 ) -> tuple[DesignSettings, Information]:
-    """Settings and information without parameters that no motion shows, which a note names.
-
-    Args:
-        lib: the robot.
-        settings: of the design.
-        planned: noise, rate and unknowns of its log.
-
-    Returns:
-        Both, unchanged where random motions show all unknowns.
-    """
+    """Settings and information without parameters that no motion shows, which a note names."""
     settings, planned, note = without_unseen(lib, settings, planned)
     if note:
         say(note)
@@ -104,19 +87,7 @@ def write_design(
     sentences: Callable[[Design], Sequence[str]],
     margin: float,
 ) -> None:
-    """Write a designed motion and print its criteria, its certificate and the names of its files.
-
-    Args:
-        lib: the robot.
-        optimum: the design.
-        planned: noise, rate and unknowns of the log.
-        ways: ways to the start and back.
-        files: what is written.
-        promise: of --until, for the JSON.
-        note: on the unknowns, for the table.
-        sentences: further lines about the design.
-        margin: share of the limits that the motion may use.
-    """
+    """Write a designed motion; print its criteria, certificate and the names of its files."""
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=margin))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, files.path, expected, ways.parts, promise)

@@ -29,19 +29,7 @@ def drive_request(
     method: str,
     tied: tuple[str, ...] = (),
 ) -> "DriveRequest | None":
-    """What is estimated of the drives.
-
-    Args:
-        recording: log with the source of its torque.
-        delay: value of --delay.
-        bias: value of --encoder-bias.
-        method: name of the estimator.
-        tied: values of --symmetric with --tie.
-
-    Returns:
-        The request; None where the torque is measured and nothing is estimated, or the estimator
-        of a commanded torque is another than map.
-    """
+    """What is estimated of the drives."""
     estimated = delay in {AUTO, PER_JOINT}
     commanded = recording.torque_source == COMMANDED
     wanted = bias if bias is not None else commanded and estimated
@@ -55,20 +43,7 @@ def drive_request(
 def with_mirrored_links(
     prior: "PriorFile | None", lib: Library, symmetric: tuple[str, ...], is_tied: bool
 ) -> "PriorFile | None":
-    """Inertial prior, with equations that tie the links of mirrored joints where requested.
-
-    Args:
-        prior: of --prior; None without.
-        lib: library of the robot.
-        symmetric: values of --symmetric.
-        is_tied: value of --tie.
-
-    Returns:
-        The prior, with ten equations per pair of tied links.
-
-    Raises:
-        IdentificationError: --symmetric is missing or names no joints, or they are not mirrored.
-    """
+    """Inertial prior, with equations that tie the links of mirrored joints where requested."""
     if not is_tied and not symmetric:
         return prior
     if not is_tied:
@@ -90,16 +65,7 @@ def with_mirrored_links(
 
 
 def terms_of(data: PreparedLog, method: str | None, named: object) -> Friction | None:
-    """Friction columns of one log.
-
-    Args:
-        data: log with those of the other options.
-        method: name of the estimator; None for the default.
-        named: value of an option that names columns or their width; None where none is given.
-
-    Returns:
-        The columns; None where they are those of a drive, whose friction may be chosen.
-    """
+    """Friction columns of one log."""
     terms = data.friction
     if named is None and terms == default_terms(data.recording):
         terms = None
@@ -109,20 +75,7 @@ def terms_of(data: PreparedLog, method: str | None, named: object) -> Friction |
 
 
 def delayed(data: PreparedLog, delay: str | None, has_bias: bool) -> Preparation | None:
-    """Preparation with the number of --delay.
-
-    Args:
-        data: log with the source of its torque, and the preparation of the other options.
-        delay: value of --delay.
-        has_bias: whether --encoder-bias is given.
-
-    Returns:
-        The preparation; as it was where --delay gives no number.
-
-    Raises:
-        IdentificationError: the value is neither a number nor one of the words, or the log has no
-            motion.
-    """
+    """Preparation with the number of --delay."""
     recording, preparation = data.recording, data.preparation
     if data.is_at_rest and (delay is not None or has_bias):
         raise IdentificationError(

@@ -12,21 +12,7 @@ from runtime.library import Library
 def opened_driver(
     lib: Library, text: str, gains: str | None, seed: int = 0, truth_seed: int = 0
 ) -> Driver:
-    """Driver of --driver.
-
-    Args:
-        lib: the robot.
-        text: NAME or NAME:ADDRESS.
-        gains: value of --gains, one number per joint with commas [N·m/A].
-        seed: of the noise of the virtual robot.
-        truth_seed: of its links and sensors.
-
-    Returns:
-        The driver, connected.
-
-    Raises:
-        RuntimeFault: the name is unknown, a library is missing, or the robot does not answer.
-    """
+    """Driver of --driver."""
     name, _, address = text.partition(":")
     known = None if gains is None else np.array(numbers_option(gains, lib.n_joints, "--gains"))
     return DRIVERS[name].open(lib, DriverSettings(address, seed, truth_seed, known))

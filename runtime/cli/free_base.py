@@ -28,15 +28,7 @@ WRITTEN = ResultFolder("identify", ("result.json", "identified.urdf"), "free_bas
 
 
 def require_fixed_base(lib: Library, rows: str | None) -> None:
-    """Refuse --rows for a robot whose base is fixed.
-
-    Args:
-        lib: library of the robot.
-        rows: value of --rows.
-
-    Raises:
-        IdentificationError: --rows was given.
-    """
+    """Refuse --rows for a robot whose base is fixed."""
     if rows is not None:
         raise IdentificationError(
             f"--rows belongs to robots with a free base, and that of '{lib.name}' is fixed; leave "
@@ -56,22 +48,7 @@ def identify_free_base_log(
     overwrite: bool,
     others: dict[str, object],
 ) -> None:
-    """Read a log, identify, write result.json and identified.urdf, and print the errors.
-
-    Args:
-        lib: library of the robot.
-        logs: paths of the logs; one is expected.
-        rows: value of --rows.
-        cutoff: value of --cutoff [Hz].
-        split: value of --split, "B" or "A,B": training from 0 to B, test from B.
-        prior: file of inertial priors.
-        out: folder of the result.
-        overwrite: value of --overwrite.
-        others: options that do not apply, by name; they must be unset.
-
-    Raises:
-        IdentificationError: an option that does not apply, or several logs.
-    """
+    """Read a log, identify, write result.json and identified.urdf, and print the errors."""
     from runtime.identification.free_base.identify import SHARE, identify_free_base
     from runtime.identification.free_base.result import write_free_base
     from runtime.identification.free_base.vertical_sensors import CROSSTALK

@@ -4,14 +4,7 @@ import typer
 
 
 def given_options(context: typer.Context) -> dict[str, str]:
-    """Options that the user wrote, without those at their default.
-
-    Args:
-        context: of the command.
-
-    Returns:
-        Parameter → option as the user writes it, in the order of the command.
-    """
+    """Options that the user wrote, without those at their default."""
     given = {}
     for one in context.command.params:
         name = str(one.name)

@@ -37,17 +37,7 @@ def finish(
     outputs: Outputs,
     agreement: "LogAgreement | None" = None,
 ) -> None:
-    """Write and print a result.
-
-    Args:
-        result: the identification.
-        folder: of the result.
-        outputs: files that are written beside result.json and the URDF.
-        agreement: of several logs; None for one log.
-
-    Raises:
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write and print a result."""
     facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
     first = still_joints(result)
     for warning in first:

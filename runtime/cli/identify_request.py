@@ -28,34 +28,14 @@ _ONE_LOG = {
 
 
 def require_one_log(logs: str, controller: Path | None, drives: object) -> None:
-    """Refuse options that need the samples of one whole log.
-
-    Args:
-        logs: "several" or "streamed".
-        controller: value of --controller.
-        drives: values of --encoder-bias and --symmetric.
-
-    Raises:
-        IdentificationError: one of them is given.
-    """
+    """Refuse options that need the samples of one whole log."""
     for value, sentence in zip((controller, drives), _ONE_LOG[logs], strict=True):
         if value:
             raise IdentificationError(sentence)
 
 
 def prior_of(path: Path | None, lib: Library) -> "PriorFile | None":
-    """Inertial prior of --prior.
-
-    Args:
-        path: of the file; None without the option.
-        lib: library of the robot.
-
-    Returns:
-        The prior.
-
-    Raises:
-        RuntimeFault: the file is no prior of this robot.
-    """
+    """Inertial prior of --prior."""
     if path is None:
         return None
     from runtime.estimators.prior_file import read_prior
@@ -64,18 +44,7 @@ def prior_of(path: Path | None, lib: Library) -> "PriorFile | None":
 
 
 def controller_of(path: Path | None, lib: Library) -> "ClosedLoop | None":
-    """Closed loop of --controller.
-
-    Args:
-        path: of the file; None without the option.
-        lib: library of the robot.
-
-    Returns:
-        The closed loop.
-
-    Raises:
-        RuntimeFault: the file describes no controller of this robot.
-    """
+    """Closed loop of --controller."""
     if path is None:
         return None
     from runtime.simulation.controller_file import read_controller

@@ -19,17 +19,7 @@ def band_of(
 ) -> tuple[float, ...]:
     """Half-widths of the parameters of all links by both options.
 
-    Args:
-        lib: library of the robot.
-        payload: value of --payload-band.
-        model: value of --model-band.
-        body: the carried body.
-
-    Returns:
-        (10 L,) [kg, kg·m, kg·m²]; empty without options.
-
-    Raises:
-        RuntimeFault: a value is not of its form.
+    Returns (10 L,) [kg, kg·m, kg·m²].
     """
     if payload is None and model is None:
         return ()
@@ -46,15 +36,7 @@ def band_of_prior(lib: Library, trust: str) -> Array:
 
     σ² are the diagonal of (κ B)⁻¹, with B the curvature of the prior (`posterior_spread`).
 
-    Args:
-        lib: library of the robot.
-        trust: cad, gripper, none, or κ.
-
-    Returns:
-        1.96 σ, (10 L,) [kg, kg·m, kg·m²].
-
-    Raises:
-        RuntimeFault: another word, or κ that is not above 0.
+    Returns (10 L,) [kg, kg·m, kg·m²].
     """
     try:
         kappa = TRUST[trust] if trust in TRUST else float(trust)
@@ -74,16 +56,7 @@ def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:
     Masses of M in all, at places p with |p_i − c_i| ≤ r, change m by M, m c_i by M (|c_i| + r), and
     the inertia by M (|p|² 1 − p pᵀ) at most, entry by entry.
 
-    Args:
-        lib: library of the robot.
-        text: M [kg] and r [m] with a comma.
-        body: the carried body, whose centre is c; None for the tip.
-
-    Returns:
-        (10 L,) [kg, kg·m, kg·m²], zero for the other links.
-
-    Raises:
-        RuntimeFault: the text is not of this form.
+    Returns (10 L,) [kg, kg·m, kg·m²].
     """
     mass, reach = numbers_option(text, 2, "--payload-band")
     if not (0 < mass < np.inf and 0 <= reach < np.inf):

@@ -22,19 +22,7 @@ ROWS_HZ = 1000.0
 
 
 def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
-    """Speeds of the stages over that of the designed motion.
-
-    Args:
-        duration: of the designed motion, s.
-        percents: speeds in % of the designed one.
-
-    Returns:
-        One share per stage.
-
-    Raises:
-        IdentificationError: a speed is not above 0 and up to 100 %.
-        RuntimeFault: the slowest stage is longer than `LONGEST`, too long to be certified.
-    """
+    """Speeds of the stages over that of the designed motion."""
     shares = [require_speed(percent / 100) for percent in percents]
     slowest = duration / min(shares)
     if slowest > LONGEST:
@@ -48,17 +36,7 @@ def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
 def files_of(
     path: Path, formats: Collection[str], speeds: Sequence[float], pictures: bool
 ) -> tuple[Path, ...]:
-    """Files that `excite` writes.
-
-    Args:
-        path: JSON of the motion.
-        formats: formats of --export, names of `MOTION_FORMATS`; empty: the sampled motion as CSV.
-        speeds: speeds of the stages in % of the designed one.
-        pictures: whether figures are written.
-
-    Returns:
-        Their paths.
-    """
+    """Files that `excite` writes."""
     files = [path]
     if pictures:
         from runtime.outputs.report.motion_figures import picture_paths  # matplotlib loads slowly
@@ -73,17 +51,7 @@ def files_of(
 
 
 def write_motion_log(motion: CertifiedMotion, rate: float, path: Path, sentence: str) -> Path:
-    """Write a motion, sampled at the rate, as a log without torque.
-
-    Args:
-        motion: the motion with its robot.
-        rate: of the rows, Hz.
-        path: CSV file.
-        sentence: history of the log.
-
-    Returns:
-        The path.
-    """
+    """Write a motion, sampled at the rate, as a log without torque."""
     t = sample_times(motion.trajectory.duration, rate)
     q, dq, ddq, _ = motion.trajectory.at(motion.lib, t)
     names = motion.lib.joint_names
@@ -99,15 +67,7 @@ def designed_by(optimum: Design) -> str:
 
 
 def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
-    """The same path at a fraction of the speed, with the certificate of that speed.
-
-    Args:
-        motion: the designed motion.
-        speed: share of its speed, above 0 and up to 1.
-
-    Returns:
-        The slower motion.
-    """
+    """The same path at a fraction of the speed, with the certificate of that speed."""
     if speed == 1:
         return motion
     return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
@@ -116,15 +76,7 @@ def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
 def certified_stages(
     motion: CertifiedMotion, speeds: Sequence[float]
 ) -> dict[float, CertifiedMotion]:
-    """Print the certificate of every stage.
-
-    Args:
-        motion: the planned motion.
-        speeds: shares of its speed, above 0 and up to 1.
-
-    Returns:
-        Motion per speed in % of the planned one.
-    """
+    """Print the certificate of every stage."""
     stages = {100 * share: at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):
@@ -140,18 +92,7 @@ def export_stages(
     rate: float | None,
     unchecked: Collection[str],
 ) -> None:
-    """Write every stage as files for a robot, or none unless the certificates of all hold.
-
-    Args:
-        stages: motion per speed in % of the designed one.
-        base: path of the files without suffix.
-        kinds: formats, names of `MOTION_FORMATS`.
-        rate: of the rows, Hz; None is the default of every format.
-        unchecked: kinds of limits that may stay unchecked.
-
-    Raises:
-        ExportError: a limit is exceeded.
-    """
+    """Write every stage as files for a robot, or none unless the certificates of all hold."""
     for stage in stages.values():
         stage.require_limits()
     for percent, stage in stages.items():
@@ -166,11 +107,7 @@ def _stem(base: Path, percent: float) -> Path:
 
 
 def json_path(path: Path) -> Path:
-    """The path itself, which must end in .json.
-
-    Raises:
-        RuntimeFault: it ends otherwise.
-    """
+    """The path itself, which must end in .json."""
     if path.suffix != ".json":
         raise RuntimeFault(
             f"the trajectory needs a file that ends in .json, got '{path}'; "

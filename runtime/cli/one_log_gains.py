@@ -21,18 +21,7 @@ from runtime.recording.current_gains import CurrentGains
 
 
 def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, ...]:
-    """Masses of --total-mass and --weighed.
-
-    Args:
-        total: mass of the moving links together [kg].
-        links: LINK=KG of single links.
-
-    Returns:
-        The masses.
-
-    Raises:
-        IdentificationError: a text is not LINK=KG.
-    """
+    """Masses of --total-mass and --weighed."""
     known = [] if total is None else [Weighed(total)]
     for text in links:
         link, _, kg = text.partition("=")
@@ -57,25 +46,7 @@ def print_gains_of_one_log(
     cutoff: float | None,
     rate: float | None,
 ) -> tuple[CurrentGains, Recipe]:
-    """Estimate and print the gains of one log.
-
-    Args:
-        log: file, folder or known data set.
-        lib: library of the robot.
-        weighed: known masses.
-        recipe: file that describes the log.
-        run: name of the run in the recipe.
-        friction: column names with commas, or none.
-        coulomb_speed: width of the smooth Coulomb sign, rad/s.
-        cutoff: of the low-pass, Hz.
-        rate: of the rows after decimation, Hz.
-
-    Returns:
-        The gains, and the recipe with them.
-
-    Raises:
-        RuntimeFault: the log cannot be read, or shows no gain.
-    """
+    """Estimate and print the gains of one log."""
     recording = of_gain_one(
         independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
     )
@@ -100,28 +71,13 @@ def print_gains_of_one_log(
 
 
 def with_factors(plan: Recipe, factors: tuple[float, ...]) -> Recipe:
-    """The recipe with these gains.
-
-    Args:
-        plan: complete recipe with a torque.
-        factors: torque over value in the file, (n,).
-
-    Returns:
-        The recipe.
-    """
+    """The recipe with these gains."""
     torque = plan.signals()["torque"]
     return plan.replace(torque=replace(torque, gain=factors))
 
 
 def write_gains(path: Path, gains: CurrentGains, plan: Recipe, overwrite: bool) -> None:
-    """Write the recipe of `symgen gains LOG --recipe-out`.
-
-    Args:
-        path: file of the recipe.
-        gains: what its comment states.
-        plan: recipe with the gains.
-        overwrite: replace a file that exists.
-    """
+    """Write the recipe of `symgen gains LOG --recipe-out`."""
     text = recipe_text(plan, *gains.sentences(), command_line())
     write_recipe(path, text, overwrite)
 

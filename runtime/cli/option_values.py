@@ -18,14 +18,7 @@ _REGISTRIES = {
 
 
 def values_of(option: str) -> Iterable[str]:
-    """Names that an option takes.
-
-    Args:
-        option: with its dashes.
-
-    Returns:
-        The names; empty for numbers, files and texts.
-    """
+    """Names that an option takes."""
     if option not in _REGISTRIES:
         return ()
     module, _, name = _REGISTRIES[option].partition(":")
@@ -33,19 +26,7 @@ def values_of(option: str) -> Iterable[str]:
 
 
 def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
-    """Names separated by commas.
-
-    Args:
-        text: value of the option.
-        known: names to choose from.
-        option: name of the option, for the message.
-
-    Returns:
-        The names, each once.
-
-    Raises:
-        IdentificationError: a name is unknown.
-    """
+    """Names separated by commas."""
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
     if any(name not in known for name in names):
         raise IdentificationError(

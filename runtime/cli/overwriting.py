@@ -39,16 +39,7 @@ class ResultFolder(NamedTuple):
 
 
 def require_unused(paths: Iterable[Path], overwrite: bool, option: str = "--out") -> None:
-    """Refuse to replace existing files.
-
-    Args:
-        paths: files that will be written.
-        overwrite: value of --overwrite.
-        option: option that chooses other places, for the message.
-
-    Raises:
-        RuntimeFault: one of the files exists, and may not be replaced.
-    """
+    """Refuse to replace existing files."""
     existing = [path for path in paths if os.path.lexists(path)]
     if existing and not overwrite:
         more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"
@@ -58,16 +49,7 @@ def require_unused(paths: Iterable[Path], overwrite: bool, option: str = "--out"
 
 
 def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:
-    """Refuse to replace files of a folder, except an earlier result of the same command.
-
-    Args:
-        folder: folder of the result.
-        kind: what the command writes.
-        overwrite: value of --overwrite.
-
-    Raises:
-        RuntimeFault: the folder has such files, but no result of the command.
-    """
+    """Refuse to replace files of a folder, except an earlier result of the same command."""
     with suppress(OSError, ValueError):
         facts = json_of(folder / kind.files[0])
         if isinstance(facts, dict) and kind.key in facts:
@@ -77,15 +59,7 @@ def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> 
 
 
 def require_page(path: Path, overwrite: bool) -> None:
-    """Refuse to replace the default page of a folder, except a page of this package.
-
-    Args:
-        path: HTML file.
-        overwrite: value of --overwrite.
-
-    Raises:
-        RuntimeFault: the file exists and is no such page.
-    """
+    """Refuse to replace the default page of a folder, except a page of this package."""
     with suppress(OSError, ValueError):
         if PAGE in bytes_of(path)[:2000]:
             _announce(f"the earlier page '{path}' will be replaced")
@@ -94,17 +68,7 @@ def require_page(path: Path, overwrite: bool) -> None:
 
 
 def write_recipe(path: Path, text: str, overwrite: bool) -> None:
-    """Write a proposed recipe unless it would replace a different one.
-
-    Args:
-        path: value of --recipe-out.
-        text: TOML.
-        overwrite: value of --overwrite.
-
-    Raises:
-        RuntimeFault: the file exists with other content and may not be replaced, or cannot be
-            written.
-    """
+    """Write a proposed recipe unless it would replace a different one."""
     data = text.encode()
     if path.is_file() and path.read_bytes() != data and not overwrite:
         raise RuntimeFault(

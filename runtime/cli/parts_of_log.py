@@ -6,17 +6,7 @@ from runtime.recording import EVERYTHING, Split
 
 
 def split_of(text: str | None) -> Split | None:
-    """Parts of a log.
-
-    Args:
-        text: "A,B", fractions of the duration, or "all"; None where the option is not given.
-
-    Returns:
-        The parts; None for those of the recipe.
-
-    Raises:
-        IdentificationError: the fractions are not two increasing numbers between 0 and 1.
-    """
+    """Parts of a log."""
     if text is None:
         return None
     if text == "all":
@@ -26,11 +16,7 @@ def split_of(text: str | None) -> Split | None:
 
 
 def fractions_of(text: str) -> tuple[float, float]:
-    """Ends of training and validation from "A,B".
-
-    Raises:
-        IdentificationError: they are not two increasing numbers between 0 and 1.
-    """
+    """Ends of training and validation from "A,B"."""
     a, b = numbers_option(text, 2, "--split")
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")

@@ -19,16 +19,7 @@ class _Plain:
     """Conversion of one parameter; Typer's own is built when it is needed."""
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
-        """Value of the parameter.
-
-        Args:
-            value: as given, or the default.
-            param: the parameter.
-            ctx: context of the command.
-
-        Returns:
-            The converted value.
-        """
+        """Value of the parameter."""
         several = param.multiple or param.nargs == -1
         ready = (() if several else None) if value is None else _ready(value, param)
         if ready is not _LEFT:
@@ -46,14 +37,7 @@ class PlainGroup(TyperGroup):
 
 
 def without_conversion(params: list[Any]) -> list[Any]:
-    """Let parameters take plain values as they are.
-
-    Args:
-        params: of a command; those of other versions of Typer stay as they are.
-
-    Returns:
-        The same parameters.
-    """
+    """Let parameters take plain values as they are."""
     for param in params:
         if getattr(param, "_runtime_param", _LEFT) is None and hasattr(param, "type_descriptor"):
             param._runtime_param = _Plain()

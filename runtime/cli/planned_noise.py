@@ -66,14 +66,7 @@ class TorqueNoise:
     spectrum: NoiseSpectrum | None = None
 
     def rows_per_independent(self, rate: float) -> float:
-        """Rows that count as one independent row.
-
-        Args:
-            rate: of the rows, Hz.
-
-        Returns:
-            At least 1.
-        """
+        """Rows that count as one independent row."""
         return max(1.0, rate * self.spacing)
 
     def sentence(self) -> str:
@@ -89,20 +82,7 @@ class TorqueNoise:
 def planned_noise(
     lib: Library, text: str, friction: tuple[str, ...] | None = None, model: str = WHITE
 ) -> TorqueNoise:
-    """Noise from the value of --noise.
-
-    Args:
-        lib: library of the robot.
-        text: numbers with commas, N·m, or a log.
-        friction: columns that are fitted to the log; None is `FRICTION`.
-        model: value of --noise-model.
-
-    Returns:
-        The noise.
-
-    Raises:
-        RuntimeFault: a number is out of range, the log cannot be read, or it has no torque.
-    """
+    """Noise from the value of --noise."""
     if model not in (WHITE, COLOURED):
         raise IdentificationError(
             f"expected --noise-model {WHITE} or {COLOURED}, got '{model:.40}'; correct it"
@@ -135,19 +115,7 @@ def planned_noise(
 
 
 def counted(planned: Information, criterion: str, is_informed: bool) -> Information | None:
-    """Information for a criterion; None where it is of the regressor alone.
-
-    Args:
-        planned: noise, rate, spectrum.
-        criterion: its name.
-        is_informed: whether the criterion counts them.
-
-    Returns:
-        The information, or None.
-
-    Raises:
-        IdentificationError: a spectrum or a filter that the criterion does not count.
-    """
+    """Information for a criterion; None where it is of the regressor alone."""
     if planned.spectrum is not None and not is_informed:
         raise IdentificationError(
             f"criterion {criterion} counts neither noise nor filter; leave out --cutoff and "
@@ -157,19 +125,7 @@ def counted(planned: Information, criterion: str, is_informed: bool) -> Informat
 
 
 def with_spectrum(planned: Information, noise: TorqueNoise, cutoff: float | None) -> Information:
-    """Information with the spectrum of the noise and the planned filter.
-
-    Args:
-        planned: noise and rate.
-        noise: of the log.
-        cutoff: value of --cutoff, Hz; None is that of the log of --noise-model coloured, if any.
-
-    Returns:
-        The same for white noise without a filter.
-
-    Raises:
-        IdentificationError: the cut-off is not above 0.
-    """
+    """Information with the spectrum of the noise and the planned filter."""
     if noise.spectrum is None and cutoff is None:
         return planned
     n = len(planned.noise)

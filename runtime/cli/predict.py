@@ -204,11 +204,7 @@ def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Arr
 
 
 def _gain_error(given: float | None, payload_only: bool) -> float:
-    """Value of --gain-error.
-
-    Raises:
-        RuntimeFault: it is out of range, or given where no torque is predicted.
-    """
+    """Value of --gain-error."""
     if given is None:
         return ModelError().gain
     if payload_only:
@@ -245,11 +241,7 @@ def _is_motion(source: str) -> bool:
 def _require_rates_apply(
     sources: Sequence[str], log_rate: float | None, rate: float | None
 ) -> None:
-    """Refuse a rate that no motion or no log would take.
-
-    Raises:
-        IdentificationError: --log-rate without a planned motion, or --rate without a log.
-    """
+    """Refuse a rate that no motion or no log would take."""
     if log_rate is not None and not any(map(_is_motion, sources)):
         raise IdentificationError(
             "--log-rate is the rate at which a planned motion (.json) will be recorded, but "

@@ -48,18 +48,7 @@ class Situation:
     known: Knowledge
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
-        """Expected accuracy of the motion, and of some seconds of another motion after it.
-
-        Args:
-            more: the other motion.
-            seconds: duration of it, s.
-
-        Returns:
-            σ of all parameters.
-
-        Raises:
-            IdentificationError: only a payload is unknown, and the motion does not determine it.
-        """
+        """Expected accuracy of the motion, and of some seconds of another motion after it."""
         statistics = self.moved.statistics(self.lib, self.noise)
         if more is not None:
             statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
@@ -74,13 +63,7 @@ class Situation:
     def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array:
         """σ of the torque of motions that are not in the log, errors of the torque gains included.
 
-        Args:
-            torque: σ by the residuals, (n,) N·m or N.
-            gain_error: standard deviation of every torque gain, relative to one.
-            unseen: mean of Y_bᵀ Y_b per joint over these motions, (n, n_b, n_b).
-
-        Returns:
-            (n,) N·m or N.
+        torque (n,), unseen (n, n_b, n_b) → (n,).
         """
         lib = self.lib
         slopes = gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
@@ -131,21 +114,7 @@ def situation_of(
     earlier: list[str] | None,
     payload_only: bool,
 ) -> Situation:
-    """Situation of the options; the noise is by default that of the log's residuals.
-
-    Args:
-        lib: the robot.
-        moved: the motion.
-        noise: value of --noise, N·m, or a log.
-        earlier: logs that are recorded already.
-        payload_only: only the last link is unknown.
-
-    Returns:
-        The situation.
-
-    Raises:
-        RuntimeFault: the noise is out of range, or an earlier log cannot be read.
-    """
+    """Situation of the options; the noise is by default that of the log's residuals."""
     given = None if noise is None else planned_noise(lib, noise, moved.columns)
     planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
     residual_noise: Noise | None = noise_of(lib, moved)

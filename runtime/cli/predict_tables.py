@@ -39,17 +39,7 @@ PayloadOnly = Annotated[
 
 
 def friction_columns(text: str) -> tuple[str, ...]:
-    """Friction columns from --friction.
-
-    Args:
-        text: names with commas, or none.
-
-    Returns:
-        The names.
-
-    Raises:
-        IdentificationError: the text has numbers, which belong to other options.
-    """
+    """Friction columns from --friction."""
     words = tuple(text.split(","))
     if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
         raise IdentificationError(
@@ -69,24 +59,7 @@ def information_of(
     model: str = WHITE,
     cutoff: float | None = None,
 ) -> tuple[Information, str]:
-    """Noise, rate, earlier logs and unknowns of a planned log.
-
-    Args:
-        lib: library of the robot.
-        noise: value of --noise, N·m or N, or a log.
-        rate: rate at which the log will be recorded, Hz; dependent rows count as fewer.
-        logs: earlier logs.
-        payload_only: only the ten parameters of the last link are unknown.
-        friction: value of --friction; None is the default of `information`.
-        model: value of --noise-model.
-        cutoff: value of --cutoff, Hz.
-
-    Returns:
-        Settings of the criteria of a motion, and what the noise leaves out, a sentence or "".
-
-    Raises:
-        RuntimeFault: a value is out of range, or an earlier log cannot be read.
-    """
+    """Noise, rate, earlier logs and unknowns of a planned log."""
     information(lib, rate=rate)  # raises where the rate is out of range
     columns = None if friction is None else friction_columns(friction)
     torque = planned_noise(lib, noise, columns, model)
@@ -101,16 +74,7 @@ def information_of(
 
 
 def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:
-    """Sentence on the σ of predicted torque for motions that are not in the log.
-
-    Args:
-        bands: σ of every joint, (n,) N·m or N.
-        units: of these joints, (n,).
-        gain_error: standard deviation of the torque gains that σ counts, relative to one.
-
-    Returns:
-        The sentence.
-    """
+    """Sentence on the σ of predicted torque for motions that are not in the log."""
     sigmas = listed_torques(1000 * bands, units, ".2f", "m")
     if gain_error:
         off = f"{100 * gain_error:g} % off (--gain-error), which residuals hardly show"
@@ -119,15 +83,7 @@ def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0)
 
 
 def unit_payload_sentence(mass: float, com: Array) -> str:
-    """Sentence on the accuracy of a payload of 1 kg.
-
-    Args:
-        mass: σ of its mass, kg.
-        com: σ of its centre of mass, (3,) m.
-
-    Returns:
-        The sentence.
-    """
+    """Sentence on the accuracy of a payload of 1 kg."""
     position = " ".join(f"{1000 * value:.2f}" for value in com)
     return (
         f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
@@ -136,15 +92,7 @@ def unit_payload_sentence(mass: float, com: Array) -> str:
 
 
 def payload_sentence(expected: Expected, alone: bool) -> str:
-    """Sentence on the expected accuracy of a payload.
-
-    Args:
-        expected: accuracy of the motion.
-        alone: only the payload is unknown; its inertia is then in the sentence too.
-
-    Returns:
-        Mass in g, centre of mass in mm, inertia in kg·m².
-    """
+    """Sentence on the expected accuracy of a payload."""
     if expected.payload is None or expected.payload_com is None:
         return "note: a payload on the last link is not identifiable: too few joints turn it"
     sentence = unit_payload_sentence(float(mass(expected.payload)), expected.payload_com)
@@ -161,15 +109,7 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
 
 
 def base_table(expected: Expected, lib: Library) -> Table:
-    """Expected σ of every base parameter, the largest relative to its value first.
-
-    Args:
-        expected: accuracy of the motion.
-        lib: library of the robot.
-
-    Returns:
-        Table of σ by least squares and by MAP, in the unit of each parameter, and in %.
-    """
+    """Expected σ of every base parameter, the largest relative to its value first."""
     table = Table(title="base parameters: expected σ, the largest relative σ first")
     table.add_column("around", overflow="fold")
     for head in ("least squares", "MAP", "MAP % of value"):
@@ -186,15 +126,7 @@ def base_table(expected: Expected, lib: Library) -> Table:
 
 
 def link_table(expected: Expected, lib: Library) -> Table:
-    """Expected σ of mass, centre of mass and inertia of every link by MAP.
-
-    Args:
-        expected: accuracy of the motion.
-        lib: library of the robot.
-
-    Returns:
-        Table in g, mm and kg·m²; the last column counts parameters that the data determine.
-    """
+    """Expected σ of mass, centre of mass and inertia of every link by MAP."""
     table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
     for head in ("mass g", "CoM mm", "inertia kg·m²", "from the data"):
         table.add_column(head, justify="right")
@@ -217,14 +149,7 @@ def link_table(expected: Expected, lib: Library) -> Table:
 
 
 def gain_table(steps: Sequence[GainOfRecording]) -> Table:
-    """Improvement of σ by more recording: payload, largest, and count of those above 10 %.
-
-    Args:
-        steps: gains for increasing numbers of seconds.
-
-    Returns:
-        Table in % of the present σ.
-    """
+    """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
     table = Table("more", title=f"expected gain of σ by more of {steps[0].motion}, %")
     names = [name for name in steps[0].gains if name.startswith("payload")]
     for head in (*sorted(names), "largest", "above 10 %"):

@@ -92,23 +92,7 @@ def read_prepared_log(
     robust: bool = False,
     of_type: Friction | None = None,
 ) -> PreparedLog:
-    """Read a log and choose its cut-off, regressor and friction model where options say auto.
-
-    Args:
-        lib: library of the robot.
-        log: file, folder or name of a known data set.
-        options: values of the command's options.
-        usable: columns to choose from where neither an option nor the recipe names a friction
-            model; with none there is no choice.
-        robust: choose that friction model with the weights of --robust.
-        of_type: friction model of a fleet, which replaces that choice.
-
-    Returns:
-        The log with its preparation; `notes` hold one sentence per automatic choice.
-
-    Raises:
-        RuntimeFault: the log cannot be read, or an option does not apply to it.
-    """
+    """Read a log and choose its cut-off, regressor and friction model where options say auto."""
     streamed = _streamed(lib, log, options)
     if streamed is not None:
         from runtime.identification.long_logs import head_of
@@ -198,14 +182,7 @@ def _chosen_terms(
 
 
 def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
-    """Columns among which the default friction model of some methods is chosen.
-
-    Args:
-        methods: names in `METHODS`.
-
-    Returns:
-        Columns that all of them use; none where one of them has its own default.
-    """
+    """Columns among which the default friction model of some methods is chosen."""
     records = [require_method(name) for name in methods]
     if any(record.default_columns for record in records) and len(records) == 1:
         return ()
@@ -214,16 +191,7 @@ def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
 
 
 def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
-    """Friction columns of --friction and --coulomb-speed, else of the recipe.
-
-    Args:
-        recording: log, with its recipe.
-        names: column names with commas, "auto" or "none"; None for those of the recipe.
-        speed: width of the smooth Coulomb sign, rad/s; None for that of the recipe.
-
-    Returns:
-        The columns; None where neither the options nor the recipe name any.
-    """
+    """Friction columns of --friction and --coulomb-speed, else of the recipe."""
     default = default_terms(recording)
     if names is None and speed is None:
         return default
@@ -241,17 +209,7 @@ def preparation_of(
     rate: float | None,
     regressor: str | None = None,
 ) -> Preparation | None:
-    """Preparation of the recipe with --cutoff, --rate and --regressor in place.
-
-    Args:
-        recording: log, with its recipe.
-        cutoff: of the low-pass, Hz.
-        rate: of the rows after decimation, Hz.
-        regressor: form of the equations.
-
-    Returns:
-        The preparation; None where no option is given.
-    """
+    """Preparation of the recipe with --cutoff, --rate and --regressor in place."""
     if cutoff is None and rate is None and regressor is None:
         return None
     base = recording.preparation

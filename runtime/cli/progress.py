@@ -40,14 +40,7 @@ def state() -> "ProgressColumn":
 
 
 def counting(*columns: "Callable[[], ProgressColumn]") -> AbstractContextManager[Counter]:
-    """Progress bar with the task, the count, the elapsed time and further columns.
-
-    Args:
-        *columns: functions that make the further columns.
-
-    Returns:
-        The bar; where the output is no terminal it is an empty line, as of rich.
-    """
+    """Progress bar with the task, the count, the elapsed time and further columns."""
     if not (console.is_terminal or console.is_jupyter):
         return _Unseen()
     from rich.progress import (
@@ -70,14 +63,7 @@ def counting(*columns: "Callable[[], ProgressColumn]") -> AbstractContextManager
 
 
 def waiting(text: str) -> AbstractContextManager[Any]:
-    """Sign that a command works.
-
-    Args:
-        text: what it does.
-
-    Returns:
-        The sign; where the output is no terminal it is nothing, as of rich, without its thread.
-    """
+    """Sign that a command works."""
     return console.status(text) if console.is_terminal or console.is_jupyter else nullcontext()
 
 

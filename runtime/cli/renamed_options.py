@@ -43,19 +43,7 @@ class RefusingCommand(TyperCommand):
         return without_conversion(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the command line.
-
-        Args:
-            ctx: context of the command.
-            args: words after the command's name.
-
-        Returns:
-            The words that no option or argument took.
-
-        Raises:
-            RuntimeFault: one of them is an option's earlier name, or a number that is too small or
-                too large.
-        """
+        """Read the command line."""
         renamed = RENAMED.get(self.name or "", {})
         for word in args:
             if word == "--":

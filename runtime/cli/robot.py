@@ -18,20 +18,7 @@ Yes = Annotated[
 
 
 def open_robot(robot: str, yes: bool, takes_free_base: bool = False) -> Library:
-    """Load the robot of a command and print on stderr whose it is.
-
-    Args:
-        robot: name, or path of a generated folder.
-        yes: run the code of a folder of the working directory without a question.
-        takes_free_base: the command works on robots with a free base too.
-
-    Returns:
-        Its library.
-
-    Raises:
-        ForeignRobotError: it was not built by the user, who did not agree to run its code.
-        LibraryError: it cannot be loaded, or its base is free and the command needs a fixed one.
-    """
+    """Load the robot of a command and print on stderr whose it is."""
     lib = _opened(robot, yes)
     if lib.manifest.floating and not takes_free_base:
         raise LibraryError(

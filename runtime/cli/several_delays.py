@@ -18,22 +18,7 @@ from runtime.library import Library
 def with_delays(
     names: Sequence[str], data: Sequence[PreparedLog], lib: Library, settings: Settings, delay: str
 ) -> tuple[list[PreparedLog], list[dict[str, Any]]]:
-    """The logs without the delays of their torques.
-
-    Args:
-        names: of the logs.
-        data: the logs with their preparations.
-        lib: library of the robot.
-        settings: of the joint fit.
-        delay: value of --delay.
-
-    Returns:
-        The logs, and per log its name, delay and standard deviation [s], None where the log does
-        not determine it; for a number the logs and no list.
-
-    Raises:
-        RuntimeFault: the value is no delay, or a log is no identification problem.
-    """
+    """The logs without the delays of their torques."""
     if delay not in {AUTO, PER_JOINT}:
         moved = [replace(each, preparation=delayed(each, delay, False)) for each in data]
         return moved, []
@@ -71,14 +56,7 @@ def with_delays(
 
 
 def delay_notes(facts: Sequence[dict[str, Any]]) -> list[str]:
-    """One sentence per log on its delay.
-
-    Args:
-        facts: of `with_delays`.
-
-    Returns:
-        The sentences.
-    """
+    """One sentence per log on its delay."""
     notes = []
     for each in facts:
         value, sigma = each["value"], each["sigma"]

@@ -14,17 +14,7 @@ from runtime.recording.preprocessing import before_test
 def with_drives(
     data: Sequence[PreparedLog], lib: Library, options: LogOptions, delay: str | None
 ) -> list[PreparedLog]:
-    """The logs as one log of a commanded torque is prepared.
-
-    Args:
-        data: the logs with their preparations.
-        lib: library of the robot.
-        options: of the command, which may name friction columns.
-        delay: value of --delay.
-
-    Returns:
-        The logs; those with a measured torque, and poses at rest, as they were.
-    """
+    """The logs as one log of a commanded torque is prepared."""
     ready = [_without_ends(each) for each in data]
     first, named = ready[0], options.friction or options.coulomb_speed
     recipe, terms = first.recording.recipe, first.friction

@@ -39,15 +39,7 @@ PayloadOf = Annotated[
 
 
 def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]]:
-    """Logs with their runs; `--run 1,2,3` of one log gives three.
-
-    Args:
-        logs: names on the command line.
-        run: value of --run.
-
-    Returns:
-        Pairs of log and run.
-    """
+    """Logs with their runs; `--run 1,2,3` of one log gives three."""
     if len(logs) == 1 and run is not None and "," in run:
         return [(logs[0], each.strip()) for each in run.split(",")]
     return [(log, run) for log in logs]
@@ -82,22 +74,7 @@ def identify_several(
     options: LogOptions,
     delay: str | None = None,
 ) -> "tuple[Identification, LogAgreement]":
-    """Identify one set of parameters from several logs, and compare the logs.
-
-    Args:
-        runs: logs, each with its run or None.
-        lib: library of the robot.
-        settings: as for `identify_logs`, without splitting and friction columns.
-        payload_of: LOG=FILE of the known payloads.
-        options: how the logs are read and prepared.
-        delay: value of --delay.
-
-    Returns:
-        The joint identification, and how well the logs agree.
-
-    Raises:
-        RuntimeFault: a log cannot be read, or an option does not apply to several logs.
-    """
+    """Identify one set of parameters from several logs, and compare the logs."""
     from runtime.cli.several_drives import with_drives
     from runtime.identification.several_logs import NamedLog, identify_logs
 

@@ -55,15 +55,7 @@ class SeveralFiles:
 
 
 def require_several(context: typer.Context, motions: int) -> None:
-    """Refuse options of one motion beside --motions.
-
-    Args:
-        context: of the command.
-        motions: value of --motions.
-
-    Raises:
-        RuntimeFault: such an option is given.
-    """
+    """Refuse options of one motion beside --motions."""
     for name, option in given_options(context).items():
         if motions > 1 and name in _EXCLUDED:
             raise RuntimeFault(
@@ -80,19 +72,7 @@ def excite_several(
     files: SeveralFiles,
     **search: Any,
 ) -> None:
-    """Design several motions, print what their logs will show together, and write them.
-
-    Args:
-        lib: the robot.
-        count: number of motions.
-        settings: of every motion, with the duration of all.
-        known: noise, rate and earlier logs.
-        files: where they are written.
-        **search: keywords of `design`.
-
-    Raises:
-        RuntimeFault: a file exists, or the criterion counts no noise.
-    """
+    """Design several motions, print what their logs will show together, and write them."""
     paths = [files.of_motion(k) for k in range(1, count + 1)]
     require_unused([p for one in paths for p in (one, one.with_suffix(".csv"))], files.overwrite)
     written = []

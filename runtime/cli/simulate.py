@@ -185,11 +185,7 @@ def simulate_command(
 
 
 def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
-    """Whether the engine is MuJoCo.
-
-    Raises:
-        IdentificationError: an option belongs to the other engine.
-    """
+    """Whether the engine is MuJoCo."""
     given = given_options(context)
     for_mujoco = any(name in given for name in _ONLY_MUJOCO)
     virtual = for_mujoco if engine is None else engine is Engine.mujoco

@@ -9,16 +9,7 @@ from runtime.recording.static_poses import static_poses
 def log_at_rest(
     recording: Recording, options: LogOptions, parts: Split | None
 ) -> PreparedLog | None:
-    """Rows of a log of poses that were reached from both sides.
-
-    Args:
-        recording: the log.
-        options: of the command; a filter stands for the motion between the poses.
-        parts: training, validation and test parts; None for the usual ones.
-
-    Returns:
-        One row per pose; None for a log of motion.
-    """
+    """Rows of a log of poses that were reached from both sides."""
     filters = (options.cutoff, options.rate, options.regressor)
     if recording.has_unknown_gains or any(each is not None for each in filters):
         return None

@@ -67,15 +67,7 @@ class PoseOptions:
 
 
 def require_applicable(context: typer.Context, static: bool) -> None:
-    """Refuse options that have no meaning beside --static, and --poses without it.
-
-    Args:
-        context: of the command.
-        static: value of --static.
-
-    Raises:
-        RuntimeFault: such an option is given.
-    """
+    """Refuse options that have no meaning beside --static, and --poses without it."""
     given = given_options(context)
     if not static:
         if "poses" in given:
@@ -89,16 +81,7 @@ def require_applicable(context: typer.Context, static: bool) -> None:
 
 
 def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
-    """Design poses and write them as JSON and CSV.
-
-    Args:
-        lib: the robot.
-        safety: limits beyond the ranges of the joints.
-        options: the other options.
-
-    Raises:
-        RuntimeFault: an option is out of range, or a file exists.
-    """
+    """Design poses and write them as JSON and CSV."""
     path = json_path(options.out or Path("results") / f"{lib.name}-static.json")
     table = path.with_suffix(".csv")
     require_unused((path, table), options.overwrite)
@@ -127,15 +110,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
 
 
 def accuracy_sentence(designed: PoseDesign, unit: str) -> str:
-    """Sentence on the accuracy of a design against random poses.
-
-    Args:
-        designed: the poses.
-        unit: of the torque.
-
-    Returns:
-        The sentence.
-    """
+    """Sentence on the accuracy of a design against random poses."""
     return (
         f"{len(designed.poses)} poses, each reached from both sides, determine "
         f"{len(designed.columns)} gravity parameters to {designed.sigma:.3g} kg·m (RMS σ) and the "

@@ -16,15 +16,7 @@ from runtime.recording import StreamedRecording
 
 
 def is_streamable(method: str | None, preset: str | None) -> bool:
-    """Whether a method works on streamed rows.
-
-    Args:
-        method: value of --method.
-        preset: value of --preset.
-
-    Returns:
-        True if it needs compressed statistics only.
-    """
+    """Whether a method works on streamed rows."""
     from runtime.identification.long_logs import require_streamable
 
     try:
@@ -41,18 +33,7 @@ def streamed_result(
     settings: Settings,
     delay: str | None = None,
 ) -> Identification:
-    """Identify from a log that is read piece by piece.
-
-    Args:
-        log: the streamed rows.
-        data: preparation, split and friction of the log.
-        lib: library of the robot.
-        settings: of the identification.
-        delay: value of --delay; it is estimated from the first rows.
-
-    Returns:
-        The result.
-    """
+    """Identify from a log that is read piece by piece."""
     from runtime.identification.long_logs import identify_streamed
 
     facts: list[dict[str, Any]] = []

@@ -41,29 +41,13 @@ _FOLLOWING = {
 
 
 def require_gain_error(gain_error: float) -> None:
-    """Check a value of --gain-error.
-
-    Raises:
-        RuntimeFault: it is no share of one.
-    """
+    """Check a value of --gain-error."""
     if not 0 <= gain_error < 1:
         raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
 
 
 def until_kind(context: typer.Context, until: str | None) -> str | None:
-    """Kind of the target of --until.
-
-    Args:
-        context: of the command.
-        until: value of --until.
-
-    Returns:
-        v, a or payload; None without --until.
-
-    Raises:
-        RuntimeFault: the target is none, an option is given that --until chooses, or --gain-error
-            without --until.
-    """
+    """Kind of the target of --until."""
     given = given_options(context)
     if until is None:
         if "gain_error" in given:
@@ -82,17 +66,7 @@ def until_kind(context: typer.Context, until: str | None) -> str | None:
 def criterion_and_unknowns(
     criterion: str | None, document: bool, payload_only: bool, aim: str | None
 ) -> tuple[str, bool]:
-    """Criterion of a design, and whether only a payload is unknown.
-
-    Args:
-        criterion: value of --criterion.
-        document: value of --document.
-        payload_only: value of --payload-only.
-        aim: kind of the target of --until.
-
-    Returns:
-        Name of the criterion, and the choice.
-    """
+    """Criterion of a design, and whether only a payload is unknown."""
     alone = payload_only or aim == "payload"
     usual = "cond" if document else "mixed" if aim is None else "a" if alone else aim
     return criterion or usual, alone
@@ -107,23 +81,7 @@ def searched(
     gain_error: float,
     **search: Any,
 ) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
-    """Design of the settings, or of the shortest session for --until.
-
-    Args:
-        lib: the robot.
-        until: value of --until; None designs one motion.
-        settings: of the design.
-        ways: to the start of the motion and back.
-        known: noise, rate and earlier logs of the session.
-        gain_error: value of --gain-error.
-        **search: keywords of `design`.
-
-    Returns:
-        The design, keys of its file on what it promises, and sentences.
-
-    Raises:
-        RuntimeFault: no session promises the target.
-    """
+    """Design of the settings, or of the shortest session for --until."""
     if until is None:
         return design(lib, settings, **search), {}, ()
     require_gain_error(gain_error)

@@ -31,17 +31,7 @@ SHARE = 0.5
 def read_armature(facts: dict[str, Any], path: Path, lib: Library) -> Array | None:
     """Rotor inertia that a file of priors states.
 
-    Args:
-        facts: content of the file, with "armature" or "armature_from".
-        path: of the file; `armature_from` is relative to its folder.
-        lib: library of the robot.
-
-    Returns:
-        Value and standard deviation per joint, (n, 2) [kg·m², kg], infinite without a prior; None
-        where the file states no armature.
-
-    Raises:
-        IdentificationError: an entry does not fit the robot, or the model file cannot be read.
+    Returns (n, 2) [kg·m², kg].
     """
     stated: dict[str, Any] = {}
     if "armature_from" in facts:
@@ -69,15 +59,7 @@ def read_armature(facts: dict[str, Any], path: Path, lib: Library) -> Array | No
 def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrior:
     """Prior of the friction coefficients.
 
-    Args:
-        armature: value and standard deviation per joint, (n, 2) [kg·m², kg].
-        columns: names of the k friction columns.
-
-    Returns:
-        Mean and standard deviation, (n, k).
-
-    Raises:
-        IdentificationError: there is no column of rotors.
+    armature (n, 2) [kg·m², kg] → (n, k).
     """
     if ROTOR.name not in columns:
         raise IdentificationError(

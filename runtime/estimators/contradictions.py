@@ -61,21 +61,7 @@ def model_tests(
     *,
     is_of_type: bool = False,
 ) -> ModelTests:
-    """Test data, prior and result against each other.
-
-    Args:
-        lib: library of the robot.
-        fit: least squares of the training samples without a prior; None for rows of power.
-        data: least squares over π, friction eliminated.
-        prior: inertial prior.
-        kappa: trust κ in the prior.
-        density: S, variance with which the noise enters the unknowns, in units of `data`.
-        pi: parameters of the result, (10 n,).
-        is_of_type: whether the centre of the prior is that of a type of robot, not the URDF's.
-
-    Returns:
-        One sentence per contradiction; no sentences where everything fits.
-    """
+    """Test data, prior and result against each other."""
     gains = None if fit is None else gain_test_of(fit)
     delay = None if fit is None else delay_test(fit)
     friction = None if fit is None else friction_test(fit)

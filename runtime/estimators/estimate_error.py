@@ -23,14 +23,7 @@ ROUND = 1 / 3
 def vague_posterior(lib: Library, prior: Prior, rows: Array, target: Array) -> tuple[Array, Array]:
     """Mean and root of the covariance of π with a Gaussian prior of unknown quality.
 
-    Args:
-        lib: library of the robot.
-        prior: entropic prior; its centre is that of the Gaussian.
-        rows: A/√S, weighted data over their noise, (m, 10 n).
-        target: b/√S, (m,).
-
-    Returns:
-        π_v (10 n,), and the root of C_v (10 n, 10 n).
+    rows (m, 10 n), target (m,) → (10 n,).
     """
     # R Rᵀ = B⁻¹ / κ; with π = π0 + R z the information on z is 1 + (Ã R)ᵀ(Ã R).
     around = lib.nearest_realisable(prior.centre, ROUND)

@@ -80,15 +80,7 @@ class Held(NamedTuple):
 
 
 def bounds_of(problem: Problem, is_passive: bool) -> Bounds:
-    """Bounds of the friction coefficients of a problem.
-
-    Args:
-        problem: its training samples set the sizes.
-        is_passive: bound coefficients of the columns with `is_nonnegative` below by 0.
-
-    Returns:
-        The bounds, (n k,) each.
-    """
+    """Bounds of the friction coefficients of a problem."""
     train = problem.train
     columns = np.sqrt(np.mean(np.square(train.columns), axis=0))  # (n, k)
     if train.coupling is not None:
@@ -113,14 +105,7 @@ def within_bounds(
 ) -> tuple[Array, Answer, Held]:
     """Solve a least-squares problem with φ within bounds.
 
-    Args:
-        statistics: compressed samples.
-        bounds: of φ.
-        solve: statistics → φ (n k,), β (n_b,) and the answer; an entry of φ whose column is zero
-            is not used.
-
-    Returns:
-        φ within the bounds (n k,), the answer, and the coefficients at a bound.
+    solve (n k,) → (n k,).
     """
     lower, upper = bounds.lower, bounds.upper
     columns = statistics.factor[:, statistics.n_base :]
@@ -156,17 +141,7 @@ def within_bounds(
 def notes_of(
     held: Held, bounds: Bounds, joints: Sequence[str], names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Sentences on coefficients that ended at a bound.
-
-    Args:
-        held: coefficients at a bound, n k of them.
-        bounds: of all coefficients.
-        joints: names of the joints, (n,).
-        names: names of the columns, (k,); empty where they are unknown.
-
-    Returns:
-        Sentences on coefficients held at 0, small and large, and on those at another bound.
-    """
+    """Sentences on coefficients that ended at a bound."""
     if not held.flags.any():
         return ()
     names = names or [f"column {k + 1}" for k in range(len(held.phi) // len(joints))]
@@ -200,14 +175,7 @@ def notes_of(
 def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str]) -> Array:
     """Size of the torque of negative coefficients that should be ≥ 0, relative to the joint's.
 
-    Args:
-        columns: friction columns C, (N, n, k).
-        tau: torque, (N, n) [N·m, N].
-        phi: coefficients, (n, k).
-        names: names of the columns, (k,).
-
-    Returns:
-        (n, k), 0 where a coefficient is not negative or may be.
+    columns (N, n, k), tau (N, n) [N·m, N], phi (n, k), names (k,) → (n, k).
     """
     shape = columns.shape[1:]
     size = np.sqrt(np.mean(np.square(columns), axis=0)) * np.abs(phi)
@@ -232,13 +200,6 @@ def _parts_apart(columns: Array, places: NDArray[np.int64]) -> Array:
     """Length of the part of some columns X e_k that is orthogonal to all others.
 
     min_x ‖X e_k − X_others x‖ = 1 / ‖e_kᵀ R⁻¹‖ with X = Q R, where R is not near a singular one.
-
-    Args:
-        columns: X, (m, p).
-        places: k, (h,).
-
-    Returns:
-        (h,), in the unit of the columns.
     """
     if not len(places):
         return np.zeros(0)

@@ -55,15 +55,8 @@ def train(
 ) -> FrictionNet:
     """Train a net per joint and decay, and keep the one with the least validation error.
 
-    Args:
-        columns: friction columns of the training samples, (N, n, k).
-        target: torque that the nets shall explain, (N, n) [N·m].
-        validation_columns: the same of the validation samples, (M, n, k).
-        validation_target: the same of the validation samples, (M, n) [N·m].
-        rng: source of the first weights.
-
-    Returns:
-        Nets of all joints; θ = 0 where no net lowers the validation error.
+    columns (N, n, k), target (N, n) [N·m], validation_columns (M, n, k), validation_target (M, n)
+    [N·m].
     """
     n, k = columns.shape[1:]
     scale = np.sqrt(np.mean(columns**2, axis=0))
@@ -103,11 +96,7 @@ def _slopes(theta: Array, x: Array, hidden: Array) -> Array:
 
 
 def _trained(theta: Array, x: Array, target: Array, decay: float) -> Array:
-    """θ after the descent; zero for a target that is zero.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C, which the loop has caught: a net half trained is of no use.
-    """
+    """θ after the descent; zero for a target that is zero."""
     size = float(np.mean(target**2))
     if size == 0:
         return np.zeros_like(theta)

@@ -41,28 +41,7 @@ def uncertainty_of(
     centre: Array | None = None,
     tests: bool = True,
 ) -> Uncertainty:
-    """Uncertainty of an identified model, by any method.
-
-    Args:
-        lib: library of the robot.
-        samples: training samples.
-        pi: identified parameters, (10 n,); where a link is not strictly consistent, the curvature
-            of the prior is taken at the first guess.
-        phi: friction coefficients, (n, k).
-        first_guess: π at the centre of the prior, (10 n,).
-        kappa: trust κ in the first guess.
-        statistics: of the samples with weights 1/s_j², if they exist already.
-        coloured_noise: of their residuals, if it exists already.
-        compressed: weights (n,) → statistics of all samples, where `samples` are only some.
-        is_most_probable: whether `pi` is the most probable model under this prior; the covariance
-            of other estimates is that of data with a prior of unknown quality.
-        centre: centre of the prior of a type of robot, (10 n,), whose κ is that of its units; None
-            for the first guess.
-        tests: whether data, prior and result are tested.
-
-    Returns:
-        Covariance of π, verdict per entry, noise per joint and effective sample size.
-    """
+    """Uncertainty of an identified model, by any method."""
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
     if statistics is None or coloured is None:

@@ -24,15 +24,7 @@ WITHIN = 16.0
 
 
 def mass_unit(lib: Library, pi: Array) -> float:
-    """Unit of mass s of a robot, kg.
-
-    Args:
-        lib: library of the robot, which counts where the median of `pi` is not above 0.
-        pi: parameters of a first guess, (10 n,).
-
-    Returns:
-        1 for usual arms, else a power of four that makes the median link mass 1 to 4 kg.
-    """
+    """Unit of mass s of a robot, kg."""
     middle = float(median(mass(links(pi))))
     if not middle > 0:
         middle = float(median(mass(links(lib.pi0))))
@@ -42,15 +34,7 @@ def mass_unit(lib: Library, pi: Array) -> float:
 
 
 def in_unit(problem: Problem, unit: float) -> Problem:
-    """The same problem with another unit of mass.
-
-    Args:
-        problem: samples, weights and first guess.
-        unit: s, kg.
-
-    Returns:
-        The problem with τ/s and the λ of π/s; `problem` itself for s = 1.
-    """
+    """The same problem with another unit of mass."""
     if unit == 1.0:
         return problem
     pieces = problem.pieces

@@ -31,12 +31,7 @@ DEFAULT = "map"
 
 
 def require_method(name: str) -> Method:
-    """The record of a method.
-
-    Raises:
-        IdentificationError: there is no such method.
-        RuntimeFault: a plugin that offers it cannot be imported.
-    """
+    """The record of a method."""
     if name not in METHODS:
         raise IdentificationError(
             f"there is no method '{name}'; choose one of {', '.join(METHODS)}"
@@ -50,19 +45,7 @@ def methods_from_statistics() -> tuple[str, ...]:
 
 
 def chosen_method(method: str | None, preset: Any, prior: Any) -> str:
-    """The method that is named, or the one that the other options belong to.
-
-    Args:
-        method: a name, or None.
-        preset: settings of a method, or None.
-        prior: a file of inertial priors, or None.
-
-    Returns:
-        A name in `METHODS`.
-
-    Raises:
-        IdentificationError: the method is unknown, or an option belongs to another.
-    """
+    """The method that is named, or the one that the other options belong to."""
     if method is None:
         method = DEFAULT if preset is None else _those("takes_preset")[0]
     record = require_method(method)
@@ -80,21 +63,7 @@ def chosen_method(method: str | None, preset: Any, prior: Any) -> str:
 
 
 def fit_by(problem: Problem, method: str, preset: Any = None, prior: Any = None) -> Fit:
-    """Solve a problem by one of `METHODS`.
-
-    Args:
-        problem: samples, weights and first guess.
-        method: a name in `METHODS`.
-        preset: settings of a method that takes some: a name, the settings, or None.
-        prior: a `PriorFile` for a method that uses one, or None.
-
-    Returns:
-        π (10 n,), friction coefficients (n, k) and how they came about.
-
-    Raises:
-        IdentificationError: the method or the preset is unknown, or the method failed.
-        NeedsError: the problem lacks something that the method needs.
-    """
+    """Solve a problem by one of `METHODS`."""
     record = require_method(method)
     _require_rows(problem, record, preset)
     _require_controller(problem, record)

@@ -86,18 +86,7 @@ class PriorFile:
 
 
 def read_prior(path: Path, lib: Library) -> PriorFile:
-    """Read a file of inertial priors and check it against a robot.
-
-    Args:
-        path: TOML file.
-        lib: library of the robot.
-
-    Returns:
-        κ and the linear priors.
-
-    Raises:
-        IdentificationError: the file is missing or not TOML, or an entry does not fit the robot.
-    """
+    """Read a file of inertial priors and check it against a robot."""
     try:
         facts = toml_of(path)
     except OSError:
@@ -157,13 +146,7 @@ class _Rows:
         self.bounds: list[Row] = []
 
     def interval(self, name: str, given: Any, links: tuple[str, ...]) -> None:
-        """Add Σ m = value, or lowest ≤ Σ m ≤ highest.
-
-        Args:
-            name: entry of the file.
-            given: a mass or [lowest, highest], kg.
-            links: names of the links whose masses are added up.
-        """
+        """Add Σ m = value, or lowest ≤ Σ m ≤ highest."""
         total = sum(self._unit(link, "m") for link in links)
         if isinstance(given, int | float) and not isinstance(given, bool):
             (value,) = self._numbers(name, [given], (1,), "a mass or [lowest, highest] in kg")
@@ -177,12 +160,7 @@ class _Rows:
         self.bounds += [Row(name, np.asarray(total), high), Row(name, -np.asarray(total), -low)]
 
     def box(self, link: str, given: Any) -> None:
-        """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m.
-
-        Args:
-            link: name of the link.
-            given: lowest and highest corner, (2, 3) m.
-        """
+        """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m."""
         name, wanted = f"{link}.com_box", "[[x, y, z], [x, y, z]] in m, lowest and highest corner"
         low, high = self._numbers(name, given, (2, 3), wanted)
         if not (low <= high).all():
@@ -196,12 +174,7 @@ class _Rows:
             ]
 
     def hull(self, link: str, given: Any) -> None:
-        """Add that c lies in the convex hull of points: n·(m c) + d m ≤ 0 for its facets.
-
-        Args:
-            link: name of the link.
-            given: points, (≥ 4, 3) m.
-        """
+        """Add that c lies in the convex hull of points: n·(m c) + d m ≤ 0 for its facets."""
         from scipy.spatial import ConvexHull, QhullError
 
         name, wanted = f"{link}.com_hull", "at least four points [x, y, z] in m, not in one plane"
@@ -216,12 +189,7 @@ class _Rows:
             self.bounds.append(Row(name, facet[:3] @ moments + facet[3] * mass, 0.0))
 
     def symmetry(self, link: str, given: Any) -> None:
-        """Add that m c and the products of inertia across planes vanish.
-
-        Args:
-            link: name of the link.
-            given: planes, of `MIRRORED`.
-        """
+        """Add that m c and the products of inertia across planes vanish."""
         name = f"{link}.symmetry"
         planes = given if isinstance(given, list) else [given]
         if not planes or any(plane not in tuple(MIRRORED) for plane in planes):

@@ -52,15 +52,7 @@ class FrictionPrior(NamedTuple):
     sigma: Array
 
     def statistics(self, like: Statistics, variance: float) -> Statistics:
-        """The prior as rows of least squares.
-
-        Args:
-            like: statistics of the samples, for their size.
-            variance: of a weighted row.
-
-        Returns:
-            Statistics of no samples, to be merged.
-        """
+        """The prior as rows of least squares."""
         rows, target = np.zeros_like(like.factor), np.zeros_like(like.target)
         root = np.sqrt(variance) / self.sigma.ravel()
         places = np.arange(like.n_base, len(target))
@@ -139,17 +131,7 @@ class Problem:
         return (self.train if part == "train" else self.validation,)
 
     def controlled(self, method: str) -> "tuple[Origin, ClosedLoop]":
-        """Origin of the samples, and the closed loop under which they were recorded.
-
-        Args:
-            method: its name, for the message.
-
-        Returns:
-            Both, where the controller is known.
-
-        Raises:
-            NeedsError: the controller is unknown.
-        """
+        """Origin of the samples, and the closed loop under which they were recorded."""
         if self.origin is None or self.origin.controller is None:
             raise NeedsError(
                 f"the method {method} simulates the robot under its controller and needs its "
@@ -203,11 +185,7 @@ class Fit:
     unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:
-        """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both.
-
-        Raises:
-            IdentificationError: the method estimates no noise.
-        """
+        """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both."""
         if self.weights is None or self.coloured_noise is None:
             raise IdentificationError(
                 f"expected an estimate of the noise, got none ({self.status}); use the method map"
@@ -225,13 +203,7 @@ class Fit:
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
     """Friction coefficients that fit best at fixed π, by least squares.
 
-    Args:
-        statistics: compressed samples.
-        pi: π, (10 n,).
-        shape: (n, k).
-
-    Returns:
-        φ, (n, k).
+    pi (10 n,), shape (n, k) → (n, k).
     """
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))

@@ -65,12 +65,7 @@ class RowWeights(NamedTuple):
     def note(self, t: Array, names: Sequence[str]) -> str:
         """Sentence on the blocks that count less.
 
-        Args:
-            t: instants of the rows, (N,) [s].
-            names: names of the joints.
-
-        Returns:
-            Instants, smallest weight and joint of the stretches with the smallest weights.
+        t (N,) [s].
         """
         less = self.weights < 1.0
         if not less.any():
@@ -92,11 +87,7 @@ class RowWeights(NamedTuple):
 
 
 def require_robust(method: str) -> None:
-    """Refuse a method that takes no weights of rows.
-
-    Raises:
-        NeedsError: the method simulates, filters or stops by the validation part.
-    """
+    """Refuse a method that takes no weights of rows."""
     able = [m.name for m in METHODS.records() if m.from_statistics and not m.uses_validation]
     if method not in able:
         raise NeedsError(
@@ -106,17 +97,7 @@ def require_robust(method: str) -> None:
 
 
 def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
-    """The problem with its training rows scaled by √w.
-
-    Args:
-        problem: with all of its training samples in memory.
-
-    Returns:
-        The same problem with scaled rows, and their weights.
-
-    Raises:
-        IdentificationError: the samples are streamed, or too few.
-    """
+    """The problem with its training rows scaled by √w."""
     train = problem.train
     if problem.pieces is not None:
         raise IdentificationError(
@@ -133,15 +114,7 @@ def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
 
 
 def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
-    """Weights by iteratively reweighted least squares over base parameters and friction.
-
-    Args:
-        lib: library of the robot.
-        rows: N samples with explicit rows of the regressor.
-
-    Returns:
-        Weights in (0, 1].
-    """
+    """Weights by iteratively reweighted least squares over base parameters and friction."""
     block = np.minimum(np.arange(len(rows)) // LENGTH, len(rows) // LENGTH - 1)
     few = np.arange(0, len(rows), max(1, len(rows) // ROWS))
     leverage = np.minimum(1.0, (H / _sizes(rows.base_rows(lib), block)) ** 2)
@@ -196,28 +169,12 @@ def _spread_of(rest: Array, block: Array) -> tuple[Array, Array]:
 
 
 def explicit(lib: Library, samples: Samples) -> Samples:
-    """Samples with the rows of the regressor, which can be scaled.
-
-    Args:
-        lib: library of the robot.
-        samples: N samples.
-
-    Returns:
-        The same equations.
-    """
+    """Samples with the rows of the regressor, which can be scaled."""
     return replace(samples, base=samples.base_rows(lib), acceleration=None)
 
 
 def scaled(rows: Samples, weights: Array) -> Samples:
-    """Rows, columns and torque times √w.
-
-    Args:
-        rows: N samples with explicit rows of the regressor.
-        weights: w, (N,).
-
-    Returns:
-        Samples whose squared errors count w times.
-    """
+    """Rows, columns and torque times √w."""
     root = np.sqrt(weights)[:, None]
     base = None if rows.base is None else rows.base * root[:, :, None]
     columns = rows.columns * root[:, :, None]

@@ -61,18 +61,7 @@ class KnownFriction(NamedTuple):
         return Friction.from_facts({"columns": self.columns, **self.widths})
 
     def of(self, friction: Friction, columns: tuple[str, ...]) -> FrictionPrior:
-        """Prior of the coefficients of a friction model.
-
-        Args:
-            friction: the model, with its widths.
-            columns: names of its k columns.
-
-        Returns:
-            Mean and standard deviation, (n, k); infinite for columns that are not known.
-
-        Raises:
-            IdentificationError: a width differs from the one that the values belong to.
-        """
+        """Prior of the coefficients of a friction model."""
         for name in widths_of(tuple(set(columns) & set(self.columns))) & set(self.widths):
             known, now = self.widths[name], float(getattr(friction, name))
             if abs(known - now) > ALIKE * known:
@@ -92,32 +81,14 @@ class KnownFriction(NamedTuple):
 
 
 def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
-    """Entropic prior about a stated centre, or about a first guess.
-
-    Args:
-        lib: library of the robot.
-        guess: π of the first guess, (10 n,), whose thin axes are raised.
-        centre: centre of a type, (10 n,), which is taken as it is; None for the guess.
-
-    Returns:
-        The prior.
-    """
+    """Entropic prior about a stated centre, or about a first guess."""
     return prior_of(lib, guess) if centre is None else prior_of(lib, centre, floor=0.0)
 
 
 def read_centre(facts: Mapping[str, Any], path: Path, lib: Library) -> Array | None:
     """Centre of a type.
 
-    Args:
-        facts: tables of the file.
-        path: of the file, for messages.
-        lib: library of the robot.
-
-    Returns:
-        π, (10 n,) [kg, kg·m, kg·m²]; None where the file states none.
-
-    Raises:
-        IdentificationError: an entry does not fit the robot, or a link is not consistent.
+    Returns (10 n,) [kg, kg·m, kg·m²].
     """
     if "centre" not in facts:
         return None
@@ -138,19 +109,7 @@ def read_centre(facts: Mapping[str, Any], path: Path, lib: Library) -> Array | N
 
 
 def read_friction(facts: Mapping[str, Any], path: Path, lib: Library) -> KnownFriction | None:
-    """Friction of a type.
-
-    Args:
-        facts: tables of the file.
-        path: of the file, for messages.
-        lib: library of the robot.
-
-    Returns:
-        The coefficients; None where the file states none.
-
-    Raises:
-        IdentificationError: an entry does not fit the robot.
-    """
+    """Friction of a type."""
     if "friction" not in facts:
         return None
     given = _table(facts["friction"], "friction", path)
@@ -182,19 +141,7 @@ def read_friction(facts: Mapping[str, Any], path: Path, lib: Library) -> KnownFr
 
 
 def read_noise(facts: Mapping[str, Any], path: Path, lib: Library) -> NoiseFloor | None:
-    """Noise of a type.
-
-    Args:
-        facts: tables of the file.
-        path: of the file, for messages.
-        lib: library of the robot.
-
-    Returns:
-        Least noise of a unit, 0 for joints that are not listed; None where the file states none.
-
-    Raises:
-        IdentificationError: an entry does not fit the robot.
-    """
+    """Noise of a type."""
     if "noise" not in facts:
         return None
     sigma, inflation = np.zeros(lib.n_joints), 1.0

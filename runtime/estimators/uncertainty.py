@@ -108,28 +108,14 @@ class Uncertainty:
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """Standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²).
 
-        Args:
-            lib: library of the robot.
-            q: joint positions, (N, n) or (n,) [rad, m].
-            dq: joint velocities, likewise [rad/s, m/s].
-            ddq: joint accelerations, likewise [rad/s², m/s²].
-
-        Returns:
-            One standard deviation, (N, n) [N·m, N].
+        q (N, n) [rad, m] → (N, n) [N·m, N].
         """
         return np.sqrt(self.model_band(lib, q, dq, ddq) ** 2 + self.noise**2)
 
     def model_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """Standard deviation of the predicted torque, √diag(Y C Yᵀ), without measurement noise.
 
-        Args:
-            lib: library of the robot.
-            q: joint positions, (N, n) or (n,) [rad, m].
-            dq: joint velocities, likewise [rad/s, m/s].
-            ddq: joint accelerations, likewise [rad/s², m/s²].
-
-        Returns:
-            One standard deviation, (N, n) [N·m, N].
+        q (N, n) [rad, m] → (N, n) [N·m, N].
         """
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
         return np.asarray(np.linalg.norm(y @ self.root, axis=2))
@@ -137,12 +123,7 @@ class Uncertainty:
     def band_of(self, lib: Library, samples: Samples) -> Array:
         """Standard deviation of the predicted torque of prepared rows, √diag(Y_b K C Kᵀ Y_bᵀ).
 
-        Args:
-            lib: library of the robot.
-            samples: N prepared samples of m equations each.
-
-        Returns:
-            One standard deviation, (N, m) [N·m, N; W for rows of power].
+        Returns (N, m) [N·m, N; W for rows of power].
         """
         spread = samples.base_rows(lib) @ (lib.base_matrix @ self.root)
         return np.asarray(np.linalg.norm(spread, axis=2))
@@ -150,12 +131,7 @@ class Uncertainty:
     def with_noise(self, rest: Array, lib: Library) -> "Uncertainty":
         """The same with the noise and the autocorrelation of other residuals.
 
-        Args:
-            rest: residuals of a model with estimated base parameters, (N, n) [N·m, N].
-            lib: library of the robot.
-
-        Returns:
-            A copy with `noise` and `white` of these residuals.
+        rest (N, n) [N·m, N].
         """
         return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
 

@@ -12,15 +12,7 @@ which the prior decides: its interval holds more often than its level states, up
 
 
 def verdict(silent: bool, share: float) -> str:
-    """Verdict on an entry of π.
-
-    Args:
-        silent: whether it has no effect on the torque.
-        share: posterior over prior variance.
-
-    Returns:
-        The verdict.
-    """
+    """Verdict on an entry of π."""
     if silent:
         return UNOBSERVABLE
     return IDENTIFIED if share < DETERMINED else PRIOR_DOMINATED
@@ -29,14 +21,7 @@ def verdict(silent: bool, share: float) -> str:
 def beta_verdicts(base: Array, spread: Spread, vague: Array) -> tuple[str, ...]:
     """Verdicts on the base parameters β = K π.
 
-    Args:
-        base: K, (n_b, 10 n).
-        spread: posterior of π.
-        vague: root of the covariance of π with hardly any prior, (10 n, 10 n).
-
-    Returns:
-        "identified" where the data reduce the prior variance at least tenfold and bring `ALONE` of
-        the posterior precision without the prior, else "prior-dominated", (n_b,).
+    base (n_b, 10 n), vague (10 n, 10 n) → (n_b,).
     """
     tight, loose = (np.sum((base @ root) ** 2, axis=1) for root in (spread.root, vague))
     by_data = tight >= ALONE * loose

@@ -46,23 +46,7 @@ def export_trajectory(
     rate: float | None = None,
     unchecked: Collection[str] = (),
 ) -> Path:
-    """Write one kind of file, and the certificate as `base`.certificate.json; atomically.
-
-    Args:
-        motion: a robot's motion with its certificate, which must hold.
-        base: path without suffix.
-        kind: one of `MOTION_FORMATS`.
-        rate: sampling rate of csv, npz and ros, Hz; None is the default of the format.
-        unchecked: kinds of limits that may stay unchecked, of
-            `runtime.excitation.limits.unchecked.UNCHECKED`, or "all".
-
-    Returns:
-        The path of the file.
-
-    Raises:
-        ExportError: another kind, a limit that is not proven to be kept, or one that is not
-            checked and not accepted as such; nothing is written.
-    """
+    """Write one kind of file, and the certificate as `base`.certificate.json; atomically."""
     if kind not in MOTION_FORMATS:
         raise ExportError(f"expected one of {', '.join(MOTION_FORMATS)} to export, got '{kind}'")
     motion.require_limits()

@@ -103,15 +103,7 @@ class MotionProfile:
 
 
 def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProfile:
-    """Everything that pictures of a motion show, at equally spaced times.
-
-    Args:
-        certified: the motion with its limits and its certificate.
-        samples: number of times, both ends included.
-
-    Returns:
-        Values, limits, distances and the certificate.
-    """
+    """Everything that pictures of a motion show, at equally spaced times."""
     lib, trajectory, safety = certified.lib, certified.trajectory, certified.safety
     t = np.linspace(0.0, trajectory.duration, samples)
     motion = np.array(trajectory.at(lib, t))

@@ -26,16 +26,7 @@ def write_trajectory(
     ways: Mapping[str, Trajectory] | None = None,
     further: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a design and its predicted accuracy, atomically.
-
-    Args:
-        designed: the design.
-        lib: its robot.
-        path: JSON file.
-        prediction: expected standard deviations, or None.
-        ways: "approach" and "return", where there are.
-        further: other keys of the file.
-    """
+    """Write a design and its predicted accuracy, atomically."""
     known = {
         "condition_number": designed.condition,
         "condition_numbers_of_starts": list(designed.conditions),
@@ -58,15 +49,7 @@ def write_motion(
     known: dict[str, Any] | None = None,
     ways: Mapping[str, Trajectory] | None = None,
 ) -> None:
-    """Write a trajectory and further facts, atomically.
-
-    Args:
-        trajectory: the motion.
-        lib: its robot.
-        path: JSON file.
-        known: further keys of the file.
-        ways: "approach" and "return", where there are.
-    """
+    """Write a trajectory and further facts, atomically."""
     facts = {
         "robot": lib.name,
         "joints": list(lib.joint_names),
@@ -91,19 +74,7 @@ def _facts(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def read_session(path: Path, lib: Library) -> JoinedMotion:
-    """Read a motion with the ways to its start and back that its file holds.
-
-    Args:
-        path: JSON file of `write_trajectory` or `write_motion`.
-        lib: the robot.
-
-    Returns:
-        Approach, motion and return in a row; the motion alone where the file has no ways.
-
-    Raises:
-        RecordingError: another kind of file, or a motion of another robot.
-        IdentificationError: the parts do not meet.
-    """
+    """Read a motion with the ways to its start and back that its file holds."""
     motion = read_trajectory(path, lib)
     facts = json_of(path)
     approach, back = (
@@ -114,18 +85,7 @@ def read_session(path: Path, lib: Library) -> JoinedMotion:
 
 
 def read_trajectory(path: Path, lib: Library) -> Trajectory:
-    """Read a trajectory of this robot; a file without the name of a basis has cosines.
-
-    Args:
-        path: JSON file of `write_trajectory` or `write_motion`.
-        lib: the robot.
-
-    Returns:
-        The trajectory.
-
-    Raises:
-        RecordingError: another kind of file, or a trajectory of another robot.
-    """
+    """Read a trajectory of this robot; a file without the name of a basis has cosines."""
     try:
         facts = json_of(path)
         joints = facts["joints"]

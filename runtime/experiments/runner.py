@@ -115,18 +115,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
 
 
 def requested(study: Study, request: Request) -> tuple[StudyConfig, int]:
-    """Config and number of trials of a request.
-
-    Args:
-        study: with its default config.
-        request: seed and number of trials.
-
-    Returns:
-        Config with the requested seed, and the number of trials.
-
-    Raises:
-        RuntimeFault: the number of trials is below one.
-    """
+    """Config and number of trials of a request."""
     trials = request.trials if study.trials is None else study.trials
     if trials < 1:
         raise RuntimeFault(f"expected at least one trial, got {trials}; give a larger --trials")
@@ -154,11 +143,7 @@ def _computed(
 def _claim(
     folder: Path, facts: Mapping[str, Any], mark: str, trials: int, request: Request
 ) -> None:
-    """Write config.json.
-
-    Raises:
-        RuntimeFault: the folder has trials of another config.
-    """
+    """Write config.json."""
     path = folder / CONFIG
     existing = folder_hash(folder)
     if existing is not None and existing != mark:

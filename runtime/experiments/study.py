@@ -39,16 +39,7 @@ class FixedConfig:
 
 
 def library_alone(lib: Library, config: StudyConfig, needed: Arrays) -> Library:
-    """Prepared input of a study that needs only the library.
-
-    Args:
-        lib: the robot.
-        config: not used.
-        needed: not used.
-
-    Returns:
-        The robot.
-    """
+    """Prepared input of a study that needs only the library."""
     del config, needed
     return lib
 
@@ -138,32 +129,14 @@ def canonical(value: object) -> str:
 
 
 def config_facts(study: Study, config: StudyConfig, lib: Library) -> dict[str, Any]:
-    """Config as plain data, with the study and the format number.
-
-    Args:
-        study: of the config.
-        config: its values.
-        lib: the robot.
-
-    Returns:
-        Plain values by name.
-    """
+    """Config as plain data, with the study and the format number."""
     plain = json.loads(canonical(asdict(config)))  # type: ignore[call-overload]
     more = study.robot_facts(lib) if study.robot_facts else {}
     return {"format": FORMAT, "study": study.name, **plain, **more}
 
 
 def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> str:
-    """SHA-256 of config, robot and arrays of other studies; equal hashes give equal digits.
-
-    Args:
-        facts: from `config_facts`.
-        model_hash: of the robot.
-        needed: arrays of other studies, by name.
-
-    Returns:
-        64 hexadecimal digits.
-    """
+    """SHA-256 of config, robot and arrays of other studies; equal hashes give equal digits."""
     digest = hashlib.sha256(canonical([facts, model_hash]).encode())
     for name in sorted(needed):
         digest.update(name.encode() + np.ascontiguousarray(needed[name], dtype=float).tobytes())

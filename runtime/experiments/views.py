@@ -9,43 +9,16 @@ MOTION = ("t", "q", "dq", "ddq", "tau")
 
 
 def torque_table(name: str, title: str, cases: tuple[str, ...]) -> View:
-    """Table of the torque errors of all joints.
-
-    Args:
-        name: its id.
-        title: its title.
-        cases: its columns.
-
-    Returns:
-        The view.
-    """
+    """Table of the torque errors of all joints."""
     return View(name, "table", f"{title}: torque errors, %", cases, TORQUE)
 
 
 def torque_bars(name: str, title: str, cases: tuple[str, ...]) -> View:
-    """Bars of the torque errors of all joints, grouped by method.
-
-    Args:
-        name: its id.
-        title: its title.
-        cases: its panels.
-
-    Returns:
-        The view.
-    """
+    """Bars of the torque errors of all joints, grouped by method."""
     return View(name, "bars", title, cases, TORQUE, axes=("joint", "torque error [%]"))
 
 
 def motion(name: str, title: str, prefix: str) -> View:
-    """Figure of a motion, from the series of `motions.curves`.
-
-    Args:
-        name: its id.
-        title: its title.
-        prefix: of the series.
-
-    Returns:
-        The view.
-    """
+    """Figure of a motion, from the series of `motions.curves`."""
     series = tuple(f"{prefix}_{key}" for key in MOTION)
     return View(name, "motion", title, series=series, axes=("time [s]", ""))

@@ -35,22 +35,7 @@ def on_workers(
     runs: Sequence[range],
     scheduler: str,
 ) -> Generator[tuple[range, list[Row]], None, None]:
-    """Compute ranges of trials on a dask cluster.
-
-    Args:
-        study: of the trials.
-        lib: the robot.
-        config: of the study.
-        needed: arrays of other studies, by name.
-        runs: ranges of trials.
-        scheduler: address of the scheduler.
-
-    Returns:
-        Generator of (numbers, rows), in the order of completion.
-
-    Raises:
-        IdentificationError: see `runtime.parallel.on_cluster`.
-    """
+    """Compute ranges of trials on a dask cluster."""
     sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
     return on_cluster(_rows, sent, [runs], scheduler, f"a chunk of '{study.name}'")
 

@@ -30,15 +30,7 @@ determined: the square root of rounding, 1e-8, with a margin."""
 
 
 def friction_sigma(result: Identification) -> Array | None:
-    """Standard deviations of `result.usual_phi`.
-
-    Args:
-        result: the identification.
-
-    Returns:
-        (n, k) in the units of the coefficients, NaN where the data determine none; None without
-        friction columns or without a posterior.
-    """
+    """Standard deviations of `result.usual_phi`."""
     known, phi = result.uncertainty, result.usual_phi
     if result.drive is not None and phi.size:
         return result.drive.phi_sigma if result.drive.phi_sigma.shape == phi.shape else None
@@ -80,15 +72,7 @@ def interval_facts(result: Identification) -> dict[str, Any]:
 
 
 def spring_lines(facts: dict[str, Any] | None) -> list[str]:
-    """One line per spring of unknown stiffness: its constant with the 95 % interval.
-
-    Args:
-        facts: the part `friction` of result.json.
-
-    Returns:
-        The lines; the constant is in N·m/rad, or in N/m where the spring is between points or at a
-        sliding joint.
-    """
+    """One line per spring of unknown stiffness: its constant with the 95 % interval."""
     lines: list[str] = []
     if facts is None:
         return lines

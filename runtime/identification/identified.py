@@ -274,15 +274,7 @@ def torque_of(
 ) -> Array:
     """τ̂ of a model with its friction.
 
-    Args:
-        lib: library of the robot.
-        samples: N prepared samples.
-        pi: standard parameters, (10 n,).
-        phi: friction coefficients, (n, k); empty without friction.
-        net: friction net; None for none.
-
-    Returns:
-        (N, n) joint torques [N·m, N], or (N, 1) powers [W] of rows of power.
+    pi (10 n,), phi (n, k) → (N, n) [N·m, N].
     """
     tau = samples.rigid(lib, pi)
     if phi.size:

@@ -80,21 +80,7 @@ class FrictionOfLog:
 def identify_friction(
     recording: Recording, lib: Library, saved: SavedResult, settings: Settings | None = None
 ) -> FrictionOfLog:
-    """Identify the friction of a log with the links of an earlier result.
-
-    Args:
-        recording: log as read; some seconds of motion suffice.
-        lib: library of the robot.
-        saved: the earlier result, whose friction columns and widths are taken.
-        settings: preparation, splitting and refit count; None are the defaults.
-
-    Returns:
-        Parameters as of `identify`, with errors of the earlier result beside.
-
-    Raises:
-        RuntimeFault: the earlier result is of another robot, has no friction columns or a friction
-            net, or the log makes no identification problem.
-    """
+    """Identify the friction of a log with the links of an earlier result."""
     if saved.joints != lib.joint_names or saved.pi.shape != lib.pi0.shape:
         raise IdentificationError(
             f"expected an earlier result of the joints {', '.join(lib.joint_names)}, got one of "

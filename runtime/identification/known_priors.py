@@ -10,20 +10,7 @@ from runtime.recording import Friction
 def known_friction(
     settings: Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
-    """Prior of the friction coefficients, of the settings or of a file of priors.
-
-    Args:
-        settings: of the identification.
-        columns: names of the friction columns.
-        friction: friction model, for its widths.
-
-    Returns:
-        The prior; None without one.
-
-    Raises:
-        IdentificationError: the file states armature, and no column is that of rotors, or its
-            friction belongs to another width.
-    """
+    """Prior of the friction coefficients, of the settings or of a file of priors."""
     prior = settings.prior
     if settings.friction_prior is not None or prior is None:
         return settings.friction_prior
@@ -42,14 +29,6 @@ def known_friction(
 
 
 def known_noise(settings: Settings, regressor: str) -> NoiseFloor | None:
-    """Least noise of the torque, of a file of priors.
-
-    Args:
-        settings: of the identification.
-        regressor: of the preparation; rows of others than the torque have another noise.
-
-    Returns:
-        The noise; None where it is not known.
-    """
+    """Least noise of the torque, of a file of priors."""
     prior = settings.prior
     return prior.noise if prior is not None and regressor == "acceleration" else None

@@ -84,15 +84,7 @@ def audit_mass(
 ) -> MassAudit:
     """Audit M(q) + diag(J) over the limits of the joints.
 
-    Args:
-        lib: the robot.
-        pi: (10 L,) inertial parameters [kg, kg·m, kg·m²].
-        rotor: J, (n,) or one number, inertia of the rotors [kg·m², kg].
-        samples: number N of uniform positions.
-        seed: of the positions.
-
-    Returns:
-        The audit; it takes 10 to 30 ms.
+    pi (10 L,) [kg, kg·m, kg·m²], rotor (n,) [kg·m², kg].
     """
     rotors = np.broadcast_to(np.asarray(rotor, dtype=float), lib.n_joints)
     lower, upper = joint_box(lib)
@@ -122,11 +114,7 @@ def audit_mass(
 def joint_box(lib: Library) -> tuple[Array, Array]:
     """Limits of the independent joints; where a joint has none, ±π rad or ±1 m.
 
-    Args:
-        lib: the robot.
-
-    Returns:
-        Lower and upper limits, (n,) [rad, m].
+    Returns (n,) [rad, m].
     """
     limits = lib.limits()
     half = np.array([_HALF_RANGE.get(joint.kind, np.pi) for joint in lib.manifest.joints])

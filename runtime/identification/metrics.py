@@ -31,12 +31,7 @@ class TorqueError(NamedTuple):
 def torque_error(measured: Array, predicted: Array) -> TorqueError:
     """Torque error of a prediction.
 
-    Args:
-        measured: (N, n) τ [N·m, N].
-        predicted: (N, n) τ̂ [N·m, N].
-
-    Returns:
-        Relative and RMS errors; 0 % for a joint where both are 0.
+    measured (N, n) [N·m, N], predicted (N, n) [N·m, N].
     """
     difference = measured - predicted
     size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
@@ -46,13 +41,7 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
     """Torque error from norms per joint.
 
-    Args:
-        size: (n,) ‖τ_j − τ̂_j‖ [N·m, N].
-        scale: (n,) ‖τ_j‖ [N·m, N].
-        count: number of samples N.
-
-    Returns:
-        Relative and RMS errors; 0 % for a joint where both norms are 0.
+    size (n,) [N·m, N], scale (n,) [N·m, N].
     """
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))
@@ -61,15 +50,7 @@ def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
 
 
 def airm(a: Array, b: Array) -> Array:
-    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39).
-
-    Args:
-        a: (…, n, n) symmetric positive definite matrices.
-        b: (…, n, n) symmetric positive definite matrices.
-
-    Returns:
-        (…) distances.
-    """
+    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39)."""
     lower = np.linalg.cholesky(a)
     half = np.linalg.solve(lower, b)
     whole = np.linalg.solve(lower, np.swapaxes(half, -1, -2))
@@ -78,13 +59,5 @@ def airm(a: Array, b: Array) -> Array:
 
 
 def frobenius(a: Array, b: Array) -> Array:
-    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4).
-
-    Args:
-        a: (…, n, n) matrices.
-        b: (…, n, n) matrices.
-
-    Returns:
-        (…) distances in the unit of the entries.
-    """
+    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4)."""
     return np.linalg.norm(a - b, axis=(-2, -1))

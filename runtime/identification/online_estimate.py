@@ -31,16 +31,7 @@ class OnlineEstimate:
 
 
 def status_of(steps: int, converged: bool, rejected: int) -> str:
-    """How an estimate came about.
-
-    Args:
-        steps: number of Newton steps.
-        converged: whether Newton reached its tolerance.
-        rejected: number of samples left out because they were not finite.
-
-    Returns:
-        One sentence.
-    """
+    """How an estimate came about."""
     if converged:
         status = f"converged after {steps} Newton steps"
     elif steps:

@@ -50,14 +50,7 @@ class Posterior:
     logs: int
 
     def reduced(self, lib: Library) -> tuple[Reduced, Elimination]:
-        """Least squares over π, and the system that gives φ.
-
-        Args:
-            lib: library of the robot.
-
-        Returns:
-            A, b and ρ without φ; the triangle of φ.
-        """
+        """Least squares over π, and the system that gives φ."""
         return reduce(self.information.statistics, lib.n_joints)
 
     def root(self, lib: Library) -> Array:
@@ -106,17 +99,7 @@ class Posterior:
 
 
 def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int = 0) -> None:
-    """Write posterior.npz into the folder of a result, as a whole or not at all.
-
-    Args:
-        folder: of result.json.
-        uncertainty: of the result; without `information` nothing is written.
-        pi: π of the result, (10 n,).
-        logs: number of logs with offsets of their own.
-
-    Raises:
-        RuntimeFault: the place cannot be written.
-    """
+    """Write posterior.npz into the folder of a result, as a whole or not at all."""
     information = uncertainty.information
     if information is None:
         return
@@ -131,19 +114,7 @@ def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int
 
 
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
-    """Read the posterior of a result.
-
-    Args:
-        result: folder written by `identify`, or its result.json.
-        saved: the result.
-        lib: library of the robot.
-
-    Returns:
-        The posterior.
-
-    Raises:
-        IdentificationError: there is none, it is damaged, or it belongs to another result.
-    """
+    """Read the posterior of a result."""
     path = (result if result.is_dir() else result.parent) / FILE
     try:
         file = open_npz(require_file(path).read_bytes(), path.name)

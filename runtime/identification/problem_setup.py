@@ -80,22 +80,7 @@ def assemble(
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
-    """Prepare, split and weight a recording.
-
-    Args:
-        recording: log as read, or already prepared.
-        lib: library of the robot.
-        settings: as for `identify`; method, preset, prior and certify do not count here.
-        progress: called by methods that iterate, with iteration and best validation loss.
-        is_joined: train on the validation part as well, where it is not a recording of its own.
-        **keywords: single fields of `Settings`, which replace those of `settings`.
-
-    Returns:
-        The problem and its parts, the same for every method.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
-    """
+    """Prepare, split and weight a recording."""
     chosen = settings_from(settings, keywords)
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
@@ -148,15 +133,7 @@ def assemble(
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
-    """Friction columns of a training part whose values are rounding.
-
-    Args:
-        train: prepared training part.
-        lib: library of the robot.
-
-    Returns:
-        A flag per joint and column, (n, k).
-    """
+    """Friction columns of a training part whose values are rounding."""
     samples = samples_of(train, lib)
     return unresolved(samples.columns, samples.tau)
 
@@ -191,11 +168,7 @@ def _of_power(
     parts: tuple[Recording, Recording, Recording],
     is_joined: bool,
 ) -> tuple[Recording, Recording]:
-    """Rows of power at the instants of the training and validation parts.
-
-    Raises:
-        IdentificationError: the recording was prepared before.
-    """
+    """Rows of power at the instants of the training and validation parts."""
     if recording.rows is not None or recording.columns is not None:
         raise IdentificationError(
             "expected a recording as read, because rows of energy are computed from the raw "
@@ -219,16 +192,7 @@ def _of_power(
 
 
 def require_enough(train: Samples, lib: Library) -> None:
-    """Refuse a training part with fewer equations than unknowns.
-
-    Args:
-        train: samples of the training part.
-        lib: library of the robot.
-
-    Raises:
-        IdentificationError: there are fewer equations than base parameters and friction
-            coefficients, which no method can determine.
-    """
+    """Refuse a training part with fewer equations than unknowns."""
     equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
     if equations < unknowns:
         raise IdentificationError(

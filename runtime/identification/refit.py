@@ -20,17 +20,7 @@ from runtime.library import Array
 
 
 def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
-    """Whether a result is fitted to all rows after its errors are known.
-
-    Args:
-        assembly: problem and prepared parts.
-        settings: of the identification.
-        method: chosen method.
-
-    Returns:
-        True for parts of one recording and a method that needs statistics of the rows alone. Other
-        methods stop by the validation part, or simulate the training part.
-    """
+    """Whether a result is fitted to all rows after its errors are known."""
     rows_of_joints = assembly.problem.train.equations == assembly.problem.lib.n_joints
     train, _, test = assembly.parts
     return (
@@ -43,14 +33,7 @@ def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
 
 
 def with_all_rows(assembly: Assembly) -> Assembly:
-    """The same problem with the rows of all parts for training.
-
-    Args:
-        assembly: problem and prepared parts of one recording, or of a streamed log.
-
-    Returns:
-        An assembly whose problem has all rows; its parts stay.
-    """
+    """The same problem with the rows of all parts for training."""
     problem = assembly.problem
     test = samples_of(assembly.parts[2], problem.lib)
     rest = (test,) if assembly.is_joined else (problem.validation, test)
@@ -64,29 +47,14 @@ def with_all_rows(assembly: Assembly) -> Assembly:
 
 
 def rows_of(problem: Problem, fit: Fit) -> int:
-    """Number of samples of a fit, those of a streamed log outside of its windows included.
-
-    Args:
-        problem: its samples.
-        fit: with its statistics, where the method keeps them.
-
-    Returns:
-        N, all rows of every joint counting as one sample.
-    """
+    """Number of samples of a fit, those of a streamed log outside of its windows included."""
     if problem.pieces is None:
         return len(problem.train)
     return round((fit.statistics or problem.statistics()).n_samples)
 
 
 def joined(parts: tuple[Samples, ...]) -> Samples:
-    """Samples of several parts, one after the other.
-
-    Args:
-        parts: samples with the same columns.
-
-    Returns:
-        All samples.
-    """
+    """Samples of several parts, one after the other."""
     first = parts[0]
 
     def column(name: str) -> Array:

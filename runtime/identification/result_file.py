@@ -32,15 +32,7 @@ from runtime.library.torque_units import file_units
 
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
-    """Facts of result.json.
-
-    Args:
-        result: the identification.
-        command: command line that computed the result.
-
-    Returns:
-        JSON-ready values by the keys of `result_schema`, in SI units.
-    """
+    """Facts of result.json."""
     lib = result.lib
     before, after = torque_errors(result)
     return {
@@ -87,17 +79,7 @@ def error_facts(
     after: metrics.TorqueError,
     with_friction: metrics.TorqueError | None = None,
 ) -> dict[str, Any]:
-    """Torque errors of two models on the same samples, JSON-ready.
-
-    Args:
-        before: of the first guess.
-        after: of the identified model.
-        with_friction: of the first guess with fitted friction; None for none.
-
-    Returns:
-        The parts `torque_error_percent` [%] and `torque_rms` [N·m or N] of result.json; a
-        percentage is None for a joint whose measured torque is 0.
-    """
+    """Torque errors of two models on the same samples, JSON-ready."""
 
     def percent(values: Array) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
@@ -123,21 +105,7 @@ def error_facts(
 def write_result(
     result: Identification, folder: Path, command: str, agreement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
-
-    Args:
-        result: the identification.
-        folder: folder of the files; made where it is missing.
-        command: command line that computed the result.
-        agreement: facts of the comparison of several logs; None for one log.
-
-    Returns:
-        Facts of result.json, by the keys of `result_schema`.
-
-    Raises:
-        IdentificationError: parameters beyond what `read_result` accepts.
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
     largest = float(np.abs(np.concatenate([result.pi, np.ravel(result.usual_phi)])).max())
     if not largest < LARGEST:
         raise IdentificationError(

@@ -146,21 +146,7 @@ KEYS: tuple[Key, ...] = (
 
 
 def read_facts(path: Path) -> dict[str, Any]:
-    """Facts of a result.json in the present format, their types checked.
-
-    Args:
-        path: the file.
-
-    Returns:
-        Facts by key; those of an older file are migrated.
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: the file is no JSON.
-        KeyError: a key is missing.
-        TypeError: a value is of another kind than its key.
-        RecordingError: the file is of a later format.
-    """
+    """Facts of a result.json in the present format, their types checked."""
     facts = json_of(path)
     if not isinstance(facts, dict):
         raise TypeError(f"result: expected a table, got {facts!r:.40}")
@@ -187,14 +173,7 @@ def read_facts(path: Path) -> dict[str, Any]:
 
 
 def migrated(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Facts of format 1 with the keys that format 2 has added.
-
-    Args:
-        facts: as read from a file without a number or with number 1.
-
-    Returns:
-        A copy in the present format. Keys that never had a value for "not recorded" stay missing.
-    """
+    """Facts of format 1 with the keys that format 2 has added."""
     now: dict[str, Any] = copy.deepcopy(dict(facts))
     if isinstance(now.get("joints"), list) and not now.get("units"):
         now["units"] = [""] * len(now["joints"])
@@ -213,11 +192,7 @@ def migrated(facts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def require_keys(facts: Mapping[str, Any]) -> None:
-    """Refuse facts that lack a key of the present format.
-
-    Raises:
-        KeyError: the first missing key.
-    """
+    """Refuse facts that lack a key of the present format."""
     for key in KEYS:
         for table, name in _places(facts, key.path):
             if name not in table and not key.is_optional:
@@ -225,11 +200,7 @@ def require_keys(facts: Mapping[str, Any]) -> None:
 
 
 def require_kinds(facts: Mapping[str, Any]) -> None:
-    """Refuse a value of another kind than its key.
-
-    Raises:
-        TypeError: the first such value, with the kind that was expected.
-    """
+    """Refuse a value of another kind than its key."""
     for key in KEYS:
         for table, name in _places(facts, key.path):
             if name in table and not key.accepts(table[name]):

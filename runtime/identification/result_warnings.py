@@ -32,15 +32,7 @@ _TEST_ROWS, _TRAINING_ROWS = 100, 1000
 
 
 def retraced(train: Recording, test: Recording) -> float:
-    """Share of test rows whose positions and speeds, up to their direction, were in training.
-
-    Args:
-        train: prepared training part.
-        test: prepared test part.
-
-    Returns:
-        Share in [0, 1].
-    """
+    """Share of test rows whose positions and speeds, up to their direction, were in training."""
 
     def rows(recording: Recording, count: int) -> Array:
         chosen = np.linspace(0, len(recording) - 1, count).round().astype(int)
@@ -63,16 +55,7 @@ def retraced(train: Recording, test: Recording) -> float:
 def warnings_of(
     result: Identification, before: metrics.TorqueError, after: metrics.TorqueError
 ) -> list[str]:
-    """Sentences about the limits of a result.
-
-    Args:
-        result: the identification.
-        before: torque error of the first guess on the test part.
-        after: torque error of the result on the test part.
-
-    Returns:
-        The notes of the result, then one sentence per warning.
-    """
+    """Sentences about the limits of a result."""
     warnings = [*still_joints(result), *result.notes, *of_the_log(result.train.history)]
     if result.train.torque_source == COMMANDED:
         warnings.append(
@@ -131,14 +114,7 @@ def warnings_of(
 
 
 def of_the_log(history: Iterable[str]) -> list[str]:
-    """Steps of reading a log that its user should know: corrupt rows, and warnings.
-
-    Args:
-        history: sentences on the steps; those of joined logs begin with the name of their log.
-
-    Returns:
-        Sentences as warnings have them.
-    """
+    """Steps of reading a log that its user should know: corrupt rows, and warnings."""
     matches = (re.search(r"(^|: )(Warning: |(?=Dropped .* as corrupt))", step) for step in history)
     return [
         f"{match.string[: match.start()]}{match[1]}{match.string[match.end() :].rstrip('.')}"

@@ -148,18 +148,7 @@ def model_facts(lib: Library) -> dict[str, Any]:
 
 
 def read_result(folder: Path) -> SavedResult:
-    """Read the result that `identify` wrote.
-
-    Args:
-        folder: folder of the result, or its result.json.
-
-    Returns:
-        Parameters, friction and preparation.
-
-    Raises:
-        RecordingError: the file is missing, not valid, of a later format, or names its robot by
-            anything but a name: a path in a file would choose the code that runs.
-    """
+    """Read the result that `identify` wrote."""
     try:
         file = folder / "result.json" if folder.is_dir() else folder
         facts = read_facts(file)
@@ -216,20 +205,7 @@ def _model(facts: dict[str, Any]) -> ModelOfResult:
 def require_model(
     saved: SavedResult, lib: Library, folder: Path, same_bodies: bool = False
 ) -> tuple[str, ...]:
-    """Check that a result holds for the model of a library.
-
-    Args:
-        saved: result in `folder`.
-        lib: library that computes with the result.
-        folder: place of the result, for the messages.
-        same_bodies: True when the fixed links that count into moving ones must be the same, too.
-
-    Returns:
-        Sentences on differences that leave π valid.
-
-    Raises:
-        RecordingError: the joints, their placements, or the bodies differ.
-    """
+    """Check that a result holds for the model of a library."""
     if saved.joints != lib.joint_names:
         raise RecordingError(
             f"'{folder}' identified {saved.robot}, whose joints differ from those of "

@@ -93,18 +93,7 @@ NAMES = tuple(field.name for field in fields(Settings))
 
 
 def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
-    """Settings with some fields replaced by keywords.
-
-    Args:
-        settings: settings to start from; a string is the name of a method, None the defaults.
-        keywords: field of `Settings` → value.
-
-    Returns:
-        The settings with these values.
-
-    Raises:
-        IdentificationError: a keyword is not a field of `Settings`.
-    """
+    """Settings with some fields replaced by keywords."""
     for name in keywords:
         if name in RENAMED:
             raise IdentificationError(
@@ -121,14 +110,6 @@ def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) 
 
 
 def shares_of(recording: Recording | StreamedRecording, settings: Settings) -> Split:
-    """Fractions of the parts: of the settings, else of the recipe, else the default.
-
-    Args:
-        recording: log, with its recipe.
-        settings: of the identification.
-
-    Returns:
-        The fractions.
-    """
+    """Fractions of the parts: of the settings, else of the recipe, else the default."""
     recipe = recording.recipe
     return settings.splitting or (recipe.split if recipe else None) or Split()

@@ -80,19 +80,7 @@ def identify(
 def identify_assembled(
     assembly: Assembly, settings: Settings | str | None = None, **keywords: Any
 ) -> Identification:
-    """Identify from a problem that is assembled already.
-
-    Args:
-        assembly: problem and prepared parts.
-        settings: as for `identify`; of it method, preset, prior, certify and refit count.
-        **keywords: single fields of `Settings`, which replace those of `settings`.
-
-    Returns:
-        Parameters in SI units with their errors, certificates and prepared data.
-
-    Raises:
-        IdentificationError: the method is unknown, lacks what it needs, or failed.
-    """
+    """Identify from a problem that is assembled already."""
     chosen = settings_for(assembly.problem.lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     start = time.perf_counter()

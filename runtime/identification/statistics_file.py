@@ -66,18 +66,7 @@ class UnitStatistics:
 
 
 def statistics_of(result: Identification, unit: str) -> UnitStatistics:
-    """Compressed training samples of a result.
-
-    Args:
-        result: the identification.
-        unit: name of the unit.
-
-    Returns:
-        What `fleet` needs of them.
-
-    Raises:
-        IdentificationError: the result states no uncertainty.
-    """
+    """Compressed training samples of a result."""
     information = None if result.uncertainty is None else result.uncertainty.information
     if information is None:
         raise IdentificationError(
@@ -99,15 +88,7 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
 
 
 def write_statistics(known: UnitStatistics, path: Path) -> None:
-    """Write compressed samples, as a whole or not at all.
-
-    Args:
-        known: samples of one unit.
-        path: .npz file.
-
-    Raises:
-        RuntimeFault: the place cannot be written.
-    """
+    """Write compressed samples, as a whole or not at all."""
     s = known.statistics
     values = {
         MARK: FORMAT,
@@ -130,17 +111,7 @@ def write_statistics(known: UnitStatistics, path: Path) -> None:
 
 
 def read_statistics(path: Path) -> UnitStatistics:
-    """Read the compressed samples of one unit.
-
-    Args:
-        path: statistics.npz.
-
-    Returns:
-        Their content, checked except against a robot.
-
-    Raises:
-        IdentificationError: the file is missing, damaged, or of a later version.
-    """
+    """Read the compressed samples of one unit."""
     try:
         file = open_npz(bytes_of(path), path.name)
         version = int(file[MARK])
@@ -204,19 +175,7 @@ def read_statistics(path: Path) -> UnitStatistics:
 
 
 def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatistics:
-    """Check that statistics belong to a robot.
-
-    Args:
-        known: content of the file.
-        lib: library of the robot.
-        path: of the file, for the message.
-
-    Returns:
-        The same statistics.
-
-    Raises:
-        IdentificationError: the joints or the base parameters differ.
-    """
+    """Check that statistics belong to a robot."""
     base: Array = known.statistics.base_matrix
     same = known.joints == lib.joint_names and base.shape == lib.base_matrix.shape
     if not (same and np.allclose(base, lib.base_matrix, atol=1e-9)):

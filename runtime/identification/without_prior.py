@@ -16,16 +16,6 @@ def settings_for(lib: Library, settings: Settings) -> Settings:
 
     The posterior of "map" draws every parameter to π0 of the URDF; placeholders of a URDF without
     <inertial> would pass for knowledge. The other methods only start there.
-
-    Args:
-        lib: library of the robot.
-        settings: as requested.
-
-    Returns:
-        The same settings; without a named method, `WITHOUT_PRIOR` for a robot of placeholders.
-
-    Raises:
-        IdentificationError: "map" is named for a robot of placeholders, without a prior file.
     """
     if not lib.placeholders or settings.prior is not None:
         return settings

@@ -18,20 +18,7 @@ _PASSIVE = 1e-9
 def of_independent_joints(
     raw: Raw, plan: Recipe, lib: Library
 ) -> tuple[Raw, Recipe, list[Finding]]:
-    """Take the columns of the independent joints where a log holds all of them.
-
-    Args:
-        raw: files with their recipe.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        Files and plan, with a note where the log holds more joints than q has entries.
-
-    Raises:
-        IdentificationError: positions contradict the couplings, or torques act on joints that
-            follow others, which a plan of the independent joints cannot state.
-    """
+    """Take the columns of the independent joints where a log holds all of them."""
     recording = recording_of(replace(raw, plan=plan))
     few = independent_joints(recording, lib)
     if few is recording or few.n_joints == recording.n_joints:

@@ -16,24 +16,13 @@ class CheckRun:
     def __init__(
         self, raw: Raw, plan: Recipe, findings: list[Finding], *, has_gains: bool = True
     ) -> None:
-        """Read the log with the plan.
-
-        Args:
-            raw: files with their recipe.
-            plan: recipe so far.
-            findings: so far.
-            has_gains: False for currents with unknown gains, which the plan reads with gain 1.
-        """
+        """Read the log with the plan."""
         self._raw, self.plan, self.findings = raw, plan, findings
         self.has_gains = has_gains
         self.recording = recording_of(replace(raw, plan=plan))
 
     def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
-        """Run a check, and read the log again where it changes the plan.
-
-        Args:
-            check: of recording and recipe; returns the recipe and its findings.
-        """
+        """Run a check, and read the log again where it changes the plan."""
         plan, findings = check(self.recording, self.plan)
         self.findings += findings
         if plan != self.plan:
@@ -46,25 +35,11 @@ class CheckRun:
         lib: Library,
         terms: Friction,
     ) -> None:
-        """Run a check of the torque on prepared rows.
-
-        Args:
-            check: of the rows and the recipe; returns the recipe and its findings.
-            lib: library of the robot.
-            terms: friction columns.
-        """
+        """Run a check of the torque on prepared rows."""
         torque_rows = self.torque_rows(lib, terms)
         self.run(lambda _, plan: check(torque_rows, plan))
 
     def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
-        """Prepared rows of the recording, read with the plan so far.
-
-        Args:
-            lib: library of the robot.
-            terms: friction columns.
-
-        Returns:
-            The rows.
-        """
+        """Prepared rows of the recording, read with the plan so far."""
         usual = rough(self.recording, self.plan.preparation)
         return torque_rows_of(self.recording, lib, usual, terms)

@@ -42,11 +42,7 @@ class ColumnSolver:
     def solution(self, left_out: NDArray[np.bool_]) -> Array:
         """x = argmin ‖R x − r‖² of least length in which some entries of φ are zero.
 
-        Args:
-            left_out: a flag per entry of φ, (n k,).
-
-        Returns:
-            x = [β; φ], (p,).
+        left_out (n k,) → (p,) [β; φ].
         """
         s = self.statistics
         kept = np.concatenate([np.ones(s.n_base, dtype=bool), ~left_out])

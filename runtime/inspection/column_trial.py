@@ -51,14 +51,7 @@ class Trial:
     joints: int
 
     def scores(self, columns: tuple[int, ...]) -> Array:
-        """Mean square error of every block, predicted by the others with some of the columns.
-
-        Args:
-            columns: places of the columns in the prepared recording.
-
-        Returns:
-            (BLOCKS,), relative to the noise.
-        """
+        """Mean square error of every block, predicted by the others with some of the columns."""
         count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
         left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
         return np.array([
@@ -74,19 +67,7 @@ def _error(block: Statistics, others: ColumnSolver, left_out: NDArray[np.bool_])
 
 
 def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
-    """Compressed blocks of a prepared recording, weighted by the noise of the joints.
-
-    Args:
-        done: prepared, with the friction columns of all candidates, (N, n, k).
-        lib: library of the robot.
-        robust: weight the rows as `identify` does with `robust`.
-
-    Returns:
-        The trial.
-
-    Raises:
-        IdentificationError: the rows are too few.
-    """
+    """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
     if done.columns is not None and done.tau is not None:
         done = without_columns(done, unresolved(done.columns, done.tau))
     whole = samples_of(done, lib)

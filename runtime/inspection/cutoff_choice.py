@@ -99,19 +99,6 @@ def choose_cutoff(
 
     Measured velocities are kept unless velocities from q predict clearly better. Where the
     preparation trims no edges, 1 / f_c is trimmed from both.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-        preparation: everything but the cut-off; None is the recipe's.
-        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
-        friction: columns of the fit; None is the recipe's, else viscous, coulomb and offset.
-
-    Returns:
-        The candidates, the chosen one and the preparation with it.
-
-    Raises:
-        IdentificationError: too few samples for five blocks, or a rate that leaves no candidate.
     """
     recipe = recording.recipe
     base = preparation or recording.preparation

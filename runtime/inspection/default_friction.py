@@ -149,16 +149,7 @@ def _coulomb(speeds: Array) -> list[Friction]:
 def _with_memory(
     trial_of: Callable[..., Trial], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction | None, float]:
-    """The model with a Dahl column in place of the Coulomb column, if it predicts much better.
-
-    Args:
-        trial_of: trial with the shared columns, then those of the terms.
-        shared: columns of every trial.
-        usual: the model without memory.
-
-    Returns:
-        The model, None where the Coulomb column stays, and the share of the error that it saves.
-    """
+    """The model with a Dahl column in place of the Coulomb column, if it predicts much better."""
     coulomb = Friction(("coulomb",), usual.coulomb_speed)
     plain = tuple(k for k, name in enumerate(shared) if name != "rotor")
     geared = (*plain, shared.index("rotor")) if "rotor" in shared else plain

@@ -41,15 +41,7 @@ class Finding:
 
 
 def joint_list(names: tuple[str, ...], index: list[int]) -> str:
-    """Joint names for a sentence.
-
-    Args:
-        names: all joints of the robot.
-        index: places of the joints to name.
-
-    Returns:
-        The names, separated by commas, or "every joint".
-    """
+    """Joint names for a sentence."""
     if len(index) == len(names) and len(names) > 1:
         return "every joint"
     return ", ".join(names[j] for j in index)

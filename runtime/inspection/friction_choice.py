@@ -219,16 +219,7 @@ class _Trial:
         self._weights, self._inflation = _noise(self._lib, self._blocks(terms))
 
     def best_width(self, terms: Friction, candidate: str, near: bool = False) -> Friction:
-        """Search the width with the best score: on a grid, then between its points.
-
-        Args:
-            terms: columns and widths to start from.
-            candidate: name in `WIDTHS`.
-            near: search only one step of the grid on each side of the present width.
-
-        Returns:
-            The terms with the best width.
-        """
+        """Search the width with the best score: on a grid, then between its points."""
         from scipy.optimize import minimize_scalar
 
         key, grid = WIDTHS[candidate]

@@ -28,19 +28,7 @@ def proposed_preparation(
     splitting: Split | None,
     terms: Friction,
 ) -> tuple[Preparation, list[Finding]]:
-    """Choose cut-off, derivative and regressor.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-        preparation: everything but the filter.
-        splitting: parts of the log.
-        terms: friction columns.
-
-    Returns:
-        The preparation with a filter, decimated and without intervals of rest; "cutoff", and
-        "regressor" where accelerations are avoided.
-    """
+    """Choose cut-off, derivative and regressor."""
     choice = choose_cutoff(recording, lib, preparation, splitting, terms)
     findings = [Finding("cutoff", INFO, choice.sentence)]
     seen = before_test(recording, splitting)

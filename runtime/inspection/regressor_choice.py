@@ -66,17 +66,7 @@ class Differentiation(NamedTuple):
 def differentiation_of(
     recording: Recording, lib: Library, preparation: Preparation
 ) -> Differentiation | None:
-    """ν and δ of the beginning of a recording.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-        preparation: steps that `prepare` would take.
-
-    Returns:
-        Quality of the accelerations; None where none are derived, or with a filter whose response
-        is not known.
-    """
+    """ν and δ of the beginning of a recording."""
     from_q = preparation.derivative == "position" or recording.dq is None
     measured = recording.ddq is not None and preparation.derivative != "position"
     known = preparation.filter in {"butterworth", "none"}
@@ -114,16 +104,7 @@ def differentiation_of(
 def noisy_accelerations(
     recording: Recording, lib: Library, preparation: Preparation | None
 ) -> tuple[str, ...]:
-    """Sentence where noise of the accelerations biases a fit that has no other regressor.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-        preparation: None is the recipe's.
-
-    Returns:
-        One sentence with a cut-off that suffices; none where the accelerations are good.
-    """
+    """Sentence where noise of the accelerations biases a fit that has no other regressor."""
     usual = preparation or recording.preparation
     quality = differentiation_of(recording, lib, usual)
     if quality is None or quality.noise.max() <= NOISY:
@@ -139,17 +120,7 @@ def noisy_accelerations(
 def choose_regressor(
     recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """Choose between the regressors of accelerations and of momentum.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-        preparation: None is the recipe's.
-        replaces: True takes the momentum where accelerations fail; False only recommends it.
-
-    Returns:
-        The preparation to use, and one sentence where accelerations fail.
-    """
+    """Choose between the regressors of accelerations and of momentum."""
     usual = preparation or recording.preparation
     quality = differentiation_of(recording, lib, usual)
     if quality is None or not quality.fails:

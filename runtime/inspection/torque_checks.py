@@ -36,13 +36,7 @@ _LOWERED = 5
 
 
 def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
-    """Order, sign and unit of τ, then its fit to the model.
-
-    Args:
-        checks: plan, recording and findings, to which those of the torque are added.
-        lib: library of the robot.
-        propose: True also chooses the cut-off.
-    """
+    """Order, sign and unit of τ, then its fit to the model."""
     terms = checks.plan.friction or proposed_terms(checks.plan)
     try:
         for check in () if lib.placeholders else _AGAINST_THE_LINKS:
@@ -67,12 +61,7 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
 
 
 def check_commanded(checks: CheckRun, lib: Library) -> None:
-    """Law, delay and drives of a commanded torque; unit, sign and order are those of the law.
-
-    Args:
-        checks: plan, recording and findings, to which those of the torque are added.
-        lib: library of the robot.
-    """
+    """Law, delay and drives of a commanded torque; unit, sign and order are those of the law."""
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
         if not lib.placeholders:

@@ -50,15 +50,7 @@ class Binding:
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
     def function(self, name: str, *types: Any) -> Callable[..., None] | None:
-        """Function of the level that is not the batch of a kernel; None where the library has none.
-
-        Args:
-            name: without the names of robot and level.
-            *types: of its arguments.
-
-        Returns:
-            A typed function without a result.
-        """
+        """Function of the level that is no batch of a kernel; None if the library lacks it."""
         function = self.of_level(name)
         if function is not None:
             function.argtypes, function.restype = types, None
@@ -78,18 +70,7 @@ class Binding:
         return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
 
     def plain(self, name: str, *types: Any) -> Any:
-        """Function without a result that all levels share.
-
-        Args:
-            name: without the name of the robot.
-            *types: of its arguments.
-
-        Returns:
-            A typed function.
-
-        Raises:
-            LibraryError: the library has none.
-        """
+        """Function without a result that all levels share."""
         function = self._symbol(f"{self._manifest.robot}_{name}")
         function.argtypes, function.restype = types or None, None
         return function
@@ -135,17 +116,7 @@ class Binding:
     def call(self, name: str, *values: ArrayLike) -> tuple[Array, ...]:
         """All outputs of a kernel over a batch.
 
-        Args:
-            name: kernel.
-            values: one per input, (N, *shape) or (*shape); links of a per-link kernel may be
-                flattened into the last axis.
-
-        Returns:
-            Outputs as (N, *shape), without N when no input had it.
-
-        Raises:
-            LibraryError: the library was built before the kernel existed, or the robot has none.
-            ShapeError: an input does not fit.
+        values (N, *shape) → (N, *shape).
         """
         kernel = self._kernel(name)
         arrays = [

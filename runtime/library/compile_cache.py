@@ -40,17 +40,6 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
 
     All levels of this machine except the reference are compiled, or those of $SYMGEN_LEVELS, and
     `level`.
-
-    Args:
-        folder: generated folder of the robot.
-        robot: its name.
-        level: instruction set that is needed; None for the best.
-
-    Returns:
-        Folder in the cache with lib<robot>.so and build.json.
-
-    Raises:
-        LibraryError: no compiler, no such level, no writable folder, or a damaged generated folder.
     """
     recipe = read_recipe(folder)
     require_intact(folder, recipe, ["manifest.json"])
@@ -95,15 +84,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
 
 
 def prune(root: Path, robot: str) -> list[Path]:
-    """Delete the libraries of a robot that have not been used for `UNUSED_S`.
-
-    Args:
-        root: cache folder.
-        robot: its name.
-
-    Returns:
-        Folders that were deleted.
-    """
+    """Delete the libraries of a robot that have not been used for `UNUSED_S`."""
     ages = {}
     for entry in root.glob(f"{robot}-{'[0-9a-f]' * 16}/{'[0-9a-f]' * 8}"):
         with suppress(OSError):  # another process prunes, too
@@ -127,15 +108,7 @@ def _used(entry: Path) -> Path:
 
 
 def is_whole(entry: Path, robot: str) -> bool:
-    """Whether the bytes of a library are those that this user has compiled.
-
-    Args:
-        entry: folder with the library and build.json.
-        robot: its name.
-
-    Returns:
-        False also where a file is missing or damaged, or where others can write it.
-    """
+    """Whether the bytes of a library are those that this user has compiled."""
     try:
         library = entry / f"lib{robot}.so"
         record = json_of(entry / "build.json")
@@ -161,11 +134,7 @@ def _wanted(recipe: CompileRecipe, level: str | None) -> tuple[str, ...]:
 
 
 def _roots() -> list[Path]:
-    """Cache folders, the preferred one first.
-
-    Raises:
-        LibraryError: others can write $SYMGEN_CACHE, so that a library in it may be theirs.
-    """
+    """Cache folders, the preferred one first."""
     requested = os.environ.get("SYMGEN_CACHE", "")
     if requested:
         root = Path(requested).expanduser().resolve()
@@ -192,11 +161,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def _writable(roots: list[Path]) -> Path:
-    """The first place that can be written; a private temporary one where none can.
-
-    Raises:
-        LibraryError: $SYMGEN_CACHE cannot be written.
-    """
+    """The first place that can be written; a private temporary one where none can."""
     first = roots[0]
     try:
         first.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -58,12 +58,7 @@ class CompileRecipe(NamedTuple):
 
 
 def read_recipe(folder: Path) -> CompileRecipe:
-    """The recipe of a generated folder, whose files are those that symgen wrote.
-
-    Raises:
-        LibraryError: it is missing or damaged, or has a file or flag that no generated folder
-            needs.
-    """
+    """The recipe of a generated folder, whose files are those that symgen wrote."""
     path, again = folder / "compile.json", "install or generate the robot again"
     try:
         data = bytes_of(path)
@@ -104,16 +99,7 @@ def read_recipe(folder: Path) -> CompileRecipe:
 
 
 def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = ()) -> None:
-    """Require that files of a generated folder are those that its recipe was written for.
-
-    Args:
-        folder: generated folder.
-        recipe: with the digests.
-        names: files to check; all by default.
-
-    Raises:
-        LibraryError: one is missing or was changed.
-    """
+    """Require that files of a generated folder are those that its recipe was written for."""
     for name in names or recipe.files:
         path = folder / name
         try:

@@ -38,11 +38,7 @@ class CompiledExcitation:
     """log cond W̄_b and its gradient in a; threads may share it, each has its own work."""
 
     def __init__(self, functions: ExcitationFunctions, home: Array, basis: Array) -> None:
-        """Args:
-        functions: of the level.
-        home: (n,) rad or m.
-        basis: φ, φ', φ'' at the samples, (N, M, 3).
-        """
+        """Take home (n,) [rad, m] and basis (N, M, 3), φ, φ', φ'' at the samples."""
         self._functions = functions
         self._home = np.array(home, dtype=float)
         self._samples, self._harmonics, _ = basis.shape

@@ -43,19 +43,8 @@ class CompiledStatistics:
         """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ] and a diagonal ≥ 0, of contiguous
         arrays.
 
-        Args:
-            q: (N, n) joint positions [rad, m].
-            dq: (N, n) velocities [rad/s, m/s].
-            ddq: (N, n) accelerations [rad/s², m/s²].
-            tau: (N, n) torques [N·m, N].
-            columns: (N, n, k) friction columns.
-            weights: (n,) diagonal of W.
-            sample_weights: (N,) s, or None for ones.
-            products: whether rows may be multiplied where that rounds no worse than eliminating
-                them; it is faster.
-
-        Returns:
-            R, (n k + n_b + 1, n k + n_b + 1), and the number of samples that were multiplied.
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], ddq (N, n) [rad/s², m/s²], tau (N, n) [N·m, N],
+        columns (N, n, k), weights (n,), sample_weights (N,).
         """
         k = columns.shape[2]
         size = self._joints * k + self._base + 1
@@ -78,14 +67,8 @@ class CompiledStatistics:
     ) -> None:
         """Add one sample to a triangle over [β; τ], in place.
 
-        Args:
-            triangle: (n_b + 1, n_b + 1).
-            forgetting: factor of the earlier rows.
-            q: (n,) joint positions [rad, m].
-            dq: (n,) velocities [rad/s, m/s].
-            ddq: (n,) accelerations [rad/s², m/s²].
-            tau: (n,) torques [N·m, N].
-            weights: (n,) diagonal of W.
+        triangle (n_b + 1, n_b + 1), q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²],
+        tau (n,) [N·m, N], weights (n,).
         """
         state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
         self._update(triangle.ctypes.data, forgetting, *state)

@@ -18,11 +18,7 @@ Words = tuple[str, ...]
 
 
 def find_compiler() -> Words:
-    """Command of a C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
-
-    Raises:
-        LibraryError: there is no compiler.
-    """
+    """Command of a C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel."""
     chosen = tuple(shlex.split(os.environ.get("CC", "")))
     if chosen:
         if shutil.which(chosen[0]) is None:
@@ -59,21 +55,7 @@ def version_of(compiler: Words) -> str:
 def compile_folder(
     folder: Path, recipe: CompileRecipe, levels: Words, compiler: Words, target: Path
 ) -> list[Words]:
-    """Compile the C code of a generated folder for some levels, outside that folder.
-
-    Args:
-        folder: where the sources lie; nothing is written there.
-        recipe: sources, flags and levels.
-        levels: of `recipe.levels()`; one that the compiler does not support is omitted.
-        compiler: command words that call it.
-        target: library to write; its folder receives the object files too.
-
-    Returns:
-        Commands that were run.
-
-    Raises:
-        LibraryError: the compiler fails; the message holds its first lines.
-    """
+    """Compile the C code of a generated folder for some levels, outside that folder."""
     units: list[tuple[int, Words, Path]] = []
     has_better = False  # levels are listed from the best on
     spared = {group.gcc for group in recipe.groups if _accepts(compiler, group.gcc)}

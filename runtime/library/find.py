@@ -41,16 +41,6 @@ def find(robot: str | os.PathLike[str]) -> RobotFolder:
 
     A name, [a-z][a-z0-9_]*, is looked up in the package, then among the folders that this user has
     built, of which ./generated/<name> comes first. Anything else is a path.
-
-    Args:
-        robot: name, or path of a generated folder.
-
-    Returns:
-        The folder and its origin.
-
-    Raises:
-        ForeignRobotError: the name is only in ./generated, and was not built by this user.
-        LibraryError: there is no robot of this name.
     """
     if isinstance(robot, os.PathLike) or not NAME.fullmatch(robot):
         return RobotFolder(Path(robot), "the folder that was given")

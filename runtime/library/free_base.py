@@ -42,14 +42,7 @@ class BaseMotion(NamedTuple):
 def coordinates_of_pose(pose: ArrayLike) -> Array:
     """Position and rotation vector of poses.
 
-    Args:
-        pose: (4, 4), (N, 4, 4), (7,) or (N, 7), see `BaseMotion`.
-
-    Returns:
-        (6,) or (N, 6) [m, rad].
-
-    Raises:
-        ShapeError: another shape, numbers that are not finite, or no rotation.
+    pose (4, 4) → (6,) [m, rad].
     """
     from scipy.spatial.transform import Rotation
 
@@ -87,16 +80,7 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
 def stacked(values: ArrayLike, part: ArrayLike, what: str) -> Array:
     """Six entries of the base before those of the joints.
 
-    Args:
-        values: (n,) or (N, n) of the joints.
-        part: (6,) or (N, 6) of the base.
-        what: name of `part`, for messages.
-
-    Returns:
-        (6 + n,) or (N, 6 + n).
-
-    Raises:
-        ShapeError: `part` has another shape.
+    values (n,), part (6,) → (6 + n,).
     """
     array, base = np.asarray(values, dtype=float), np.asarray(part, dtype=float)
     if base.ndim not in {1, 2} or base.shape[-1] != FREEDOM:
@@ -116,19 +100,7 @@ def stacked(values: ArrayLike, part: ArrayLike, what: str) -> Array:
 def with_base(
     manifest: Manifest, base: BaseMotion | None, *values: ArrayLike
 ) -> tuple[ArrayLike, ...]:
-    """Coordinates of the kernels: those of the joints after those of a free base.
-
-    Args:
-        manifest: of the robot.
-        base: motion of the base. None: it is fixed, or `values` hold its entries already.
-        *values: q, dq and ddq, or the first of them, (n,) or (N, n).
-
-    Returns:
-        As many arrays.
-
-    Raises:
-        ShapeError: a free base without its motion, or a fixed one with it.
-    """
+    """Coordinates of the kernels: those of the joints after those of a free base."""
     robot, n = manifest.robot, len(manifest.joints)
     if not manifest.floating:
         if base is not None:

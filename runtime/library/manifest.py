@@ -183,11 +183,7 @@ class Manifest:
 
 
 def read_manifest(path: Path) -> Manifest:
-    """Read and check a manifest.
-
-    Raises:
-        LibraryError: missing, damaged, or of another format.
-    """
+    """Read and check a manifest."""
     again = "run: python -m symgen build"
     try:
         raw = json_of(path)

@@ -19,17 +19,6 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
 
     Checked: its bytes are those that were compiled, from this manifest, for this machine. The
     library of a folder is opened only if this user has built it; otherwise its C code is compiled.
-
-    Args:
-        folder: generated folder.
-        manifest: of the robot.
-        level: instruction set that is needed; None for the best.
-
-    Returns:
-        The library.
-
-    Raises:
-        LibraryError: a check fails, or the C code cannot be compiled.
     """
     name = f"lib{manifest.robot}.so"
     place = folder
@@ -60,19 +49,7 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
 
 
 def _checked(place: Path, folder: Path, name: str) -> str:
-    """SHA-256 of a library whose bytes agree with its build.json and the manifest.
-
-    Args:
-        place: folder of the library and its build.json.
-        folder: generated folder, with the manifest.
-        name: file name of the library.
-
-    Returns:
-        The digest as text.
-
-    Raises:
-        LibraryError: they do not agree, or a file is missing.
-    """
+    """SHA-256 of a library whose bytes agree with its build.json and the manifest."""
     path = place / name
     try:
         record = json_of(place / "build.json")

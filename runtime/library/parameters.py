@@ -71,13 +71,7 @@ def centre_of_mass(pi: Array) -> Array:
 def pi_from_parts(mass: ArrayLike, first_moment: ArrayLike, inertia: ArrayLike) -> Array:
     """π of one body from its parts.
 
-    Args:
-        mass: m, one number [kg].
-        first_moment: m·c, (3,) or one number for all axes [kg·m].
-        inertia: (XX, YY, ZZ, XY, XZ, YZ) about the link origin, (6,) or one number [kg·m²].
-
-    Returns:
-        π, (10,).
+    first_moment (3,) [kg·m], inertia (XX, YY, ZZ, XY, XZ, YZ) [kg·m²] → (10,).
     """
     pi = np.zeros(N_PARAMETERS)
     pi[MASS], pi[FIRST_MOMENT], pi[INERTIA] = mass, first_moment, inertia
@@ -85,12 +79,7 @@ def pi_from_parts(mass: ArrayLike, first_moment: ArrayLike, inertia: ArrayLike) 
 
 
 def lam_parts(lam: Array) -> tuple[Array, Array, Array, Array]:
-    """Parts of λ of one body or of many, (…, 10).
-
-    Returns:
-        μ = ln m, (…); centre of mass, (…, 3) m; rotation vector ω of the principal axes, (…, 3)
-        rad; a, b, c̄, (…, 3) kg^½·m.
-    """
+    """Parts of λ of one body or of many, (…, 10)."""
     return np.asarray(lam[..., MASS]), lam[..., _CENTRE], lam[..., _ROTATION], lam[..., _AXES]
 
 
@@ -99,14 +88,7 @@ def lam_from_parts(
 ) -> Array:
     """λ of one body from its parts.
 
-    Args:
-        log_mass: μ = ln m, one number.
-        centre: centre of mass, (3,) or one number [m].
-        rotation: rotation vector ω of the principal axes, (3,) or one number [rad].
-        axes: a, b, c̄, (3,) or one number [kg^½·m].
-
-    Returns:
-        λ, (10,).
+    centre (3,) [m], rotation (3,) [rad], axes (3,) [kg^½·m] → (10,).
     """
     lam = np.zeros(N_PARAMETERS)
     lam[MASS], lam[_CENTRE], lam[_ROTATION], lam[_AXES] = log_mass, centre, rotation, axes

@@ -22,15 +22,7 @@ def zeros(*shape: int) -> NDArray[np.float64]:
 
 
 def padded(array: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """The array with zeros behind its last axis; `np.pad` takes longer than a MAP estimate.
-
-    Args:
-        array: (…, m).
-        size: at least m.
-
-    Returns:
-        (…, size).
-    """
+    """The array with zeros behind its last axis; `np.pad` takes longer than a MAP estimate."""
     whole = zeros(*array.shape[:-1], size)
     whole[..., : array.shape[-1]] = array
     return whole

@@ -17,31 +17,12 @@ def file_units(manifest: Manifest) -> list[str]:
 
 
 def common_unit(units: Sequence[str], prefix: str = "") -> str:
-    """Unit of a number over several joints.
-
-    Args:
-        units: of the joints.
-        prefix: such as "m" for thousandths.
-
-    Returns:
-        Such as "mN·m"; "mN·m|mN" where some joints turn and others slide, whose mean square adds
-        N²·m² and N².
-    """
+    """Unit of a number over several joints."""
     return "|".join(prefix + unit for unit in dict.fromkeys(units))
 
 
 def listed_torques(values: Array, units: Sequence[str], digits: str, prefix: str = "") -> str:
-    """Torques of several joints as text.
-
-    Args:
-        values: of the joints, (n,), already in thousandths where `prefix` says so.
-        units: of the joints in SI, (n,).
-        digits: format of the numbers, such as ".2f".
-        prefix: of the units.
-
-    Returns:
-        Such as "1.20, 3.40 mN·m", or "1.20 mN·m, 3.40 mN" where the units differ.
-    """
+    """Torques of several joints as text."""
     numbers = [f"{value:{digits}}" for value in values]
     if len(set(units)) == 1:
         return f"{', '.join(numbers)} {prefix}{units[0]}"

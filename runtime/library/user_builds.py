@@ -19,14 +19,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def is_safe_from_others(path: Path) -> bool:
-    """Whether nobody but this user, the administrator and the user's own group can change a path.
-
-    Args:
-        path: file or folder; a link is judged itself, not its target.
-
-    Returns:
-        False also where it does not exist.
-    """
+    """Whether only this user, the administrator and the user's own group can change a path."""
     try:
         facts = path.lstat()
     except OSError:
@@ -36,15 +29,7 @@ def is_safe_from_others(path: Path) -> bool:
 
 
 def is_user_build(library: Path, sha256: str) -> bool:
-    """Whether this user compiled a library.
-
-    Args:
-        library: the compiled file.
-        sha256: of its bytes.
-
-    Returns:
-        False also where another user could replace the file.
-    """
+    """Whether this user compiled a library."""
     records = records_folder()
     record = records / f"{sha256}.json"
     return (
@@ -55,14 +40,7 @@ def is_user_build(library: Path, sha256: str) -> bool:
 
 
 def built_folders(robot: str) -> list[Path]:
-    """Folders in which this user has built a robot of a name, the last build first.
-
-    Args:
-        robot: name.
-
-    Returns:
-        Folders that still hold a manifest.
-    """
+    """Folders in which this user has built a robot of a name, the last build first."""
     records = records_folder()
     if not is_safe_from_others(records):
         return []

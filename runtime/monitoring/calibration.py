@@ -49,14 +49,7 @@ class Tail:
     shape: float
 
     def level(self, rate: float) -> float:
-        """Level that peaks exceed at a stated rate.
-
-        Args:
-            rate: of one joint [1/s].
-
-        Returns:
-            z; for a rate at which more than k peaks are expected the lowest of them.
-        """
+        """Level that peaks exceed at a stated rate."""
         least = float(self.peaks[-1])
         rarity = np.log((len(self.peaks) - 1) / (rate * self.seconds))
         if rarity <= 0:
@@ -71,13 +64,6 @@ def peaks_of(s: Array, rate_hz: float) -> Array:
 
     From the largest one downwards, a peak takes with it all samples until s has fallen below half
     of it, and those within the shortest pause of two contacts.
-
-    Args:
-        s: (N,) of uniform samples; NaN where unknown.
-        rate_hz: of the samples [Hz].
-
-    Returns:
-        At most `PEAKS` + 1 peaks, decreasing.
     """
     s = np.nan_to_num(s, nan=0.0)
     pause = max(round(PAUSE_S * rate_hz), 1)
@@ -111,15 +97,7 @@ def _edge(s: Array, k: int, way: int, low: float) -> int:
 
 
 def tail_of(peaks: Array, seconds: float) -> Tail:
-    """Generalised Pareto tail of the squares of peaks, most probable a posteriori.
-
-    Args:
-        peaks: of one joint, `LEAST_PEAKS` + 1 or more.
-        seconds: duration in which they were seen [s].
-
-    Returns:
-        The tail above the (k + 1)-th largest one.
-    """
+    """Generalised Pareto tail of the squares of peaks, most probable a posteriori."""
     from scipy.optimize import minimize
 
     kept = np.sort(peaks)[::-1][: PEAKS + 1]
@@ -140,18 +118,7 @@ def tail_of(peaks: Array, seconds: float) -> Tail:
 
 
 def tails_of(signals: Iterable[Signals], rate_hz: float) -> tuple[Tail, ...]:
-    """Tail of every joint over several logs.
-
-    Args:
-        signals: of free motion, log by log.
-        rate_hz: of the samples [Hz].
-
-    Returns:
-        One tail per joint.
-
-    Raises:
-        IdentificationError: the logs are too short.
-    """
+    """Tail of every joint over several logs."""
     by_log: list[list[Array]] = []
     seconds = 0.0
     for each in signals:
@@ -169,15 +136,7 @@ def tails_of(signals: Iterable[Signals], rate_hz: float) -> tuple[Tail, ...]:
 
 
 def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:
-    """The detector with levels from the tails of free motion.
-
-    Args:
-        detector: observer whose signals the tails are of.
-        tails: one per joint.
-
-    Returns:
-        Detector for the same stated rate, which all joints share equally.
-    """
+    """The detector with levels from the tails of free motion."""
     each = detector.rate.per_second / len(tails)
     levels = np.array([tail.level(each) for tail in tails])
     noise = replace(detector.noise, largest=np.zeros(len(tails)))
@@ -200,16 +159,7 @@ class FreeMotion:
 
 
 def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:
-    """Number of alarms in a log of free motion, against the stated rate.
-
-    Args:
-        lib: library of the robot.
-        detector: observer with thresholds.
-        recording: on the uniform grid of the detector's rate, without contacts.
-
-    Returns:
-        The numbers, and how probable they are.
-    """
+    """Number of alarms in a log of free motion, against the stated rate."""
     from scipy.special import pdtrc
 
     seen = observe(lib, detector, recording)

@@ -43,16 +43,7 @@ def contacts_of(
 ) -> tuple[Contact, ...]:
     """Contacts in the order of time.
 
-    Args:
-        t: (N,) [s].
-        r: (N, n) external torque, NaN where unknown [N·m, N].
-        sigma: (N, n) its standard deviation in free motion [N·m, N].
-        threshold: (N, n) [N·m, N].
-        names: of the n joints.
-        within_s: time in which r shows a step [s].
-
-    Returns:
-        The contacts; two of one joint are at least `PAUSE_S` apart.
+    t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N].
     """
     contacts = []
     for j, name in enumerate(names):

@@ -113,18 +113,7 @@ def verdict_of(
 ) -> Verdict:
     """Test whether a log is that of the robot of a result.
 
-    Args:
-        lib: library of the robot.
-        saved: the result.
-        root: root of the covariance of [β; φ] of it, (p, columns).
-        sigma: RMS of the residuals of its test part, (n,) [N·m, N].
-        recording: log, prepared as that of the result, with its friction columns.
-
-    Returns:
-        The verdict.
-
-    Raises:
-        IdentificationError: the recording is incomplete.
+    root (p, columns) [β; φ], sigma (n,) [N·m, N].
     """
     step = max(1, -(-len(recording) // MOST_ROWS))
     recording = recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
@@ -179,15 +168,7 @@ def _ranked(tests: list[Change], n_eff: float) -> tuple[Change, ...]:
 
 
 def _whole_if_several(ranked: tuple[Change, ...], others: list[Change]) -> tuple[Change, ...]:
-    """The whole model first where a part leaves another change: it is not all of it then.
-
-    Args:
-        ranked: hypotheses, a single part first.
-        others: tests of all others on what that part leaves.
-
-    Returns:
-        Hypotheses in their order, "model" first where others explain a significant rest.
-    """
+    """The whole model first where a part leaves another change: it is not all of it then."""
     count = len(others)
     if not any(each.score > 0 and each.p_value * count < ALPHA for each in others):
         return ranked

@@ -37,11 +37,7 @@ class AlarmRate:
 
 
 def alarm_rate(text: str) -> AlarmRate:
-    """Rate from words such as "1 per hour" or "0.5/day".
-
-    Raises:
-        IdentificationError: the text is something else.
-    """
+    """Rate from words such as "1 per hour" or "0.5/day"."""
     match = _RATE.fullmatch(text)
     unit = "" if match is None else _SHORT.get(match[2], match[2])
     try:
@@ -59,13 +55,7 @@ def alarm_rate(text: str) -> AlarmRate:
 def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
     """Rate of upward crossings of z σ by a Gaussian sequence.
 
-    Args:
-        z: levels in units of σ, (m,).
-        correlation: ρ of neighbouring samples, (m,), in (−1, 1).
-        rate_hz: 1/Δ [Hz].
-
-    Returns:
-        ν, (m,) [1/s].
+    z (m,), correlation (m,) → (m,) [1/s].
     """
     from scipy.special import ndtr
 
@@ -82,13 +72,7 @@ def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
 def levels(rate: float, correlation: Array, rate_hz: float) -> Array:
     """Levels z at which all joints together cross ±z σ at a stated rate.
 
-    Args:
-        rate: of all crossings together [1/s].
-        correlation: ρ of neighbouring samples of r, (n,).
-        rate_hz: of the samples [Hz].
-
-    Returns:
-        z, (n,).
+    correlation (n,) → (n,).
     """
     each = rate / (2 * len(correlation))
     low, high = np.zeros(len(correlation)), np.full(len(correlation), 30.0)
@@ -100,17 +84,7 @@ def levels(rate: float, correlation: Array, rate_hz: float) -> Array:
 
 
 def rate_by_stretches(z: Array, correlation: Array, rate_hz: float, ratios: Array) -> float:
-    """Rate of crossings where the standard deviation differs from stretch to stretch.
-
-    Args:
-        z: levels in units of the standard deviation of all stretches, (n,).
-        correlation: ρ of neighbouring samples of r, (n,).
-        rate_hz: of the samples [Hz].
-        ratios: standard deviation of equally frequent stretches over that of all, (S, n).
-
-    Returns:
-        2 Σ_j E ν(z_j/ρ_s), of both signs of all joints [1/s].
-    """
+    """Rate of crossings where the standard deviation differs from stretch to stretch."""
     scaled = np.minimum(z / np.maximum(ratios, 1e-9), 40.0)
     rho = np.broadcast_to(correlation, scaled.shape)
     rates = crossing_rate(scaled.ravel(), rho.ravel(), rate_hz).reshape(scaled.shape)

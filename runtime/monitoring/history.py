@@ -13,11 +13,7 @@ KEYS = ("checked", "model_hash", "log", "changed", "p_value")
 
 
 def read_history(path: Path) -> list[dict[str, Any]]:
-    """Entries of a history in the order of the file; none where it does not exist.
-
-    Raises:
-        RecordingError: a line is no entry.
-    """
+    """Entries of a history in the order of the file; none where it does not exist."""
     if not os.path.lexists(path):
         return []
     try:
@@ -33,15 +29,7 @@ def read_history(path: Path) -> list[dict[str, Any]]:
 
 
 def append_history(path: Path, entries: list[dict[str, Any]]) -> None:
-    """Append entries to a history; what it has is kept as it is.
-
-    Args:
-        path: the file; made where it is missing.
-        entries: to append.
-
-    Raises:
-        RecordingError: the file is no history, or it cannot be written.
-    """
+    """Append entries to a history; what it has is kept as it is."""
     read_history(path)
     lines = "".join(f"{json.dumps(each, ensure_ascii=False)}\n" for each in entries)
     try:

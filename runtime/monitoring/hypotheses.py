@@ -52,15 +52,7 @@ def hypotheses(
 ) -> Iterator[Hypothesis]:
     """Hypotheses on a log, one at a time.
 
-    Args:
-        lib: library of the robot.
-        model: identified model, whose friction counts.
-        pi: standard parameters of it, (10 n,).
-        t: (N,) instants of the samples [s].
-        samples: prepared log with accelerations.
-
-    Yields:
-        The hypotheses; those whose columns are zero are left out.
+    pi (10 n,), t (N,) [s].
     """
     count, n = samples.tau.shape
     rigid = samples.rigid(lib, pi)

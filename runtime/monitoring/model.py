@@ -65,14 +65,7 @@ class MonitoredModel:
     ) -> tuple[Array, Array]:
         """Momentum p and force s of τ_m + τ_ext = dp/dt − s.
 
-        Args:
-            lib: library of the robot.
-            q: (N, n) joint positions of successive instants [rad, m].
-            dq: (N, n) joint velocities [rad/s, m/s].
-            zeta: (N, n) state of friction with a memory; None for that of the path q.
-
-        Returns:
-            p [kg·m²/s, kg·m/s] and s [N·m, N], (N, n) each.
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n) → (N, n) [kg·m²/s, kg·m/s].
         """
         momentum, force = np.empty_like(q), np.empty_like(q)
         for start in range(0, len(q), CHUNK):
@@ -89,13 +82,7 @@ class MonitoredModel:
     def rows(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
         """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction.
 
-        Args:
-            lib: library of the robot.
-            q: (N, n) joint positions of successive instants [rad, m].
-            dq: (N, n) joint velocities [rad/s, m/s].
-
-        Returns:
-            Two arrays (N, n, n_b + n k).
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s] → (N, n, n_b + n k).
         """
         over_p, over_s = lib.momentum_regressor(q, dq)
         sign = np.tanh(dq / self.terms.coulomb_speed)
@@ -112,15 +99,7 @@ class MonitoredModel:
     ) -> tuple[Array, Array]:
         """Friction columns of p and of τ_f.
 
-        Args:
-            lib: library of the robot.
-            q: (N, n) joint positions of successive instants [rad, m].
-            dq: (N, n) joint velocities [rad/s, m/s].
-            zeta: (N, n) state of friction with a memory; None for that of the path q.
-
-        Returns:
-            Columns of rotor inertia at the speed instead of the acceleration, and all others,
-            (N, n, k) each, with zeros in place of those of the other kind.
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n) → (N, n, k).
         """
         inertial = self.inertial
         still = np.zeros_like(dq)
@@ -143,14 +122,7 @@ class MonitoredModel:
         return np.asarray(np.abs(self.phi[:, self.memory]).sum(axis=1))
 
     def unknown_state(self, travel: Array) -> Array:
-        """Largest error of the friction with a memory, whose first state is unknown.
-
-        Args:
-            travel: way of every joint since the beginning, (…, n) [rad, m].
-
-        Returns:
-            F exp(−travel / z_c), (…, n) [N·m, N].
-        """
+        """Largest error of the friction with a memory, whose first state is unknown."""
         return np.asarray(self.lasting_friction * np.exp(-travel / self.terms.dahl_stroke))
 
     @property
@@ -164,26 +136,14 @@ class MonitoredModel:
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:
         """Joints so slow that the smooth sign of dq does not say which way friction acts.
 
-        Args:
-            dq: (N, n) joint velocities [rad/s, m/s].
-
-        Returns:
-            (N, n); False for joints without dry friction.
+        dq (N, n) [rad/s, m/s] → (N, n).
         """
         slow = np.abs(dq) < SLOW * self.terms.coulomb_speed
         return np.asarray(slow & (self.dry_friction > 0))
 
 
 def model_of(identified: Identification | SavedResult, lib: Library) -> MonitoredModel:
-    """The model of an identification or of a saved result.
-
-    Args:
-        identified: result of `identify`, or one that was read from its file.
-        lib: library of the robot.
-
-    Returns:
-        Parameters for the observer.
-    """
+    """The model of an identification or of a saved result."""
     if isinstance(identified, Identification):
         preparation = identified.train.prepared or Preparation()
         phi = identified.usual_phi

@@ -91,32 +91,13 @@ class ObserverNoise:
         return np.sqrt(self.slow**2 + self.fast**2)
 
     def thresholds(self, levels: Array, band: Array | float = 0.0) -> Array:
-        """Thresholds z √(σ² + band²), not below what free motion has shown.
-
-        Args:
-            levels: z, (n,).
-            band: standard deviation of the model's torque, (…, n) [N·m, N].
-
-        Returns:
-            (…, n) [N·m, N].
-        """
+        """Thresholds z √(σ² + band²), not below what free motion has shown."""
         least = MARGIN * self.largest + self.fast
         return np.maximum(levels * np.sqrt(self.sigma**2 + band**2), least)
 
 
 def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
-    """Residual on the test part, from predictions.npz of a result.
-
-    Args:
-        result: folder written by `identify`, or its result.json.
-        model: of the result.
-
-    Returns:
-        The residual.
-
-    Raises:
-        IdentificationError: the file is missing, damaged or holds no torque per joint.
-    """
+    """Residual on the test part, from predictions.npz of a result."""
     path = (result if result.is_dir() else result.parent) / "predictions.npz"
     preparation, joints = model.preparation, len(model.phi)
     try:
@@ -153,14 +134,7 @@ def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> NDArray[np.bool_]
 def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) -> NDArray[np.bool_]:
     """Instants around those of an event.
 
-    Args:
-        t: (N,) increasing [s].
-        event: (N, n).
-        before_s: how long before an event an instant counts as near [s].
-        after_s: how long after it [s].
-
-    Returns:
-        (N, n).
+    t (N,) [s], event (N, n) → (N, n).
     """
     sums = np.vstack([np.zeros((1, event.shape[1]), int), np.cumsum(event, axis=0)])
     first = np.searchsorted(t, t - after_s - 1e-9)
@@ -177,16 +151,7 @@ def noise_of_observer(
 ) -> ObserverNoise:
     """Noise of r in free motion.
 
-    Args:
-        settings: of the observer.
-        held_out: residual of the test part of the identification.
-        t: (N,) of the observed log, uniform but for holes [s].
-        r: (N, n) its external torque, NaN where there is none [N·m, N].
-        model_variance: mean square of the model's band on the test part, (n,), which thresholds
-            add again for each state and is therefore subtracted, down to a quarter.
-
-    Returns:
-        Noise per joint.
+    t (N,) [s], r (N, n) [N·m, N], model_variance (n,).
     """
     limit = min(0.4 * settings.rate_hz, held_out.limit_hz)
     power, cosine, largest, slow_blocks = _slow(settings, held_out, limit)

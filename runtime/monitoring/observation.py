@@ -91,18 +91,7 @@ class Observation:
 
 
 def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
-    """Observers that show 95 % of a step in a stated time, by window and source of the speed.
-
-    Args:
-        rate_hz: of the samples [Hz].
-        within_s: that time [s].
-
-    Returns:
-        One or more settings.
-
-    Raises:
-        IdentificationError: the time is shorter than three samples.
-    """
+    """Observers that show 95 % of a step in a stated time, by window and source of the speed."""
     if not within_s * rate_hz >= 3 - 1e-9:
         raise IdentificationError(
             f"expected three samples or more in which a contact is shown, got {within_s:g} s at "
@@ -122,23 +111,7 @@ def detector_for(
     within_s: float = WITHIN_S,
     root: Array | None = None,
 ) -> Detector:
-    """The observer with the smallest thresholds on a log.
-
-    Args:
-        lib: library of the robot.
-        model: identified model.
-        recording: on a uniform grid, with dq and tau; its first minute decides.
-        held_out: residual of the test part of the identification.
-        rate: stated rate of false alarms of all joints together.
-        within_s: time in which r shows 95 % of a step [s].
-        root: root of the covariance of [β; φ]; None leaves the model's band out.
-
-    Returns:
-        Observer, noise and thresholds.
-
-    Raises:
-        IdentificationError: the log is too short or too slow.
-    """
+    """The observer with the smallest thresholds on a log."""
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
     signals = part.t, part.q, part.required("dq"), part.required("tau")
@@ -177,19 +150,7 @@ class Signals:
 
 
 def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signals:
-    """External torque of a log and the terms of its thresholds.
-
-    Args:
-        lib: library of the robot.
-        detector: observer; its levels do not count.
-        recording: on the uniform grid of the detector's rate, with dq and tau.
-
-    Returns:
-        r, σ and the terms that follow the state.
-
-    Raises:
-        IdentificationError: the log has another rate than the observer.
-    """
+    """External torque of a log and the terms of its thresholds."""
     rate = detector.settings.rate_hz
     if abs(recording.rate_hz - rate) > RATE_OFF * rate:
         raise IdentificationError(
@@ -204,30 +165,12 @@ def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signal
 
 
 def observe(lib: Library, detector: Detector, recording: Recording) -> Observation:
-    """External torque and contacts of a log.
-
-    Args:
-        lib: library of the robot.
-        detector: observer with thresholds.
-        recording: on the uniform grid of the detector's rate, with dq and tau.
-
-    Returns:
-        r, σ, thresholds and contacts.
-    """
+    """External torque and contacts of a log."""
     return observation_of(lib, detector, signals_of(lib, detector, recording))
 
 
 def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observation:
-    """Contacts by the thresholds of a detector.
-
-    Args:
-        lib: library of the robot.
-        detector: observer with thresholds.
-        seen: of this detector, or of one that differs in its levels alone.
-
-    Returns:
-        r, σ, thresholds and contacts.
-    """
+    """Contacts by the thresholds of a detector."""
     threshold = detector.noise.thresholds(detector.levels, seen.band) + seen.extra
     contacts = contacts_of(
         seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s
@@ -237,18 +180,7 @@ def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observati
 
 
 def prepared_for(recording: Recording, model: MonitoredModel) -> Recording:
-    """The log on a uniform grid with dq, its torque without delay, unfiltered.
-
-    Args:
-        recording: as read. The clock and delay of its recipe count, else those of the model.
-        model: identified model.
-
-    Returns:
-        The recording for `observe`.
-
-    Raises:
-        RecordingError: a step cannot be taken.
-    """
+    """The log on a uniform grid with dq, its torque without delay, unfiltered."""
     steps = recording.preparation
     if steps == Preparation():
         steps = model.preparation

@@ -148,14 +148,7 @@ def averaged(
 ) -> tuple[Array, Array, Array]:
     """Means of q, dq and τ over the window that ends at each sample.
 
-    Args:
-        settings: window and source of the speed.
-        q: (N, n) joint positions of one segment [rad, m].
-        dq: (N, n) joint velocities [rad/s, m/s].
-        tau: (N, n) torques [N·m, N].
-
-    Returns:
-        Means (N − steps, n) of q, of dq and of τ.
+    q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N].
     """
     steps = settings.steps
     if not steps:
@@ -183,17 +176,7 @@ def external_torque(
 ) -> Array:
     """r of a whole log; the observer starts again after each hole of the clock.
 
-    Args:
-        lib: library of the robot.
-        model: identified model.
-        settings: of the observer.
-        t: (N,) uniform but for holes [s].
-        q: (N, n) joint positions [rad, m].
-        dq: (N, n) joint velocities [rad/s, m/s].
-        tau: (N, n) torques of the motors, without delay [N·m, N].
-
-    Returns:
-        r, (N, n) [N·m, N]; NaN where a window is not full.
+    t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N] → (N, n) [N·m, N].
     """
     r = np.full_like(q, np.nan)
     for part in segments(t):

@@ -67,20 +67,7 @@ class ObserverSettings:
 def observer_settings(
     rate_hz: float, within_s: float, steps: int, velocity: str
 ) -> ObserverSettings:
-    """Observer in which r shows 95 % of a step after a stated time.
-
-    Args:
-        rate_hz: rate of the samples [Hz].
-        within_s: that time [s].
-        steps: length of the averaging window in steps of time.
-        velocity: of `VELOCITIES`.
-
-    Returns:
-        Settings with the smallest such bandwidth.
-
-    Raises:
-        IdentificationError: the window is as long as the time.
-    """
+    """Observer in which r shows 95 % of a step after a stated time."""
     if not steps / rate_hz < within_s:
         raise IdentificationError(
             f"expected a window shorter than the {within_s:g} s in which a step is shown, got "

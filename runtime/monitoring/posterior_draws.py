@@ -105,21 +105,7 @@ class _Density:
 def draw_models(
     lib: Library, saved: SavedResult, posterior: Posterior, count: int, rng: np.random.Generator
 ) -> Draws:
-    """Draw models from a posterior.
-
-    Args:
-        lib: library of the robot.
-        saved: the result; its φ is the mean of the friction at its π.
-        posterior: of the same result.
-        count: N.
-        rng: source of the draws.
-
-    Returns:
-        The draws.
-
-    Raises:
-        IdentificationError: the number is not above 0.
-    """
+    """Draw models from a posterior."""
     if count < 1:
         raise IdentificationError(f"expected one model or more, got {count}; correct --count")
     data, system = posterior.reduced(lib)

@@ -34,18 +34,8 @@ def state_terms(
 ) -> tuple[Array, Array]:
     """Band of the model, and dry friction with timing.
 
-    Args:
-        lib: library of the robot.
-        model: identified model.
-        s: settings of the observer.
-        root: root of the covariance of [β; φ], (p, columns); None leaves the band out.
-        t: (N,) uniform but for holes [s].
-        q: (N, n) joint positions [rad, m].
-        dq: (N, n) joint velocities [rad/s, m/s].
-        tau: (N, n) torques of the motors, without delay [N·m, N].
-
-    Returns:
-        band_j, and dry_j + Δ |dτ_j/dt|, at every sample, (N, n) each [N·m, N].
+    root (p, columns) [β; φ], t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n)
+    [N·m, N] → (N, n) [N·m, N].
     """
     band, extra = np.zeros_like(q), np.zeros_like(q)
     for part in segments(t):

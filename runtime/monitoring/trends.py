@@ -104,17 +104,7 @@ class Trends:
 
 
 def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
-    """Series of a history, of the model that was checked last.
-
-    Args:
-        entries: of the history, as `read_history` returns them.
-
-    Returns:
-        Estimated changes in the order of the dates of their logs.
-
-    Raises:
-        RecordingError: an entry is damaged, or there is none.
-    """
+    """Series of a history, of the model that was checked last."""
     if not entries:
         raise RecordingError(
             "the history has no entry; make one with: watch RESULT LOG --history FILE"
@@ -149,16 +139,7 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
 
 
 def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
-    """Slope of estimates over x.
-
-    Args:
-        x: (N,), finite.
-        y: estimates, (N,).
-        sigma: their standard deviations, (N,).
-
-    Returns:
-        The slope with its interval; None for fewer than `LEAST` values or one x only.
-    """
+    """Slope of estimates over x."""
     if len(x) < LEAST or not np.ptp(x) > 0:
         return None
     weight = sigma**-2

@@ -39,17 +39,7 @@ class Wrench:
 def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
     """Contact wrench at a link by least squares.
 
-    Args:
-        lib: library of the robot.
-        q: (n,) joint positions [rad, m].
-        external: (n,) external torque [N·m, N].
-        name: of the link.
-
-    Returns:
-        Force and moment, the smallest ones where the torque does not determine all six components.
-
-    Raises:
-        IdentificationError: the robot has no moving link of that name.
+    q (n,) [rad, m], external (n,) [N·m, N].
     """
     if name not in lib.link_names:
         raise IdentificationError(

@@ -9,14 +9,7 @@ _compiled = extension("scipy.fft._pocketfft.pypocketfft", ("dct",))
 
 
 def cosines(values: Array) -> Array:
-    """Orthonormal cosine transform along the first axis.
-
-    Args:
-        values: (N, …).
-
-    Returns:
-        X_k = √(2/N) Σ_j x_j cos(π k (j + ½)/N), X_0 over √2, shaped as the values.
-    """
+    """Orthonormal cosine transform along the first axis."""
     if _compiled is None:
         from scipy.fft import dct
 

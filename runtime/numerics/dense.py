@@ -19,14 +19,7 @@ lapack = extension("scipy.linalg._flapack", _USED) or import_module("scipy.linal
 
 
 def block_diag(*blocks: Array) -> Array:
-    """Matrix with the given ones on its diagonal.
-
-    Args:
-        *blocks: (m, n) each.
-
-    Returns:
-        (Σ m, Σ n).
-    """
+    """Matrix with the given ones on its diagonal."""
     whole = np.zeros(np.sum([block.shape for block in blocks], axis=0, dtype=int))
     row = column = 0
     for block in blocks:
@@ -37,18 +30,7 @@ def block_diag(*blocks: Array) -> Array:
 
 
 def solve_triangular(upper: Array, right: Array) -> Array:
-    """Solution X of U X = B.
-
-    Args:
-        upper: U, (n, n); what is below its diagonal is not read.
-        right: B, (n,) or (n, m).
-
-    Returns:
-        X, shaped as B.
-
-    Raises:
-        numpy.linalg.LinAlgError: a number on the diagonal is zero.
-    """
+    """Solution X of U X = B."""
     if not right.size:
         return np.zeros(right.shape)
     if upper.flags.f_contiguous:
@@ -63,15 +45,7 @@ def solve_triangular(upper: Array, right: Array) -> Array:
 def solve_positive(matrix: Array, right: Array) -> Array:
     """Solution x of A x = b by the Cholesky factor of A.
 
-    Args:
-        matrix: A, symmetric, (n, n); its lower triangle is read.
-        right: b, (n,).
-
-    Returns:
-        x, (n,).
-
-    Raises:
-        numpy.linalg.LinAlgError: A is not positive definite.
+    matrix (n, n), right (n,) → (n,).
     """
     factor, info = lapack.dpotrf(matrix, lower=True, clean=False)
     if info:
@@ -82,11 +56,7 @@ def solve_positive(matrix: Array, right: Array) -> Array:
 def pivoted_qr(matrix: Array) -> tuple[Array, Array, Array]:
     """Factors Q, R and the order p of A[:, p] = Q R, with falling |R_kk|.
 
-    Args:
-        matrix: A, (m, n), m ≥ n, both positive.
-
-    Returns:
-        Q (m, m), R (m, n), p (n,).
+    matrix (m, n) → (m, m).
     """
     rows, columns = matrix.shape
     # The first call of each returns the size of its work space, which changes the order of sums.
@@ -102,11 +72,7 @@ def pivoted_qr(matrix: Array) -> tuple[Array, Array, Array]:
 def triangle_of_joints(rows: Array) -> Array:
     """Triangle R with RᵀR = Σ_j X_jᵀ X_j, joint by joint: each uses a part of the columns only.
 
-    Args:
-        rows: X, (N, n, p).
-
-    Returns:
-        (p, p); rows of zeros where there are fewer equations than columns.
+    rows (N, n, p) → (p, p).
     """
     _, n, p = rows.shape
     parts = [np.zeros((p, p))]
@@ -126,12 +92,7 @@ def basis_of_joints(rows: Array, root: Array) -> Array:
 
     with the columns u that the joint uses.
 
-    Args:
-        rows: X, (N, n, p).
-        root: M, (p, r).
-
-    Returns:
-        (N, n, k), k the largest number of columns that a joint uses, at most r.
+    rows (N, n, p), root (p, r) → (N, n, k).
     """
     used = np.any(rows, axis=0)
     factors = [np.asarray(np.linalg.qr(root[each].T, mode="r")).T for each in used]
@@ -142,17 +103,7 @@ def basis_of_joints(rows: Array, root: Array) -> Array:
 
 
 def null_space(matrix: Array) -> Array:
-    """Orthonormal basis of the vectors z with A z = 0.
-
-    Args:
-        matrix: A, (m, n).
-
-    Returns:
-        (n, n − rank).
-
-    Raises:
-        numpy.linalg.LinAlgError: the singular values do not converge.
-    """
+    """Orthonormal basis of the vectors z with A z = 0."""
     rows, columns = matrix.shape
     work = int(lapack.dgesdd_lwork(rows, columns)[0].real)
     _, sizes, turn, info = lapack.dgesdd(matrix, lwork=work)

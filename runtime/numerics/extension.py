@@ -9,16 +9,7 @@ from types import ModuleType
 
 
 def extension(name: str, functions: tuple[str, ...]) -> ModuleType | None:
-    """Load an extension.
-
-    Args:
-        name: such as "scipy.linalg._flapack".
-        functions: that it needs to have.
-
-    Returns:
-        The module; None where this version of SciPy has no such private name, so that the caller
-        imports the public package.
-    """
+    """Load an extension."""
     module = sys.modules.get(name) or _loaded(name)
     return module if all(hasattr(module, function) for function in functions) else None
 

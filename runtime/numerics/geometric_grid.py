@@ -8,15 +8,7 @@ from runtime.numerics import Array
 
 
 def minimum_on_grid(places: Sequence[float] | Array, losses: Sequence[float] | Array) -> float:
-    """Vertex of the parabola over ln x through the smallest loss and its neighbours.
-
-    Args:
-        places: x, a geometric sequence, (K,).
-        losses: at these places, (K,).
-
-    Returns:
-        x at the vertex; an end of the sequence where the smallest loss lies there.
-    """
+    """Vertex of the parabola over ln x through the smallest loss and its neighbours."""
     best = int(np.argmin(losses))
     if not 0 < best < len(losses) - 1:
         return float(places[best])

@@ -13,12 +13,7 @@ _compiled = extension("scipy.optimize._slsqplib", ("nnls",))
 def nonnegative_least_squares(matrix: Array, right: Array) -> Array | None:
     """Solve min |A u − b| over u ≥ 0, by active sets.
 
-    Args:
-        matrix: A, (m, n).
-        right: b, (m,).
-
-    Returns:
-        u, (n,); None where 3 n exchanges of the active set have not ended.
+    matrix (m, n), right (m,) → (n,).
     """
     if _compiled is None:
         try:

@@ -10,15 +10,7 @@ from runtime.numerics import Array
 
 
 def median(values: ArrayLike, axis: int | None = None) -> NDArray[np.float64]:
-    """Median, NaN where a value is NaN.
-
-    Args:
-        values: real numbers, at least one along the axis.
-        axis: along which; None takes all values together.
-
-    Returns:
-        The medians, without the axis; of shape () for None.
-    """
+    """Median, NaN where a value is NaN."""
     whole, axis = (np.ravel(values), 0) if axis is None else (np.asarray(values), axis)
     count = whole.shape[axis]
     places = (count - 1) // 2, count // 2
@@ -29,15 +21,7 @@ def median(values: ArrayLike, axis: int | None = None) -> NDArray[np.float64]:
 
 
 def quantile(values: Array, share: float) -> float:
-    """Quantile of a sample by linear interpolation.
-
-    Args:
-        values: (N,), N ≥ 1.
-        share: from 0, the smallest value, to 1, the largest.
-
-    Returns:
-        The quantile, NaN where a value is NaN.
-    """
+    """Quantile of a sample by linear interpolation."""
     last = len(values) - 1
     place = last * share
     low, high = int(place), min(int(place) + 1, last)

@@ -11,15 +11,7 @@ NORMAL_95 = 1.959963984540054
 
 
 def chi2_quantile(freedom: float, above: float) -> float:
-    """The x that χ² exceeds with a given probability: 2 Q⁻¹(k/2, p), `scipy.special.chdtri`.
-
-    Args:
-        freedom: k, positive.
-        above: p, between 0 and 1.
-
-    Returns:
-        x.
-    """
+    """The x that χ² exceeds with a given probability: 2 Q⁻¹(k/2, p), `scipy.special.chdtri`."""
     return 2.0 * float(_special().gammainccinv(freedom / 2.0, above))
 
 

@@ -8,11 +8,7 @@ from runtime.numerics import Array
 def matrix_from_rpy(rpy: Array) -> Array:
     """R = R_z(yaw) R_y(pitch) R_x(roll), by unit quaternions.
 
-    Args:
-        rpy: roll, pitch, yaw [rad], (3,).
-
-    Returns:
-        (3, 3).
+    rpy (3,) [rad] → (3, 3).
     """
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy / 2), np.sin(rpy / 2)
     # (x, y, z, w) of pitch · roll, then of yaw · (pitch · roll)

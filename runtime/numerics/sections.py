@@ -17,13 +17,6 @@ def butterworth_sections(order: int, cutoff: float) -> Array:
 
     The poles of the circle |s| = ω_c are mapped by the bilinear transform with pre-warped ω_c; all
     zeros are −1. The poles nearest the unit circle are in the last section.
-
-    Args:
-        order: number of poles, positive.
-        cutoff: over half the rate, between 0 and 1.
-
-    Returns:
-        ((order + 1) // 2, 6).
     """
     angles = np.pi * np.arange(1 - order, order, 2, dtype=np.float64) / (2 * order)
     analogue = -np.exp(1j * angles) * float(4.0 * np.tan(np.pi * cutoff / 2.0))
@@ -57,11 +50,7 @@ def _section(zeros: Array, poles: Array) -> Array:
 
 
 def steady_state(sections: Array) -> Array:
-    """State (s, 2) of every section behind an input that is 1 for ever, `sosfilt_zi`.
-
-    Args:
-        sections: (s, 6).
-    """
+    """State (s, 2) of every section behind an input that is 1 for ever, `sosfilt_zi`."""
     state, gain = np.empty((len(sections), 2)), 1.0
     for row, (b0, b1, b2, _, a1, a2) in zip(state, sections, strict=True):
         system = np.array([[1.0 + a1, -1.0], [a2, 1.0]])
@@ -73,13 +62,7 @@ def steady_state(sections: Array) -> Array:
 def run_sections(sections: Array, values: Array, state: Array) -> tuple[Array, Array]:
     """Filter columns from a state on, `scipy.signal.sosfilt` along the first axis.
 
-    Args:
-        sections: (s, 6).
-        values: (N, m).
-        state: (s, 2, m).
-
-    Returns:
-        The output (N, m) and the state after it (s, 2, m).
+    sections (s, 6), values (N, m), state (s, 2, m) → (N, m).
     """
     if _compiled is None:
         from scipy.signal import sosfilt
@@ -94,13 +77,7 @@ def run_sections(sections: Array, values: Array, state: Array) -> tuple[Array, A
 def both_directions(sections: Array, values: Array, padding: int) -> Array:
     """`scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=padding)`.
 
-    Args:
-        sections: (s, 6).
-        values: (N, m).
-        padding: rows of odd extension at either end, fewer than N.
-
-    Returns:
-        (N, m).
+    sections (s, 6), values (N, m) → (N, m).
     """
     head = 2 * values[:1] - values[padding:0:-1]
     tail = 2 * values[-1:] - values[-2 : -padding - 2 : -1]
@@ -114,12 +91,7 @@ def both_directions(sections: Array, values: Array, padding: int) -> Array:
 def response(sections: Array, count: int) -> tuple[Array, Array]:
     """Squared gain |H|² at frequencies spread evenly from 0 to half the rate.
 
-    Args:
-        sections: (s, 6).
-        count: number of frequencies.
-
-    Returns:
-        Frequencies [rad per sample] and gains, (count,) each.
+    sections (s, 6) → (count,) [rad per sample].
     """
     frequency = np.linspace(0.0, np.pi, count, endpoint=False)
     delay = np.exp(-1j * frequency[:, None] * np.arange(3))

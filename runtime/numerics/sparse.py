@@ -36,15 +36,7 @@ class Columns(NamedTuple):
 
 
 def columns_of(matrix: Array, stored: NDArray[np.bool_] | None = None) -> Columns:
-    """Compressed columns of a dense matrix.
-
-    Args:
-        matrix: (m, n).
-        stored: entries that are stored, (m, n); None stores those other than zero.
-
-    Returns:
-        The same matrix.
-    """
+    """Compressed columns of a dense matrix."""
     across = np.ascontiguousarray(matrix.T)
     column, row = np.nonzero(across if stored is None else stored.T)
     starts = np.searchsorted(column, np.arange(len(across) + 1))
@@ -62,19 +54,7 @@ def solve_conic(
     settings: object,
     stored: NDArray[np.bool_] | None = None,
 ) -> clarabel.DefaultSolution:
-    """Minimise cᵀ x so that b − A x ∈ K, by Clarabel.
-
-    Args:
-        cost: c, (n,).
-        matrix: A, (m, n).
-        limits: b, (m,).
-        cones: K, one after the other.
-        settings: of Clarabel.
-        stored: entries of A that are stored, from which Clarabel derives its order of elimination.
-
-    Returns:
-        Its answer.
-    """
+    """Minimise cᵀ x so that b − A x ∈ K, by Clarabel."""
     nothing = columns_of(np.zeros((cost.size, cost.size)))
     a = columns_of(matrix, stored)
     return clarabel.DefaultSolver(nothing, cost, a, limits, cones, settings).solve()

@@ -206,16 +206,7 @@ int main(void)
 def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
     """Texts of observer.h, observer.c and example_observer.c.
 
-    Args:
-        lib: library of the robot.
-        detector: observer with thresholds.
-        band: standard deviation of the model's torque that the thresholds contain, (n,) [N·m, N].
-
-    Returns:
-        Name → text.
-
-    Raises:
-        ExportError: the model has parts that are not written in C.
+    band (n,) [N·m, N].
     """
     model, s = detector.model, detector.settings
     inertial = model.inertial

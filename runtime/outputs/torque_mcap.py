@@ -43,16 +43,7 @@ NANO = 1_000_000_000
 def torque_mcap(names: Sequence[str], data: Recording, seen: Observation) -> bytes:
     """MCAP file of an observed log; instants count from 0 of the log.
 
-    Args:
-        names: of the n joints.
-        data: the observed log, with dq and tau, on the grid of `seen`.
-        seen: external torque r, (N, n) [N·m, N].
-
-    Returns:
-        Content of the file; rows whose r is unknown have the measured topic alone.
-
-    Raises:
-        RecordingError: the library mcap is not installed.
+    seen (N, n) [N·m, N].
     """
     mcap = imported("mcap.writer", "MCAP files")
     tau, dq = data.required("tau"), data.required("dq")
@@ -77,11 +68,7 @@ class JointStateEncoder:
     """CDR (little endian) of JointState messages with the same joints."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Encode the part between stamp and positions once.
-
-        Args:
-            names: of the joints.
-        """
+        """Encode the part between stamp and positions once."""
         head = _text("")
         head += _aligned(8 + len(head), 4) + struct.pack("<I", len(names))
         for name in names:
@@ -90,15 +77,7 @@ class JointStateEncoder:
         self._count = len(names)
 
     def encoded(self, stamp: int, *arrays: Array) -> bytes:
-        """One message.
-
-        Args:
-            stamp: instant [ns].
-            arrays: position, velocity and effort, (n,) each.
-
-        Returns:
-            Content of the message.
-        """
+        """One message."""
         body = struct.pack("<iI", *divmod(stamp, NANO)) + self._head
         for values in arrays:
             body += _aligned(len(body), 4) + struct.pack("<I", self._count)
@@ -108,14 +87,7 @@ class JointStateEncoder:
 
 
 def plotjuggler_layout(names: Sequence[str]) -> str:
-    """Layout with one plot per joint: measured, predicted and external torque.
-
-    Args:
-        names: of the joints.
-
-    Returns:
-        XML that PlotJuggler opens beside the MCAP.
-    """
+    """Layout with one plot per joint: measured, predicted and external torque."""
     root = Element("root")
     window = SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tab = SubElement(window, "Tab", {"tab_name": "joint torque", "containers": "1"})

@@ -12,11 +12,7 @@ SHORTEST_STEP, LATEST = 1e-12, 1e12
 def require_clock(t: NDArray[np.float64]) -> None:
     """Refuse a clock that stands still, goes back or has another unit.
 
-    Args:
-        t: (N,) [s].
-
-    Raises:
-        RecordingError: t does not increase, or its steps or instants are beyond the bounds.
+    t (N,) [s].
     """
     steps = np.diff(t)
     near, far = float(steps.min(initial=np.inf)), float(np.abs(t[[0, -1]]).max())

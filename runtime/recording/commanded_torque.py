@@ -27,16 +27,7 @@ def commanded_torque(
 ) -> tuple[FloatArray, str]:
     """Torque of a control law.
 
-    Args:
-        law: the law with its gains.
-        motion: "q" (N, n) [rad, m], and "dq" (N, n) [rad/s, m/s] where the law has damping.
-        parts: kind of `ControlLaw.parts` → (N, n), in SI units on the joint side.
-
-    Returns:
-        τ (N, n) [N·m, N], and a sentence for the history.
-
-    Raises:
-        RecordingError: numbers of gains or widths of signals do not match the joints.
+    motion (N, n) [rad, m], parts (N, n) → (N, n) [N·m, N].
     """
     q = motion["q"]
     n = q.shape[1]
@@ -67,13 +58,6 @@ def without_ends(recording: Recording, preparation: Preparation) -> Preparation:
 
     There the low-pass extrapolates, and a robot that starts from rest holds any torque below its
     dry friction.
-
-    Args:
-        recording: log as read.
-        preparation: its steps.
-
-    Returns:
-        The same, with one period of the cut-off trimmed where it has a low-pass and no trim.
     """
     cutoff = preparation.cutoff_hz
     if recording.torque_source != COMMANDED or preparation.trim_s is not None or cutoff is None:

@@ -21,17 +21,6 @@ def independent_joints(recording: Recording, lib: Library) -> Recording:
     A log of the independent joints, or of a robot without couplings, is returned as it is. Joints
     are matched by name where the log has names, else a log with one column per link is in the order
     of `lib.all_joint_names`.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-
-    Returns:
-        Recording of n joints.
-
-    Raises:
-        IdentificationError: the positions of a dependent joint contradict its coupling.
-        PostureError: positions are beyond a singular posture of a loop.
     """
     reduced = _reduced(recording, lib)
     if lib.manifest.loops and reduced.n_joints == lib.n_joints:

@@ -22,11 +22,7 @@ def known_names() -> tuple[str, ...]:
 
 
 def locate(name: str) -> Path:
-    """Log or folder with the raw files of a known data set, downloaded where necessary.
-
-    Raises:
-        RecordingError: there is no such data set, or it can neither be located nor downloaded.
-    """
+    """Log or folder with the raw files of a known data set, downloaded where necessary."""
     if name not in known_names():
         raise RecordingError(
             f"there is no data set {name!r}; the known ones are {', '.join(known_names())}"

@@ -11,19 +11,7 @@ from runtime.recording.recipes.recipe import Recipe, Signal
 
 
 def mean_of_column(log: str | Path, recipe: str | Path | Recipe | None, name: str) -> float:
-    """Mean of the finite numbers of one column of a log, in the unit of the file.
-
-    Args:
-        log: as for `read_recording`.
-        recipe: as for `read_recording`.
-        name: column of a CSV or Parquet file, or array of an NPZ.
-
-    Returns:
-        The mean over all rows.
-
-    Raises:
-        RecordingError: there is no such log, no such column, or no number in it.
-    """
+    """Mean of the finite numbers of one column of a log, in the unit of the file."""
     place, chosen = place_and_recipe(log, recipe, None)
     files = LogFiles(place, chosen or Recipe())
     file = "" if chosen is None or chosen.position is None else chosen.position.file

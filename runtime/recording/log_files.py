@@ -90,30 +90,11 @@ class LogFiles:
         return plan.replace(law=replace(law, **numbers))
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Numbers of one part of the recipe.
-
-        Args:
-            kind: "time", "position", "velocity", "acceleration" or "torque".
-            part: where the signal lies.
-
-        Returns:
-            Table of (N, m) numbers in the units of the file.
-        """
+        """Numbers of one part of the recipe."""
         return self.reader(self.file_of(part.file), part.layout).table(kind, part)
 
     def reader(self, name: str, layout: str) -> LogReader:
-        """Open reader of a file.
-
-        Args:
-            name: of the file.
-            layout: name of its format; "" for that of its suffix.
-
-        Returns:
-            The same reader for the same file and format.
-
-        Raises:
-            RecordingError: a suffix of no format, or two files whose rows cannot be combined.
-        """
+        """Open reader of a file."""
         record = self.format_of(name, layout)
         if (name, record.name) not in self._readers:
             others = [file for file, format_name in self._readers if format_name == record.name]
@@ -130,18 +111,7 @@ class LogFiles:
         return self._readers[name, record.name]
 
     def format_of(self, name: str, layout: str) -> LogFormat:
-        """Format that a recipe states, else that of the folder or of the file's suffix.
-
-        Args:
-            name: of the file.
-            layout: as the recipe states it, or "".
-
-        Returns:
-            Record of the format.
-
-        Raises:
-            RecordingError: no layout is stated, and no format has the suffix.
-        """
+        """Format that a recipe states, else that of the folder or of the file's suffix."""
         record = FORMATS[layout] if layout else format_of_folder(self.place)
         record = record or format_of_suffix(name)
         if Path(name).suffix.lower() in PICKLES:
@@ -178,11 +148,7 @@ class LogFiles:
         ]
 
     def file_of(self, name: str) -> str:
-        """Name of the file that a part means: for one file with a one-file recipe, that file.
-
-        Raises:
-            RecordingError: no file is named for a folder, several for one file, or one outside.
-        """
+        """Name of the file that a part means: for one file with a one-file recipe, that file."""
         if self._is_folder_of_files:
             if not name:
                 raise RecordingError(

@@ -11,16 +11,7 @@ Cells = Sequence[object]
 
 
 def html_table(title: str, rows: Iterable[Cells], head: Cells = ()) -> str:
-    """HTML of one table with a caption.
-
-    Args:
-        title: caption.
-        rows: cells of every line; the first of a line is its heading.
-        head: headings of the columns; none where empty.
-
-    Returns:
-        A `<table>` without style sheets, so that the notebook's theme applies.
-    """
+    """HTML of one table with a caption."""
     lines = ["<table>", f"<caption><b>{_text(title)}</b></caption>"]
     if head:
         cells = "".join(f"<th>{_text(cell)}</th>" for cell in head)
@@ -33,18 +24,7 @@ def html_table(title: str, rows: Iterable[Cells], head: Cells = ()) -> str:
 
 
 def frame(columns: Mapping[str, Any], package: str) -> Any:
-    """Data frame of a package that is installed by the user.
-
-    Args:
-        columns: title → values, all of one length.
-        package: "pandas" or "polars".
-
-    Returns:
-        Its `DataFrame`.
-
-    Raises:
-        RuntimeFault: the package is not installed.
-    """
+    """Data frame of a package that is installed by the user."""
     try:
         module = import_module(package)
     except ModuleNotFoundError:

@@ -19,17 +19,7 @@ SLOWEST = 2.0
 
 
 def require_plausible(recording: Recording, lib: Library) -> None:
-    """Require that a recording agrees with the model of the robot.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-
-    Raises:
-        IdentificationError: wrong joint count, positions far outside the limits (degrees?), torque
-            against gravity (sign?), a missing or zero torque, or a clock too slow to differentiate
-            (ms?).
-    """
+    """Require that a recording agrees with the model of the robot."""
     require_joints(recording, lib)
     if recording.tau is None:
         unread = [step for step in recording.history if states_unread(step)]
@@ -52,16 +42,7 @@ def require_plausible(recording: Recording, lib: Library) -> None:
 
 
 def require_motion(recording: Recording, lib: Library) -> None:
-    """Require that the robot can make the motion.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-
-    Raises:
-        IdentificationError: wrong joint count, positions far outside the limits (degrees?), or a
-            clock too slow to differentiate (ms?).
-    """
+    """Require that the robot can make the motion."""
     require_joints(recording, lib)
     if recording.dq is None and len(recording) > 1 and recording.rate_hz < SLOWEST:
         raise IdentificationError(
@@ -84,15 +65,7 @@ def require_motion(recording: Recording, lib: Library) -> None:
 
 
 def require_joints(recording: Recording, lib: Library) -> None:
-    """Require that a recording has the joints of the robot.
-
-    Args:
-        recording: as read.
-        lib: library of the robot.
-
-    Raises:
-        IdentificationError: the number of joints differs.
-    """
+    """Require that a recording has the joints of the robot."""
     n = lib.n_joints
     if recording.q.shape[1] != n:
         raise IdentificationError(

@@ -94,11 +94,7 @@ class BalancedRecording(PreparedRecording):
 
 
 def prepared_of(recording: Recording) -> DifferentiatedRecording | BalancedRecording:
-    """The complete recording, with rows where it has them, else with accelerations.
-
-    Raises:
-        IdentificationError: a signal is missing, or a value is not finite.
-    """
+    """The complete recording, with rows where it has them, else with accelerations."""
     if recording.rows is not None:
         return BalancedRecording.of(recording)
     return DifferentiatedRecording.of(recording)

@@ -102,20 +102,7 @@ def read_raw(
     run: str | None = None,
     joints: Sequence[str] = (),
 ) -> Raw:
-    """Rows of the files before any conversion.
-
-    Args:
-        path: as for `read_recording`.
-        recipe: as for `read_recording`.
-        run: as for `read_recording`.
-        joints: as for `read_recording`.
-
-    Returns:
-        Tables in the units of the files, and the plan by which they are converted.
-
-    Raises:
-        RecordingError: there is no such file, no recipe for a folder, or too few whole rows.
-    """
+    """Rows of the files before any conversion."""
     place, chosen = place_and_recipe(path, recipe, run)
     files = LogFiles(place, chosen or Recipe(), tuple(joints))
     plan = files.plan()
@@ -140,11 +127,7 @@ def read_raw(
 
 
 def recording_of(raw: Raw) -> Recording:
-    """Recording with the units, signs, order and gear of the plan, without further checks.
-
-    Raises:
-        RecordingError: the plan does not fit the files, or time does not increase.
-    """
+    """Recording with the units, signs, order and gear of the plan, without further checks."""
     names = raw.names.get("column_names", ()) if "columns" in raw.tables else ()
     data = converted(raw.plan, raw.tables, len(names))
     recording = Recording(
@@ -191,19 +174,7 @@ def plan_of(
 def place_and_recipe(
     path: str | Path, recipe: str | Path | Recipe | None, run: str | None
 ) -> tuple[Path, Recipe | None]:
-    """Path of a log, and the recipe by which it is read.
-
-    Args:
-        path: as for `read_recording`.
-        recipe: as for `read_recording`.
-        run: as for `read_recording`.
-
-    Returns:
-        The existing path, and the recipe or None for the default convention.
-
-    Raises:
-        RecordingError: there is no such log or recipe.
-    """
+    """Path of a log, and the recipe by which it is read."""
     place = locate(path)
     chosen = _choose_recipe(place, recipe)
     if run is None:

@@ -180,15 +180,7 @@ class Friction:
 
 
 def positive(what: str, value: float) -> None:
-    """Require a finite number above 0 whose products with a clock are finite, too.
-
-    Args:
-        what: name of the setting, for the message.
-        value: of the setting.
-
-    Raises:
-        RecordingError: it is not.
-    """
+    """Require a finite number above 0 whose products with a clock are finite, too."""
     if isinstance(value, bool) or not (isfinite(value) and value > 0):
         raise RecordingError(f"{what} expects a number above 0, got {value}; correct it")
     if not SMALLEST <= value <= 1.0 / SMALLEST:
@@ -199,16 +191,7 @@ def positive(what: str, value: float) -> None:
 
 
 def one_of(what: str, value: str, valid: tuple[str, ...]) -> None:
-    """Require one of several words.
-
-    Args:
-        what: name of the setting, for the message.
-        value: of the setting.
-        valid: the words.
-
-    Raises:
-        RecordingError: it is not among them.
-    """
+    """Require one of several words."""
     if value not in valid:
         choices = ", ".join(each for each in valid if each)
         raise RecordingError(f"{what} expects one of {choices}; got {value!r}")

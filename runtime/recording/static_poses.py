@@ -42,15 +42,7 @@ class _Visit(NamedTuple):
 
 
 def static_poses(recording: Recording) -> Recording | None:
-    """One row per pose that was reached from both sides.
-
-    Args:
-        recording: in SI units, with torque.
-
-    Returns:
-        Rows with dq = ddq = 0 at the time of the second visit; None for a log of motion, which
-        rests for less than `SHARE` of its time or has fewer than `FEWEST` pairs.
-    """
+    """One row per pose that was reached from both sides."""
     if recording.tau is None or recording.columns is not None or len(recording) < 10:
         return None
     still = _still(recording)

@@ -44,21 +44,7 @@ def converted(
     first_row: int = 0,
     origin: float | None = None,
 ) -> Converted:
-    """The usable rows of all tables in SI units and on the joint side, as the recipe states.
-
-    Args:
-        plan: meaning of the tables.
-        raw: kind → table; "columns" are friction columns, which need no conversion.
-        n_columns: number k of friction columns.
-        first_row: of the tables in the log, for a constant rate.
-        origin: first instant of the log in the unit of the file, where the tables are a part of it.
-
-    Returns:
-        Time, signals and notes of a recording.
-
-    Raises:
-        RecordingError: the tables are not a recording.
-    """
+    """The usable rows of all tables in SI units and on the joint side, as the recipe states."""
     keep, dropped = usable_rows(raw)
     t, notes = _time(plan.time, raw, keep, first_row, origin)
     signals: dict[str, Any] = {}

@@ -77,12 +77,7 @@ class Box:
 def pi_from_pseudo(lib: Library, P: Array) -> Array:
     """Parameters π of pseudo-inertias, linear: the inverse of `Library.pseudo_inertia`.
 
-    Args:
-        lib: the robot.
-        P: pseudo-inertias, (n, 4, 4).
-
-    Returns:
-        (10 n,) kg, kg·m, kg·m².
+    P (n, 4, 4) → (10 n,).
     """
     n = lib.n_links
     units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]

@@ -53,21 +53,7 @@ class ClosedLoop:
     start: float = 0.0
 
     def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
-        """Simulated recording of a robot with these parameters, without noise.
-
-        Args:
-            lib: the robot.
-            pi: standard parameters, (10 n,).
-            friction: fields of `Plant` by name.
-            t: of the recording, (N,) s; states are interpolated between periods of the controller.
-
-        Returns:
-            The recording at times t.
-
-        Raises:
-            SimulationError: no robot with these parameters moves like that.
-            IdentificationError: the recording is not covered by the reference.
-        """
+        """Simulated recording of a robot with these parameters, without noise."""
         clock = sample_times(self.reference.duration, self.rate_hz)
         since = np.asarray(t) - self.start
         slack = 0.5 / self.rate_hz
@@ -96,18 +82,7 @@ class ClosedLoop:
 
 
 def read_controller(path: Path, lib: Library) -> ClosedLoop:
-    """Read a controller file.
-
-    Args:
-        path: TOML file.
-        lib: the robot.
-
-    Returns:
-        The closed-loop description.
-
-    Raises:
-        IdentificationError: another kind of file; the message states what is wrong with it.
-    """
+    """Read a controller file."""
     try:
         facts = toml_of(path)
     except (OSError, ValueError) as error:
@@ -150,13 +125,7 @@ def read_controller(path: Path, lib: Library) -> ClosedLoop:
 
 
 def write_controller(closed_loop: ClosedLoop, trajectory: str, path: Path) -> None:
-    """Write a controller file, atomically.
-
-    Args:
-        closed_loop: closed-loop description.
-        trajectory: name of the file of the reference, in the same folder.
-        path: TOML file.
-    """
+    """Write a controller file, atomically."""
     lines = ["[controller]"]
     values = {
         "stiffness": closed_loop.controller.stiffness,

@@ -19,13 +19,7 @@ class JointFriction:
     """The friction of all joints in time; z is its state."""
 
     def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
-        """Friction from z = 0, in the order of the engine.
-
-        Args:
-            law: parameters in the order of the library, (n,) each.
-            step: of the engine, s.
-            places: index in the engine of each joint, (n,).
-        """
+        """Friction from z = 0, in the order of the engine."""
         order = np.argsort(places)
         self.z = np.zeros(len(order))
         f_c = law.coulomb[order]
@@ -44,13 +38,7 @@ class JointFriction:
 
         z ← (z + h dq/z_c) / (1 + h |dq|/z_c) never leaves [−1, 1], however long the step.
 
-        Args:
-            q: (n,) rad or m.
-            dq: (n,) rad/s or m/s.
-            tau: torque behind the joints, (n,) N·m or N.
-
-        Returns:
-            f, (n,) N·m or N, and ∂f/∂dq of the step, for an implicit integrator.
+        q (n,), dq (n,), tau (n,) → (n,).
         """
         travel = self._bend * dq
         way = 1 + np.abs(travel)

@@ -13,11 +13,7 @@ def has_mechanism(lib: Library) -> bool:
 
 
 def require_no_springs(lib: Library) -> None:
-    """Raise SimulationError where springs or torque curves act, which compiled simulations lack.
-
-    Args:
-        lib: the robot.
-    """
+    """Raise SimulationError where springs or torque curves act, which compiled simulations lack."""
     if "known_torque" in lib.manifest.kernels:
         raise SimulationError(
             f"springs or torque curves act on '{lib.name}', which the compiled simulation "

@@ -71,13 +71,7 @@ class Engine:
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
 
-        Args:
-            q: (n,) rad or m.
-            dq: (n,) rad/s or m/s.
-            ddq: (n,) rad/s² or m/s².
-
-        Returns:
-            τ, (n,) N·m or N.
+        q (n,), dq (n,), ddq (n,) → (n,).
         """
         data = self.data
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
@@ -87,11 +81,7 @@ class Engine:
     def mass_diagonal(self, q: Array) -> Array:
         """Diagonal of M(q) with the rotors, in MuJoCo's order.
 
-        Args:
-            q: (n,) rad or m.
-
-        Returns:
-            (n,) kg·m² or kg.
+        q (n,) → (n,).
         """
         data, n = self.data, self.model.nv
         data.qpos[:], data.qvel[:] = q, 0.0
@@ -113,22 +103,7 @@ class Engine:
 def engine(
     lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
 ) -> Engine:
-    """Build MuJoCo's model of a robot with given parameters.
-
-    Args:
-        lib: the robot.
-        pi: standard parameters, (10 n,), physically consistent.
-        rotor: inertia of the motors, reflected to the joints, (n,) or one number, kg·m² or kg.
-        step: of the integrator, s.
-        ranges: joints stop at the ends of their range.
-
-    Returns:
-        The engine, at rest at q = 0.
-
-    Raises:
-        SimulationError: MuJoCo is not installed or refuses the robot, or joints are coupled.
-        NotRealisableError: a body of π is not physically consistent.
-    """
+    """Build MuJoCo's model of a robot with given parameters."""
     if lib.manifest.coupling is not None or lib.manifest.loops:
         raise SimulationError(
             f"joints of '{lib.name}' follow others, which this model in MuJoCo has no equalities "

@@ -13,19 +13,7 @@ def plant_engine(
 ) -> Engine | ReducedEngine:
     """Engine of a robot with given parameters.
 
-    Args:
-        lib: the robot.
-        pi: standard parameters, (10 L,), physically consistent.
-        rotor: inertia of the motors, reflected to the joints, (n,) or one number [kg·m², kg].
-        step: of the integrator [s].
-        ranges: joints stop at the ends of their range; only in MuJoCo.
-
-    Returns:
-        MuJoCo, or `ReducedEngine` for a robot with couplings, loops or known springs.
-
-    Raises:
-        SimulationError: MuJoCo is not installed or refuses the robot.
-        NotRealisableError: a body of π is not physically consistent.
+    pi (10 L,), rotor (n,) [kg·m², kg].
     """
     if has_mechanism(lib):
         return ReducedEngine(lib, pi, rotor, step)

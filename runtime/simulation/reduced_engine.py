@@ -18,17 +18,7 @@ class ReducedEngine:
     """State and step of a plant in the order of the library; for `mujoco_engine.Engine`."""
 
     def __init__(self, lib: Library, pi: Array, rotor: ArrayLike, step: float) -> None:
-        """A plant at rest at q = 0.
-
-        Args:
-            lib: the robot.
-            pi: standard parameters, (10 L,), physically consistent.
-            rotor: inertia of the motors, reflected to the joints, (n,) or one number [kg·m², kg].
-            step: of the integrator [s].
-
-        Raises:
-            NotRealisableError: a body of π is not physically consistent.
-        """
+        """A plant at rest at q = 0."""
         lib.lam_from_pi(pi)  # raises
         n = lib.n_joints
         self.lib, self.pi, self.step_s = lib, pi, step
@@ -47,12 +37,7 @@ class ReducedEngine:
         return np.ascontiguousarray(values)
 
     def advance(self) -> None:
-        """Move the state by one step under the applied torques and the damping.
-
-        Raises:
-            SimulationError: M + J + h D is singular.
-            PostureError: the motion left the range in which the loops close.
-        """
+        """Move the state by one step under the applied torques and the damping."""
         lib, h = self.lib, self.step_s
         lib.require_closed(self.q)
         inertia = self._mass(self.q) + np.diag(h * self.damping)
@@ -70,13 +55,7 @@ class ReducedEngine:
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Torque of one state, rotors, springs and curves included.
 
-        Args:
-            q: (n,) [rad, m].
-            dq: (n,) [rad/s, m/s].
-            ddq: (n,) [rad/s², m/s²].
-
-        Returns:
-            τ, (n,) [N·m, N].
+        q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n,) [N·m, N].
         """
         rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         return np.asarray(rigid + self.rotor * ddq + self.lib.known_torque(q))
@@ -84,11 +63,7 @@ class ReducedEngine:
     def mass_diagonal(self, q: Array) -> Array:
         """Diagonal of M(q) + J.
 
-        Args:
-            q: (n,) [rad, m].
-
-        Returns:
-            (n,) [kg·m², kg].
+        q (n,) [rad, m] → (n,) [kg·m², kg].
         """
         return np.array(np.diagonal(self._mass(q)))
 

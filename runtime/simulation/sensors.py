@@ -24,30 +24,14 @@ class Calibration:
 
 
 def calibration(sensors: Sensors, rng: np.random.Generator) -> Calibration:
-    """Draw the calibration of one robot.
-
-    Args:
-        sensors: standard deviations of gain and bias.
-        rng: source of the draws.
-
-    Returns:
-        Gain and bias.
-    """
+    """Draw the calibration of one robot."""
     n = len(sensors.torque_gain)
     gain = 1 + sensors.torque_gain * rng.normal(size=n)
     return Calibration(gain, sensors.torque_bias * rng.normal(size=n))
 
 
 def quantised(values: Array, quantum: Array) -> Array:
-    """Values on the grid of a quantum.
-
-    Args:
-        values: (…, n).
-        quantum: (n,); where it is 0 the values stay as they are.
-
-    Returns:
-        (…, n).
-    """
+    """Values on the grid of a quantum."""
     step = np.where(quantum > 0, quantum, 1.0)
     return np.where(quantum > 0, np.round(values / step) * step, values)
 
@@ -57,14 +41,7 @@ def measured_torque(
 ) -> Array:
     """Measured torque τ̂.
 
-    Args:
-        link: torque behind the rotors, (N, n) N·m or N.
-        sensors: noise and quantum.
-        of: gain and bias.
-        rng: source of the noise.
-
-    Returns:
-        (N, n) N·m or N.
+    link (N, n) → (N, n).
     """
     noise = sensors.torque_noise * rng.normal(size=link.shape)
     return quantised(of.gain * link + of.bias + noise, sensors.torque_quantum)
@@ -74,14 +51,7 @@ class Encoders:
     """Measured q̂ and dq̂ period by period, for the controller and the log."""
 
     def __init__(self, sensors: Sensors, noise: Array, period: float, places: Array) -> None:
-        """Encoders before the first period.
-
-        Args:
-            sensors: quanta and low-pass.
-            noise: of the positions of a log, (N, n), in the order of `places`.
-            period: of the controller, s.
-            places: index in the engine of each joint, (n,).
-        """
+        """Encoders before the first period."""
         order = np.argsort(places)
         self._noise = noise
         quantum = sensors.position_quantum[order]
@@ -97,13 +67,7 @@ class Encoders:
     def read(self, k: int, q: Array, dq: Array) -> tuple[Array, Array]:
         """Measured state of a period from the true one; before the first one dq̂ is true.
 
-        Args:
-            k: number of the period.
-            q: true positions, (n,).
-            dq: true velocities, (n,).
-
-        Returns:
-            q̂ and dq̂, (n,) each.
+        q (n,), dq (n,) → (n,).
         """
         raw = q + self._noise[k]
         measured = np.rint(raw * self._inverse) * self._quantum

@@ -133,18 +133,7 @@ def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
 
 
 def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> VirtualRobotSettings:
-    """Settings from complete tables.
-
-    Args:
-        tables: entries by table and key, as in a file.
-        lib: the robot.
-
-    Returns:
-        The settings.
-
-    Raises:
-        IdentificationError: a value that no robot has.
-    """
+    """Settings from complete tables."""
     groups = {
         table: kind(
             **{key: _numbers(table, key, value, lib) for key, value in tables[table].items()}

@@ -160,14 +160,7 @@ def record(
 def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) -> Array:
     """Parameters of another, physically consistent robot: P^½ exp(s S) P^½ for every P.
 
-    Args:
-        lib: the robot.
-        pi: parameters, (10 n,), physically consistent.
-        spread: s.
-        rng: source of S.
-
-    Returns:
-        π, (10 n,).
+    pi (10 n,) → (10 n,).
     """
     from scipy.linalg import expm
 
@@ -200,11 +193,7 @@ class _Simulator:
     def run(
         self, reference: Array, jitter: Array, progress: Callable[[float], None] | None
     ) -> tuple[tuple[Array, Array], SimulatedMotion, Array]:
-        """Measured q̂ and dq̂, true states, share of saturated ticks; in the order of the library.
-
-        Raises:
-            SimulationError: the robot left its reference.
-        """
+        """Measured q̂ and dq̂, true states, share of saturated ticks; in the order of the library."""
         plant, settings = self._plant, self._settings
         sort = plant.sorted
         encoders = Encoders(settings.sensors, sort(jitter), 1 / settings.rate_hz, plant.places)

@@ -18,14 +18,7 @@ _METADATA = (".dist-info", ".egg-info")
 
 
 def entry_points(group: str) -> "list[EntryPoint]":
-    """Return the entry points of a group, of all installed packages.
-
-    Args:
-        group: such as "symgen.estimators".
-
-    Returns:
-        What `importlib.metadata` returns for the group.
-    """
+    """Return the entry points of a group, of all installed packages."""
     texts = _texts(tuple((path, _modified(path)) for path in sys.path))
     if texts is not None and f"[{group}]".encode() not in texts:
         return []

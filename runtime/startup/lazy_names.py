@@ -13,15 +13,7 @@ from typing import Any
 
 
 def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package.
-
-    Args:
-        package: its name.
-        modules: name → module that defines it.
-
-    Returns:
-        Function that imports a name, and raises an `AttributeError` for one that does not exist.
-    """
+    """The `__getattr__` of a package."""
 
     def attribute(name: str) -> Any:
         if name not in modules:

@@ -16,9 +16,6 @@ def leave(code: object) -> None:
 
     Returns where another program called the command, a thread still runs, the code is a message, or
     the output cannot be written; the interpreter then ends as usual.
-
-    Args:
-        code: of a `SystemExit`.
     """
     if not (code is None or isinstance(code, int)) or not _is_command():
         return

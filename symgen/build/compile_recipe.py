@@ -84,14 +84,6 @@ def how_to_compile(
 
     A group has the level that it belongs to, the machine that it is for ("" means all), flags
     that only GCC takes, and flags that are added where a better level is compiled as well.
-
-    Args:
-        once: files compiled once.
-        per_level: files compiled once per vector level.
-        unhurried: files compiled once, without optimisation.
-
-    Returns:
-        Keys "flags", "groups" and "link" of compile.json.
     """
 
     def group(sources: Sequence[str], flags: Sequence[str], level: str = "", of: str = "") -> Any:

@@ -39,11 +39,7 @@ class Compiled:
 
 
 def find_compiler() -> tuple[str, ...]:
-    """Command of the C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
-
-    Raises:
-        CompilerError: none of them is available.
-    """
+    """Command of the C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel."""
     variable = shlex.split(os.environ.get("CC", ""))
     if variable:
         if shutil.which(variable[0]) is None:
@@ -72,22 +68,7 @@ def compile_library(
     unhurried: Sequence[Path] = (),
     wanted: Sequence[str] = (),
 ) -> Compiled:
-    """Compile sources into one library.
-
-    Args:
-        sources: compiled once.
-        target: the library.
-        per_level: compiled once per vector level.
-        unhurried: compiled once, without optimisation: the level `REFERENCE`.
-        wanted: levels to compile, of `level_names()`; empty: every one that the compiler supports.
-
-    Returns:
-        Commands, compiler version and hash.
-
-    Raises:
-        CompilerError: the compiler failed (its message is included), or this machine or compiler
-            does not support a requested level.
-    """
+    """Compile sources into one library."""
     kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
     with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
         return compilation.finish([name for kind in kinds for name in kind], target)
@@ -165,18 +146,7 @@ class Compilation:
             self._objects.keep(source, flags, unit)
 
     def finish(self, names: Sequence[str], target: Path) -> Compiled:
-        """Compile the remaining files, the longest first, and link them.
-
-        Args:
-            names: files of the folder.
-            target: the library.
-
-        Returns:
-            Commands, compiler version and hash.
-
-        Raises:
-            CompilerError: the compiler failed; its message is included.
-        """
+        """Compile the remaining files, the longest first, and link them."""
         for name in sorted(names, key=lambda name: -(self._folder / name).stat().st_size):
             self.start(name)
         for future in self._running.values():
@@ -240,15 +210,7 @@ def _probed(compiler: tuple[str, ...], flags: tuple[str, ...], *_: object) -> bo
 
 
 def accepts_level(compiler: tuple[str, ...], level: str) -> bool:
-    """Return whether a compiler knows the instruction set of a level.
-
-    Args:
-        compiler: words of its command.
-        level: of this machine.
-
-    Returns:
-        True also for levels without an instruction set.
-    """
+    """Return whether a compiler knows the instruction set of a level."""
     _, architecture = LEVELS.get(machine(), PORTABLE)[level]
     return not architecture or _accepts(compiler, [_spelled(f"-march={architecture}", compiler)])
 

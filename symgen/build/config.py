@@ -75,12 +75,7 @@ CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
 
 
 def read_config(*paths: Path) -> RobotConfig:
-    """Read the configuration of one TOML file, or of several with different keys.
-
-    Raises:
-        BuildError: unknown key, a key that occurs twice, or a value of the wrong kind.
-        CollisionError: the proxies or pairs are inconsistent.
-    """
+    """Read the configuration of one TOML file, or of several with different keys."""
     joined: dict[str, Any] = {}
     for path in paths:
         try:
@@ -96,11 +91,7 @@ def read_config(*paths: Path) -> RobotConfig:
 
 
 def read_masses(path: Path) -> dict[str, float]:
-    """Masses of links from a TOML file, kg.
-
-    Raises:
-        BuildError: the file cannot be read, or an entry is not a number.
-    """
+    """Masses of links from a TOML file, kg."""
     try:
         table = toml_of(path)
     except (OSError, ValueError) as error:
@@ -114,19 +105,7 @@ def read_masses(path: Path) -> dict[str, float]:
 
 
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
-    """Return the configuration of a parsed TOML table.
-
-    Args:
-        table: keys of `CONFIG_KEYS`, all of them optional.
-        where: name of the source, for messages.
-
-    Returns:
-        The configuration; what the table does not give is None.
-
-    Raises:
-        BuildError: unknown key, or a value of the wrong kind.
-        CollisionError: the proxies or pairs are inconsistent.
-    """
+    """Return the configuration of a parsed TOML table."""
     for key in table:
         if key not in CONFIG_KEYS:
             raise BuildError(
@@ -150,17 +129,7 @@ def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
 
 
 def home_of(chain: Chain, config: RobotConfig) -> Vector:
-    """Home position of a robot.
-
-    Args:
-        chain: n independent joints.
-        config: its home is taken if it has one.
-
-    Returns:
-        (n,) rad or m; without a home each joint is at zero or in the middle of its range, of a
-        closed chain in the assembly pose. Where coupled joints would be at or beyond their limits
-        there, the home is a posture far from all limits.
-    """
+    """Home position of a robot."""
     if config.home:
         return config.home
     if chain.loops is not None:

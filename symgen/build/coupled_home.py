@@ -20,14 +20,7 @@ def within_couplings(
 ) -> tuple[float, ...]:
     """A home at which coupled joints have room to both sides.
 
-    Args:
-        chain: the robot.
-        coupling: its couplings.
-        usual: (n,) home by the limits of the independent joints alone [rad, m].
-
-    Returns:
-        The usual home where the joints with several masters have `ROOM`, or where no posture has
-        any; else the posture with the most of it, (n,) [rad, m].
+    usual (n,) [rad, m] → (n,) [rad, m].
     """
     # A joint with one master has already narrowed the range of that one.
     rows = [

@@ -17,13 +17,6 @@ def replace_folder(new: Path, old: Path) -> None:
 
     On Linux the two names are exchanged atomically (renameat2). Elsewhere, or on a file system
     without it, two renames follow each other, and the first is undone if the second fails.
-
-    Args:
-        new: the complete folder.
-        old: the folder to replace; it need not exist.
-
-    Raises:
-        OSError: nothing was replaced.
     """
     if not old.exists():
         new.rename(old)
@@ -44,15 +37,7 @@ def replace_folder(new: Path, old: Path) -> None:
 
 
 def require_no_foreign_file(new: Path, old: Path) -> None:
-    """Refuse to replace a file of a folder that no build has written.
-
-    Args:
-        new: the complete folder.
-        old: the folder to replace; it need not exist.
-
-    Raises:
-        BuildError: a file has the name of a new one, and other content.
-    """
+    """Refuse to replace a file of a folder that no build has written."""
     if (old / "manifest.json").exists() or (old / "build.json").exists():
         return  # of an earlier build
     for path in sorted(new.iterdir()):

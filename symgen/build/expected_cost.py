@@ -63,16 +63,7 @@ class ExpectedCost:
 def expected_cost(
     kernels: Iterable[Kernel], levels: Sequence[str], cores: int | None = None
 ) -> ExpectedCost:
-    """Return the expected cost of the compilation of some kernels.
-
-    Args:
-        kernels: of the robot.
-        levels: instruction sets; empty: all of this machine.
-        cores: number of compilers that run at the same time; None: one per core.
-
-    Returns:
-        Operations, CPU time and memory.
-    """
+    """Return the expected cost of the compilation of some kernels."""
     operations = sum(len(kernel.instructions) for kernel in kernels)
     wanted = tuple(name for name in level_names() if not levels or name in levels)
     is_fallback = bool({*wanted} - {*PORTABLE, REFERENCE})
@@ -88,14 +79,6 @@ def expected_cost(
 
 
 def expected_memory(operations: int, at_once: int) -> float:
-    """Largest memory of this process and its compilers.
-
-    Args:
-        operations: instructions of all kernels.
-        at_once: compilers that run at the same time.
-
-    Returns:
-        Memory [MB].
-    """
+    """Largest memory of this process and its compilers."""
     process, compiler = (fixed + rate * operations for fixed, rate in (_PYTHON_MB, _COMPILER_MB))
     return process + at_once * compiler

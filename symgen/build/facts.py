@@ -28,19 +28,7 @@ PROJECTION_FLOOR = 1e-4
 
 
 def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, float]]:
-    """π0 of all links from the URDF.
-
-    Args:
-        chain: n independent joints, L bodies.
-        project: True replaces inertias that are not physically consistent by the nearest consistent
-            ones.
-
-    Returns:
-        (10 L,) π0, and for each projected link the largest change of an entry of π.
-
-    Raises:
-        InertiaError: an inertia is not physically consistent and `project` is False.
-    """
+    """π0 of all links from the URDF."""
     blocks, projected = [], {}
     for joint in chain.joints:
         pi = ca.DM(inertia.pi_from_com(joint.mass, ca.DM(joint.com), ca.DM(joint.inertia)))
@@ -64,22 +52,7 @@ def model_facts(
     projected: dict[str, float],
     omitted: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """JSON-ready facts of one robot.
-
-    Args:
-        chain: n independent joints, L bodies.
-        request: options and configuration of the build.
-        base: n_b base parameters.
-        pi0: (10 L,) inertial parameters of the URDF.
-        projected: link → largest change of an entry of π by the projection.
-        omitted: kernel that the robot does not get → what to use instead.
-
-    Returns:
-        Keys of the manifest.
-
-    Raises:
-        BuildError: the robot configuration does not fit the chain.
-    """
+    """JSON-ready facts of one robot."""
     n, config = len(chain.coordinates), request.config
     for key, values in config.vectors().items():
         if len(values) != n:

@@ -42,11 +42,7 @@ class Moments:
 
 
 def read_densities(path: Path) -> dict[str, float]:
-    """Densities of links from a TOML file, kg/m³.
-
-    Raises:
-        BuildError: the file cannot be read, or an entry is not a positive number.
-    """
+    """Densities of links from a TOML file, kg/m³."""
     try:
         table = toml_of(path)
     except (OSError, ValueError) as error:
@@ -65,21 +61,7 @@ def read_densities(path: Path) -> dict[str, float]:
 def with_mesh_bodies(
     urdf: str, folder: Path, densities: Mapping[str, float], packages: Packages
 ) -> tuple[str, tuple[str, ...]]:
-    """Write <inertial> elements for links that have none, from their meshes.
-
-    Args:
-        urdf: text of the URDF.
-        folder: of the URDF, from which relative names of meshes count.
-        densities: link, or "default" for all others → kg/m³.
-        packages: where package:// searches.
-
-    Returns:
-        The text with the new elements, and the links that got one.
-
-    Raises:
-        UrdfError: a link is not in the URDF, has an <inertial>, or no link got a body.
-        BuildError: a mesh is missing, cannot be read or is not closed.
-    """
+    """Write <inertial> elements for links that have none, from their meshes."""
     document = Document(urdf)
     for link in (name for name in densities if name != DEFAULT):
         require_bare(document, link, "--densities")
@@ -106,19 +88,7 @@ def with_mesh_bodies(
 
 
 def moments_of(vertices: Array, triangles: Array, owner: str) -> Moments:
-    """Volume and moments of a closed mesh.
-
-    Args:
-        vertices: (V, 3) m.
-        triangles: (T, 3) indices of vertices, all outward or all inward.
-        owner: name of the mesh, for messages.
-
-    Returns:
-        Its moments about the origin.
-
-    Raises:
-        BuildError: an edge belongs to one triangle alone, or the mesh has no volume.
-    """
+    """Volume and moments of a closed mesh."""
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     grid = np.round(vertices / max(_MERGED * size, 1e-300))
     corners = np.unique(grid, axis=0, return_inverse=True)[1].reshape(-1)[triangles]

@@ -15,15 +15,7 @@ ROUNDED = 1e-4
 
 
 def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
-    """Sentences on what a build has assumed or changed.
-
-    Args:
-        chain: of the robot.
-        projected: link → largest change of an entry of π by the projection.
-
-    Returns:
-        One sentence per fact.
-    """
+    """Sentences on what a build has assumed or changed."""
     notes = [
         f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and is part of its body"
         for body in chain.lumped

@@ -57,16 +57,7 @@ class Objects:
         self._texts: dict[Path, str] = {}
 
     def restore(self, source: Path, flags: Sequence[str], unit: Path) -> bool:
-        """Write an object that was made before.
-
-        Args:
-            source: C file; the headers that it includes are beside it.
-            flags: of the compiler.
-            unit: object to write.
-
-        Returns:
-            False where there is none.
-        """
+        """Write an object that was made before."""
         if self._folder is None:
             return False
         entry = self._folder / f"{self._key(source, flags)}.o"
@@ -92,13 +83,7 @@ class Objects:
         return True
 
     def keep(self, source: Path, flags: Sequence[str], unit: Path) -> None:
-        """Store an object for later builds; a folder that cannot be written is left alone.
-
-        Args:
-            source: C file.
-            flags: of the compiler.
-            unit: the object.
-        """
+        """Store an object for later builds; a folder that cannot be written is left alone."""
         if self._folder is None:
             return
         data, model = unit.read_bytes(), _model(source.read_text(encoding="utf-8"))
@@ -191,12 +176,7 @@ def _path_of(tool: str) -> str:
 
 
 def _folder() -> Path | None:
-    """Folder of the objects; None where the cache is off, or others can write its usual place.
-
-    Raises:
-        CompilerError: $SYMGEN_OBJECTS is no folder, or others can write it, so that an object in it
-            may be theirs.
-    """
+    """Folder of the objects; None where the cache is off, or others can write its usual place."""
     requested = os.environ.get("SYMGEN_OBJECTS", "")
     if requested == OFF:
         return None

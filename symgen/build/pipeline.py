@@ -69,22 +69,7 @@ def build(
     overwrite: bool = False,
     watch: Callable[[ExpectedCost], None] | None = None,
 ) -> BuildResult:
-    """Generate and compile the library of a robot unless it is up to date.
-
-    Args:
-        request: what to build.
-        root: the folder that holds one folder per robot.
-        force: True rebuilds although nothing changed.
-        levels: instruction sets to compile for (`compiler.level_names`); empty: all.
-        overwrite: True replaces files of a folder that no build has written.
-        watch: called with the expected cost before anything is compiled.
-
-    Returns:
-        The folder, whether it was rebuilt, and notes.
-
-    Raises:
-        SymgenError: the URDF, the compiler or the file system failed; nothing was changed.
-    """
+    """Generate and compile the library of a robot unless it is up to date."""
     folder = root / request.name
     if not force and is_current(request, folder, levels):
         return BuildResult(folder, False, ())
@@ -143,16 +128,7 @@ def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> Em
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
-    """Check that a folder was built by this user from exactly this request, and is intact.
-
-    Args:
-        request: what should have been built.
-        folder: generated folder of the robot.
-        levels: as in `build`; None accepts any.
-
-    Returns:
-        True if there is nothing to build.
-    """
+    """Check that a folder was built by this user from exactly this request, and is intact."""
     try:
         record = json_of(folder / "build.json")
         return bool(
@@ -176,17 +152,7 @@ def _compile_facts(files: dict[str, str]) -> str:
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
-    """Write and compile all files; the compilation of a file starts as soon as it is written.
-
-    Args:
-        staging: empty folder.
-        request: what to build.
-        draft: model and kernels of the request.
-        levels: as in `build`.
-
-    Returns:
-        SHA-256 of the library.
-    """
+    """Write and compile all files; the compilation of a file starts as soon as it is written."""
     objects = Objects(request.name, find_compiler())
     with Compilation(staging, how_to_compile(*_KINDS), levels, objects) as compilation:
         started = set[str]()  # not written again: the compiler may be reading them

@@ -18,14 +18,7 @@ FACTS = Path("/proc/cpuinfo")
 
 
 def levels_of_processor() -> tuple[str, ...]:
-    """Best level of this processor that the compiler supports, and the portable one.
-
-    Returns:
-        Names of levels, the best first; empty, which means all, where the processor is unknown.
-
-    Raises:
-        CompilerError: there is no compiler.
-    """
+    """Best level of this processor that the compiler supports, and the portable one."""
     if machine() == "x86_64":
         flags = _flags()
         if flags is None:

@@ -18,17 +18,7 @@ from symgen.collision import BASE, CollisionModel, Proxy
 
 
 def reduced_config(config: RobotConfig, whole: Chain, chain: Chain) -> RobotConfig:
-    """Configuration of a chain from that of the whole robot.
-
-    Args:
-        config: of the whole robot; values per joint in the order of its joints.
-        whole: the robot before it was cut and locked.
-        chain: the robot after it; its joints are some of those of `whole`.
-
-    Returns:
-        The limits of the joints that move, and the proxies and pairs of the links that are left.
-        Vectors that do not belong to all joints of `whole` stay as they are.
-    """
+    """Configuration of a chain from that of the whole robot."""
     names = [joint.name for joint in whole.coordinates]
     kept = [names.index(joint.name) for joint in chain.coordinates]
 

@@ -61,11 +61,7 @@ class BuildRequest:
 
 
 def bundled_request(name: str) -> BuildRequest:
-    """Return the request for a robot that ships with symgen.
-
-    Raises:
-        BuildError: there is no such robot.
-    """
+    """Return the request for a robot that ships with symgen."""
     urdf = ROBOTS / f"{name}.urdf"
     if not urdf.exists():
         known = ", ".join(bundled_robots())
@@ -77,11 +73,7 @@ def bundled_request(name: str) -> BuildRequest:
 
 
 def request_from_folder(folder: Path) -> BuildRequest:
-    """Return the request that regenerates a folder from its URDF and manifest.
-
-    Raises:
-        BuildError: files are missing or damaged.
-    """
+    """Return the request that regenerates a folder from its URDF and manifest."""
     name = folder.name
     try:
         manifest = json_of(folder / "manifest.json")

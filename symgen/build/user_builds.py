@@ -17,16 +17,7 @@ from symgen.documents import json_of
 
 
 def record_build(robot: str, folder: Path, sha256: str) -> str:
-    """Record that this user has compiled a library; records of deleted folders are removed.
-
-    Args:
-        robot: name of the robot.
-        folder: generated folder.
-        sha256: of the library.
-
-    Returns:
-        A note for the user where the record could not be written, else an empty text.
-    """
+    """Record that this user has compiled a library; records of deleted folders are removed."""
     records = records_folder()
     facts = {"robot": robot, "folder": str(folder.resolve())}
     try:

@@ -37,18 +37,7 @@ class Catalogue:
 
 
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:
-    """Return all kernels of a chain.
-
-    Args:
-        chain: n joints.
-        collision: proxies and pairs; the kernels of distances exist only where there are any.
-
-    Returns:
-        Kernels in the order of the generated files.
-
-    Raises:
-        RankError: the number of base parameters cannot be decided.
-    """
+    """Return all kernels of a chain."""
     base = numeric_base(chain, dynamics.sampled_regressor(chain))
     omitted = omitted_kernels(chain)
     kernels = (*motion_kernels(chain, base, omitted), *body_kernels())

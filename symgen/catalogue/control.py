@@ -14,15 +14,7 @@ from symgen.mechanics.regrouping import regrouped
 
 
 def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
-    """Return the kernels of computed-torque, adaptive and impedance controllers.
-
-    Args:
-        chain: n independent joints.
-        omitted: names of kernels that the robot does not get.
-
-    Returns:
-        Coriolis matrix, regressor of Slotine and Li, Jacobians of the frames, bound of M⁻¹.
-    """
+    """Return the kernels of computed-torque, adaptive and impedance controllers."""
     n, links = chain.freedom, len(chain.joints)
     q_, dq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(2))
     dq_r_ = Argument("dq_r", (n,), state_unit(chain, 1))

@@ -10,14 +10,7 @@ from symgen.mechanics.loop_equations import closed_chain
 
 
 def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
-    """Return the kernels that lead from the independent joints to all.
-
-    Args:
-        chain: n independent joints, N in all; without loops there are no such kernels.
-
-    Returns:
-        `all_joints`, `joint_jacobian` and `next_positions`.
-    """
+    """Return the kernels that lead from the independent joints to all."""
     if chain.loops is None:
         return ()
     n, count = len(chain.coordinates), len(chain.joints)
@@ -76,15 +69,7 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
 
 
 def without_seeds(chain: Chain, kernels: tuple[Kernel, ...]) -> tuple[Kernel, ...]:
-    """The kernels with the values of the loops' seeds.
-
-    Args:
-        chain: any chain; without loops nothing changes.
-        kernels: as the catalogue makes them.
-
-    Returns:
-        Kernels of their inputs alone.
-    """
+    """The kernels with the values of the loops' seeds."""
 
     def values(inputs: dict[str, Matrix], further: Matrix) -> Matrix:
         return closure.values_of(chain, inputs["q"], ca.vertsplit(further))

@@ -17,16 +17,7 @@ from symgen.mechanics.regrouping import regrouped
 def motion_kernels(
     chain: Chain, base: BaseParameters, omitted: Container[str] = ()
 ) -> tuple[Kernel, ...]:
-    """Return the kernels of τ(q, dq, ddq) and its parameters.
-
-    Args:
-        chain: n independent joints.
-        base: n_b base parameters.
-        omitted: names of kernels that the robot does not get.
-
-    Returns:
-        Kernels whose batches run over time samples.
-    """
+    """Return the kernels of τ(q, dq, ddq) and its parameters."""
     n, b, links = chain.freedom, len(base.columns), len(chain.joints)
     effort = effort_unit(chain)
     q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))

@@ -60,13 +60,6 @@ def shortened(
     """Kernels of a large robot, the longest without vector code, and those that it does not get.
 
     Kernels whose length grows with the joints alone keep their vector code, whatever their length.
-
-    Args:
-        chain: of the robot.
-        kernels: all that were written.
-
-    Returns:
-        The kernels, and kernel → what to use instead; both unchanged for other robots.
     """
     if not chain.is_large:
         return kernels, {}
@@ -90,13 +83,6 @@ _SQUARE = {
 
 
 def omitted_kernels(chain: Chain) -> dict[str, str]:
-    """Names of the kernels that this robot does not get.
-
-    Args:
-        chain: of the robot.
-
-    Returns:
-        Kernel → what to use instead.
-    """
+    """Names of the kernels that this robot does not get."""
     large = _LARGE if chain.is_large else {}
     return large | (_FREE_BASE if chain.floating else {})

@@ -7,14 +7,7 @@ from symgen.mechanics import passive
 
 
 def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
-    """Return the kernels of torques that depend on q alone.
-
-    Args:
-        chain: n independent joints.
-
-    Returns:
-        `spring_columns` and `known_torque`, as far as the mechanism has such.
-    """
+    """Return the kernels of torques that depend on q alone."""
     n, kernels = len(chain.coordinates), []
     q_ = Argument(STATE[0], (n,), state_unit(chain, 0))
     q = q_.symbol()

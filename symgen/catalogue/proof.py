@@ -10,14 +10,7 @@ from symgen.mechanics.inertia import N_PARAMETERS
 
 
 def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
-    """Return the kernels of bounds over intervals; a batch runs over intervals.
-
-    Args:
-        chain: n independent joints with a fixed base.
-
-    Returns:
-        Three short kernels; none with closed loops, whose motion has no bound of this kind.
-    """
+    """Return the kernels of bounds over intervals; a batch runs over intervals."""
     if chain.loops is not None:
         return ()
     n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)

@@ -22,16 +22,7 @@ from symgen.mechanics.regrouping import regrouped
 def safety_kernels(
     chain: Chain, collision: CollisionModel, omitted: Container[str] = ()
 ) -> tuple[Kernel, ...]:
-    """Return the kernels of all limits of a motion beyond those of q and its derivatives.
-
-    Args:
-        chain: n independent joints.
-        collision: proxies and pairs.
-        omitted: names of kernels that the robot does not get.
-
-    Returns:
-        Kernels of torques, tip and distances.
-    """
+    """Return the kernels of all limits of a motion beyond those of q and its derivatives."""
     torques = () if "torque_rate" in omitted else _torques(chain)
     return (*torques, _tip(chain), *_distances(chain, collision))
 

@@ -14,16 +14,7 @@ from symgen.mechanics.base_parameters import BaseParameters
 def trajectory_kernels(
     chain: Chain, base: BaseParameters, omitted: Container[str] = ()
 ) -> tuple[Kernel, ...]:
-    """Return the kernels that the design of a motion needs beside those of its limits.
-
-    Args:
-        chain: n independent joints.
-        base: n_b base parameters.
-        omitted: names of kernels that the robot does not get.
-
-    Returns:
-        Kernels of bases and of the regressor's adjoint.
-    """
+    """Return the kernels that the design of a motion needs beside those of its limits."""
     n, b = len(chain.coordinates), len(base.columns)
     m_, t_, tf_ = (
         Argument("m", (1,), "1"),

@@ -7,15 +7,7 @@ STATE = ("q", "dq", "ddq", "dddq", "ddddq")
 
 
 def state_unit(chain: Chain, power: int) -> str:
-    """Unit of a time derivative of q of all joints.
-
-    Args:
-        chain: n joints.
-        power: order of the derivative, 0 (q) to 4 (ddddq).
-
-    Returns:
-        Text such as "rad/s", or "m/s|rad/s" where both kinds of joints occur.
-    """
+    """Unit of a time derivative of q of all joints."""
     kinds = {"m" if slides else "rad" for slides in _slides(chain)}
     return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3", "/s^4")[power]
 

@@ -42,21 +42,7 @@ def close_loops(
     coupling: "Coupling | None",
     mechanism: Mechanism,
 ) -> Loops | None:
-    """Loops of a mechanism; None without any.
-
-    Args:
-        model: pinocchio's model of the tree, its joints in the order of `joints`.
-        joints: N moving joints.
-        coupling: of these joints.
-        mechanism: loop joints, independent joints and assembly pose.
-
-    Returns:
-        Rows, coordinates and assembly pose.
-
-    Raises:
-        UrdfError: unknown link or joint, a loop that cannot close, a singular assembly pose, or
-            independent joints that do not determine the others.
-    """
+    """Loops of a mechanism; None without any."""
     names = [joint.name for joint in joints]
     _require_joints(mechanism.assembly, names, "[assembly]")
     if not mechanism.loop:

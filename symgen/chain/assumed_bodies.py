@@ -30,16 +30,7 @@ _LEAST_RADIUS = 0.05
 
 
 def require_bare(document: Document, link: str, option: str) -> None:
-    """Refuse a link that an option gives a body but that is unknown or has one.
-
-    Args:
-        document: the URDF.
-        link: name that the option states.
-        option: its name, for the message.
-
-    Raises:
-        UrdfError: the URDF does not define the link, or it has an <inertial>.
-    """
+    """Refuse a link that an option gives a body but that is unknown or has one."""
     if link not in document.links:
         raise UrdfError(
             f"{option} names the link '{link}', which the URDF does not define; its links are "
@@ -62,17 +53,6 @@ def assume_bodies(
     Where no moving link has one and no mass is stated, every moving link becomes a placeholder. A
     single link without mass among others becomes a speck where its joint takes part in a coupling,
     as hands of published robots do. Else it stays as it is, and `read_chain` refuses it.
-
-    Args:
-        document: the URDF, which is changed.
-        masses: link → kg.
-        followers: dependent joint → names of its masters.
-
-    Returns:
-        Link → `GIVEN`, `PLACEHOLDER` or `MASSLESS`.
-
-    Raises:
-        UrdfError: a mass is not positive, or its link does not exist or has an <inertial>.
     """
     for link, mass in masses.items():
         require_bare(document, link, "--masses")

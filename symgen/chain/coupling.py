@@ -55,11 +55,7 @@ class Coupling:
 
 
 def mimic_rows(document: Document) -> tuple[CouplingRow, ...]:
-    """Rows of all <mimic> elements of moving joints, in document order.
-
-    Raises:
-        UrdfError: a <mimic> names no joint, or a number of it is not finite.
-    """
+    """Rows of all <mimic> elements of moving joints, in document order."""
     rows = []
     for name, element in document.joints.items():
         node = element.find("mimic")
@@ -81,20 +77,7 @@ def mimic_rows(document: Document) -> tuple[CouplingRow, ...]:
 def read_coupling(
     joints: tuple[str, ...], rows: Iterable[CouplingRow], independent: tuple[str, ...] = ()
 ) -> Coupling | None:
-    """A and b of coupling rows.
-
-    Args:
-        joints: names of the N moving joints.
-        rows: one per dependent joint.
-        independent: names of the independent joints in the order of q; empty: those without a row.
-
-    Returns:
-        The coupling; None where every joint is independent.
-
-    Raises:
-        UrdfError: unknown joint, two rows of a joint, a cycle, or independent joints that do not
-            determine the others.
-    """
+    """A and b of coupling rows."""
     by_joint: dict[str, CouplingRow] = {}
     for row in rows:
         _require_joints(row, joints)

@@ -26,18 +26,7 @@ _KINDS = ("revolute", "prismatic")
 
 
 def robot_from_rows(table: dict[str, Any], where: str) -> tuple[str, Mechanism]:
-    """URDF and mechanism of a robot given by modified DH rows.
-
-    Args:
-        table: `name`, `[[link]]` rows and tables of a mechanism.
-        where: name of the source, for messages.
-
-    Returns:
-        Text of the URDF, and the couplings, springs and curves.
-
-    Raises:
-        UrdfError: a row lacks a key, or has one of the wrong kind.
-    """
+    """URDF and mechanism of a robot given by modified DH rows."""
     rows = table.get("link")
     if not isinstance(rows, list) or not rows or not all(isinstance(r, dict) for r in rows):
         raise UrdfError(

@@ -128,15 +128,7 @@ class Document:
         return empty and any(self.kind(joint) == "fixed" for joint in joints)
 
     def require_link(self, link: str, option: str) -> None:
-        """Check that a link exists.
-
-        Args:
-            link: name of the link.
-            option: command-line option that names it, for the message.
-
-        Raises:
-            UrdfError: the URDF has no such link.
-        """
+        """Check that a link exists."""
         if link not in self.links:
             raise UrdfError(
                 f"{option} names the link '{link}', which the URDF does not define; "
@@ -150,18 +142,7 @@ class Document:
 
 
 def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and translation of the <origin> of an element, the identity if it has none.
-
-    Args:
-        element: joint, inertial or shape.
-        owner: name of the element, for the message.
-
-    Returns:
-        (3, 3) rotation and (3,) translation, m.
-
-    Raises:
-        UrdfError: rpy or xyz are not three finite numbers.
-    """
+    """Rotation and translation of the <origin> of an element, the identity if it has none."""
     node = element.find("origin")
     if node is None:
         return np.eye(3), np.zeros(3)
@@ -172,19 +153,7 @@ def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def numbers(text: str, count: int, what: str) -> np.ndarray:
-    """Finite numbers of an attribute.
-
-    Args:
-        text: value of the attribute, numbers separated by white space.
-        count: how many numbers are expected.
-        what: name of the attribute, for the message.
-
-    Returns:
-        (count,) numbers.
-
-    Raises:
-        UrdfError: another count, or a word that is not a finite number.
-    """
+    """Finite numbers of an attribute."""
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -195,11 +164,7 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
 
 
 def parse(text: str) -> Element:
-    """Return the <robot> element of a URDF without DTD, entities or xacro instructions.
-
-    Raises:
-        UrdfError: the text is not such a URDF; the message says what to correct.
-    """
+    """Return the <robot> element of a URDF without DTD, entities or xacro instructions."""
     try:
         root = fromstring(text, forbid_dtd=True)
     except DefusedXmlException:
@@ -240,14 +205,6 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
 
 
 def listing(names: Iterable[str], most: int = 12) -> str:
-    """The first names, separated by commas.
-
-    Args:
-        names: names, or a table by name.
-        most: largest number of names that are shown.
-
-    Returns:
-        Text that ends with "…" if names were left out.
-    """
+    """The first names, separated by commas."""
     shown = list(names)
     return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")

@@ -52,30 +52,14 @@ class MechanismTable:
         return self.factors()
 
     def number(self, key: str, default: float | None = None) -> float:
-        """A finite number.
-
-        Args:
-            key: name of the entry.
-            default: value where it is missing; None: it must be given.
-
-        Returns:
-            The number, in the unit that the key has.
-        """
+        """A finite number."""
         value = self.entry.get(key, default)
         if value is None or not _is_number(value):
             raise UrdfError(f"{self.what} needs a finite number for {key}, got {value!r}")
         return float(value)
 
     def numbers(self, key: str, count: int | None = None) -> Vector:
-        """A list of finite numbers.
-
-        Args:
-            key: name of the entry.
-            count: how many there must be; None: one or more.
-
-        Returns:
-            (count,) numbers.
-        """
+        """A list of finite numbers."""
         value = self.entry.get(key)
         size = f"{count} finite numbers" if count else "a list of finite numbers"
         fits = isinstance(value, list) and value and all(map(_is_number, value))

@@ -55,18 +55,7 @@ class Joint:
 
 
 def free_base(link: str, body: pinocchio.Inertia) -> Joint:
-    """The joint of six degrees of freedom between the world and a free base.
-
-    Args:
-        link: name of the base link.
-        body: its inertia with all bodies fixed to it.
-
-    Returns:
-        The joint.
-
-    Raises:
-        UrdfError: the body has no mass.
-    """
+    """The joint of six degrees of freedom between the world and a free base."""
     if not body.mass > 0:
         raise UrdfError(
             f"the free base '{link}' has no mass, nor do links fixed to it; give it "

@@ -13,19 +13,7 @@ if TYPE_CHECKING:
 def limits_of(
     document: Document, name: str
 ) -> tuple[float | None, float | None, float | None, float | None]:
-    """Limits of a joint.
-
-    Args:
-        document: the URDF.
-        name: joint.
-
-    Returns:
-        Lower, upper [rad, m], velocity [rad/s, m/s] and effort [N·m, N]; None where not given.
-        Limits that are all 0 are not given: exporters write them for a joint without limits.
-
-    Raises:
-        UrdfError: a limit is not a finite number, is negative, or lower exceeds upper.
-    """
+    """Limits of a joint."""
     node = document.joints[name].find("limit")
     values: dict[str, float | None] = dict.fromkeys(("lower", "upper", "velocity", "effort"))
     if node is not None:
@@ -58,13 +46,6 @@ def range_of_followers(
     A joint with one master x = c q + b limits q to (lower − b)/c … (upper − b)/c and its speed to
     velocity/|c|. A joint with several masters limits no single one, and a range that is empty is
     not used: the joint keeps its limits.
-
-    Args:
-        joints: all N joints.
-        coupling: A and b.
-
-    Returns:
-        Index of an independent joint → its new lower, upper and velocity.
     """
     changed: dict[int, dict[str, Any]] = {}
     for k, joint in enumerate(joints):

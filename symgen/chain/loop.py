@@ -129,18 +129,7 @@ class Loops:
 
 
 def read_loop(entry: dict[str, Any], where: str) -> Loop:
-    """Return the loop joint of a table.
-
-    Args:
-        entry: keys of `Loop`.
-        where: name of the source, for messages.
-
-    Returns:
-        The loop joint; its links are checked with the URDF.
-
-    Raises:
-        UrdfError: unknown key, or a value of the wrong kind.
-    """
+    """Return the loop joint of a table."""
     table = MechanismTable(entry, f"{where}: [[loop]]")
     table.require_keys(_KEYS)
     kind = entry.get("kind", "")

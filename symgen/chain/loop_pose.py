@@ -42,12 +42,7 @@ class Tree:
     def rows(self, closures: list[Closure], x: Array) -> tuple[Array, Array]:
         """Rows of all loop joints.
 
-        Args:
-            closures: loop joints.
-            x: (n,) [rad, m].
-
-        Returns:
-            φ [m, rad] and ∂φ/∂x.
+        x (n,) [rad, m].
         """
         data = self.model.createData()
         positions = self.matrix @ x + self.offset
@@ -119,14 +114,7 @@ def closed_pose(
 ) -> Array | None:
     """Close all loops by damped Newton.
 
-    Args:
-        tree: chain without loops.
-        closures: loop joints.
-        start: (n,) x at the start [rad, m].
-        columns: places in x that may change.
-
-    Returns:
-        (n,) the closed pose; None where Newton does not converge.
+    start (n,) [rad, m] → (n,).
     """
     x = newton_pose(tree, closures, start, columns)
     return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
@@ -135,14 +123,7 @@ def closed_pose(
 def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
     """The pose where damped Newton ends, closed or not.
 
-    Args:
-        tree: chain without loops.
-        closures: loop joints.
-        start: (n,) x at the start [rad, m].
-        columns: places in x that may change.
-
-    Returns:
-        (n,) [rad, m].
+    start (n,) [rad, m] → (n,) [rad, m].
     """
     x = start.copy()
     for _ in range(_NEWTON):
@@ -157,13 +138,7 @@ def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list
 def apart_at(tree: Tree, closure: Closure, x: Array) -> str:
     """Distance of the frames of a loop at a pose, with the angle where the loop fixes it.
 
-    Args:
-        tree: chain without loops.
-        closure: loop joint.
-        x: (n,) pose [rad, m].
-
-    Returns:
-        Text with m, and rad.
+    x (n,) [rad, m].
     """
     value, _ = tree.rows([replace(closure, kind="fixed", rows=(0, 1, 2, 3, 4, 5))], x)
     along = ", ".join(f"{v:.3g}" for v in np.round(value[:3], 6) + 0.0)

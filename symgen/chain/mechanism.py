@@ -100,18 +100,7 @@ _TABLES = ("coupling", "friction", "spring", "known_torque", "loop")
 
 
 def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
-    """Return the mechanism of a parsed TOML table.
-
-    Args:
-        table: keys of `Mechanism`, all of them optional.
-        where: name of the source, for messages.
-
-    Returns:
-        The mechanism; names of joints and links are checked with the URDF.
-
-    Raises:
-        UrdfError: unknown key, or a value of the wrong kind.
-    """
+    """Return the mechanism of a parsed TOML table."""
     keys = (*_TABLES, "independent", "assembly")
     for key in table:
         if key not in keys:

@@ -55,15 +55,7 @@ class ChainOptions:
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
     """Lock, cut and snap a URDF.
 
-    Args:
-        text: the URDF.
-        options: requested changes.
-
-    Returns:
-        The document, (3,) gravity in the base frame [m/s²], and the names of all links cut off.
-
-    Raises:
-        UrdfError: the message names the joint, the link or the option.
+    Returns (3,) [m/s²].
     """
     document = Document(text)
     for joint, value in _with_followers(document, options.locks).items():

@@ -7,11 +7,7 @@ from symgen.errors import UrdfError
 
 
 def parse_with_pinocchio(document: Document) -> pinocchio.Model:
-    """Pinocchio's model; a continuous joint is passed as a revolute one, so that nq = nv.
-
-    Raises:
-        UrdfError: an axis has no direction, or pinocchio cannot read the document.
-    """
+    """Pinocchio's model; a continuous joint is passed as a revolute one, so that nq = nv."""
     copy = Document(document.text())
     for link in copy.links.values():  # shapes are not needed, and a faulty one stops the parser
         for shape in [*link.findall("visual"), *link.findall("collision")]:

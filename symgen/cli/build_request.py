@@ -15,19 +15,7 @@ if TYPE_CHECKING:
 
 
 def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
-    """Return the levels to compile.
-
-    Args:
-        chosen: values of --level.
-        every: --all-levels.
-        name: of the robot; bundled ones get all levels.
-
-    Returns:
-        Names of levels; empty means all.
-
-    Raises:
-        BuildError: both options name levels.
-    """
+    """Return the levels to compile."""
     from symgen.build.processor import levels_of_processor
 
     if chosen and every:
@@ -40,19 +28,7 @@ def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ..
 def changed_request(
     bundled: "BuildRequest", name: str | None, options: "ChainOptions"
 ) -> "BuildRequest":
-    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits.
-
-    Args:
-        bundled: request of the whole robot.
-        name: of the changed robot.
-        options: the changes.
-
-    Returns:
-        The request.
-
-    Raises:
-        BuildError: the name is missing or that of a bundled robot.
-    """
+    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
     from symgen.build.reduced_config import reduced_config
     from symgen.chain import read_chain
 
@@ -74,22 +50,7 @@ def request_from_urdf(
     config: list[Path] | None,
     densities: Path | None = None,
 ) -> "BuildRequest":
-    """The robot of a file of the user.
-
-    Args:
-        source: file, arguments and packages.
-        name: of the robot.
-        options: changes to the robot.
-        project: True replaces inconsistent inertias.
-        config: files of limits and proxies; None takes those of a bundled robot with the same text.
-        densities: file of densities [kg/m³] for links without inertia.
-
-    Returns:
-        The request.
-
-    Raises:
-        BuildError: the name is missing or that of a bundled robot, or a file is damaged.
-    """
+    """The robot of a file of the user."""
     from symgen.build.config import RobotConfig, read_config
     from symgen.build.request import BuildRequest, bundled_request
     from symgen.build.sources import read_source, split_by_use

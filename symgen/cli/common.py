@@ -97,22 +97,14 @@ def flowing(doc: str) -> str:
 
 
 def read_urdf(urdf: Path) -> str:
-    """Return the text of a URDF.
-
-    Raises:
-        BuildError: the file cannot be read.
-    """
+    """Return the text of a URDF."""
     from symgen.build.sources.source import urdf_text
 
     return urdf_text(urdf)
 
 
 def read_arguments(items: list[str]) -> dict[str, str]:
-    """Return the values of --arg NAME=VALUE by name.
-
-    Raises:
-        BuildError: an item is not of this form.
-    """
+    """Return the values of --arg NAME=VALUE by name."""
     arguments = {}
     for item in items:
         name, mark, value = item.partition("=")
@@ -123,12 +115,7 @@ def read_arguments(items: list[str]) -> dict[str, str]:
 
 
 def read_mechanism(path: Path | None) -> "Mechanism":
-    """Return the mechanism of a TOML file, an empty one without a file.
-
-    Raises:
-        BuildError: the file cannot be read.
-        UrdfError: it has unknown keys or values of the wrong kind.
-    """
+    """Return the mechanism of a TOML file, an empty one without a file."""
     from symgen.chain.mechanism import Mechanism, mechanism_from_table
 
     if path is None:
@@ -141,11 +128,7 @@ def read_mechanism(path: Path | None) -> "Mechanism":
 
 
 def read_locks(items: list[str]) -> dict[str, float]:
-    """Return the values of --lock JOINT=VALUE by joint, rad or m.
-
-    Raises:
-        BuildError: an item is not of this form.
-    """
+    """Return the values of --lock JOINT=VALUE by joint, rad or m."""
     locks = {}
     for item in items:
         joint, _, value = item.partition("=")
@@ -157,14 +140,7 @@ def read_locks(items: list[str]) -> dict[str, float]:
 
 
 def generated_here(out: Path) -> list[Path]:
-    """Generated folders: those in a folder, and for `DEFAULT_ROOT` those of the package too.
-
-    Args:
-        out: folder that holds one folder per robot.
-
-    Returns:
-        Folders with a manifest, one per robot; those of the package come last.
-    """
+    """Generated folders: those in a folder, and for `DEFAULT_ROOT` those of the package too."""
     package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
     roots = [out]
     if out == DEFAULT_ROOT:
@@ -178,18 +154,7 @@ def generated_here(out: Path) -> list[Path]:
 
 
 def folders_of(out: Path, robot: str | None) -> list[Path]:
-    """Folder of one generated robot, or of all.
-
-    Args:
-        out: folder that holds one folder per robot.
-        robot: name of the robot; None: all.
-
-    Returns:
-        Folders that hold a manifest.
-
-    Raises:
-        BuildError: the robot was not generated.
-    """
+    """Folder of one generated robot, or of all."""
     if robot is not None:
         if not (out / robot / "manifest.json").exists():
             raise BuildError(

@@ -59,15 +59,7 @@ def list_command(out: RootOption = DEFAULT_ROOT) -> None:
 
 
 def _state(name: str, folder: Path) -> str:
-    """State of the library in a generated folder, one word for the table.
-
-    Args:
-        name: of the robot.
-        folder: its generated folder.
-
-    Returns:
-        "built", "not compiled", "stale", or "built?" where the packages that decide are missing.
-    """
+    """State of the library in a generated folder, one word for the table."""
     if not (folder / f"lib{name}.so").exists():
         return "not compiled"
     if name not in bundled_robots():
@@ -144,15 +136,7 @@ def _joint_table(manifest: dict[str, Any]) -> Table:
 
 
 def _follows(manifest: dict[str, Any], place: int) -> str:
-    """What moves a joint that is not independent.
-
-    Args:
-        manifest: of the robot.
-        place: of the joint in `all_joints`.
-
-    Returns:
-        "= -0.5 elbow + 0.1" of a coupling, "by the loops", or "free" of a free base.
-    """
+    """What moves a joint that is not independent."""
     if "loops" in manifest:
         return "by the loops"
     if "coupling" not in manifest:

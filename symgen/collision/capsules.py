@@ -53,15 +53,7 @@ class Capsule:
 
 
 def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
-    """Return proxies that enclose a link.
-
-    Args:
-        geometry: triangles, spheres and capsules of one link.
-        most: largest number of capsules around the triangles.
-
-    Returns:
-        The spheres and capsules of the URDF, and the fitted capsules.
-    """
+    """Return proxies that enclose a link."""
     capsules = [Capsule(r.start, r.end, r.radius) for r in geometry.rounds]
     if len(geometry.triangles):
         capsules += fit_capsules(geometry.triangles, most)
@@ -79,15 +71,7 @@ def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
 
 
 def fit_capsules(triangles: Array, most: int) -> list[Capsule]:
-    """Fit capsules to triangles, each triangle wholly inside one of them.
-
-    Args:
-        triangles: (T, 3, 3) corners, m.
-        most: largest number of capsules.
-
-    Returns:
-        As many capsules as save volume.
-    """
+    """Fit capsules to triangles, each triangle wholly inside one of them."""
     best = [_rounded(_enclosing(triangles), triangles)]
     for count in range(2, most + 1):
         more = _split(triangles, count)

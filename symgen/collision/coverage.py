@@ -40,15 +40,7 @@ class Coverage:
 
 
 def coverage(geometry: LinkGeometry, proxies: tuple[Proxy, ...]) -> Coverage:
-    """Measure how well proxies enclose a link.
-
-    Args:
-        geometry: triangles of one link.
-        proxies: of all links.
-
-    Returns:
-        Numbers of the link.
-    """
+    """Measure how well proxies enclose a link."""
     ours = [proxy for proxy in proxies if proxy.link == geometry.link]
     corners, owner = np.unique(geometry.triangles.reshape(-1, 3), axis=0, return_inverse=True)
     outside = np.inf if len(corners) else 0.0

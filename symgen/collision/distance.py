@@ -49,13 +49,7 @@ class _Segment:
 def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, Matrix]:
     """Surface distance of every pair, negative for overlapping proxies, and its gradient.
 
-    Args:
-        chain: n joints.
-        model: proxies and pairs.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (n_pairs,) distances [m] and (n_pairs, n) gradients [m/rad, 1].
+    q (n,) [rad, m] → (n_pairs,) [m].
     """
     frames = _frames(chain, q)
     segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
@@ -69,14 +63,7 @@ def plane_clearance(
 ) -> tuple[Matrix, Matrix]:
     """min over a capsule of n·x − d, for every moving proxy, and its gradient.
 
-    Args:
-        chain: n joints.
-        model: proxies.
-        q: (n,) joint positions [rad, m].
-        plane: (4,) unit normal n and offset d [m] of the plane n·x = d in the base frame.
-
-    Returns:
-        (n_moving,) distances [m] and (n_moving, n) gradients [m/rad, 1].
+    q (n,) [rad, m], plane (4,) [m] → (n_moving,) [m].
     """
     frames = _frames(chain, q)
     normal, offset = plane[:3], plane[3]
@@ -96,15 +83,7 @@ def plane_clearance(
 
 
 def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
-    """Proxies that some joint moves, which therefore can meet a plane.
-
-    Args:
-        chain: n joints.
-        model: proxies of the robot.
-
-    Returns:
-        Proxies in the order of the model.
-    """
+    """Proxies that some joint moves, which therefore can meet a plane."""
     links = [joint.link for joint in chain.joints]
     return tuple(p for p in model.proxies if model.joint_of(p, links) >= 0)
 

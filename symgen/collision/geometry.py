@@ -60,18 +60,7 @@ class LinkGeometry:
 
 
 def read_geometry(chain: Chain, packages: list[Path]) -> tuple[LinkGeometry, ...]:
-    """Collision geometry of all links of a chain that have any.
-
-    Args:
-        chain: read from a URDF; its `urdf` keeps the shapes.
-        packages: folders in which `package://…` is looked up.
-
-    Returns:
-        One entry per link with shapes, the base first.
-
-    Raises:
-        CollisionError: a mesh is missing or damaged, or no link has geometry.
-    """
+    """Collision geometry of all links of a chain that have any."""
     objects = _objects(chain, packages)
     links = []
     for joint, link in enumerate((BASE, *(j.link for j in chain.joints))):
@@ -149,15 +138,7 @@ def _hull(points: Array) -> Array:
 
 
 def cut(triangles: Array, edge: float = EDGE) -> Array:
-    """Divide triangles until no edge is longer than `edge`: the longest edge is halved.
-
-    Args:
-        triangles: (T, 3, 3) corners, m.
-        edge: longest edge allowed, m.
-
-    Returns:
-        (T', 3, 3) corners of the same surface.
-    """
+    """Divide triangles until no edge is longer than `edge`: the longest edge is halved."""
     done = []
     while len(triangles):
         sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)  # (T, 3)

@@ -20,14 +20,7 @@ def link_distances(
 ) -> Array:
     """Distance of two links at each posture.
 
-    Args:
-        chain: n joints.
-        first: geometry of one link.
-        second: geometry of another link.
-        postures: (N, n) joint positions [rad, m].
-
-    Returns:
-        (N,) m; 0 where the links touch or overlap.
+    postures (N, n) [rad, m] → (N,).
     """
     meshes = [_mesh(first.triangles), _mesh(second.triangles)]
     places = [link_poses(chain, part.link, postures) for part in (first, second)]
@@ -43,13 +36,7 @@ def link_distances(
 def link_poses(chain: Chain, link: str, postures: Array) -> Array:
     """Pose of a link in the base frame at each posture.
 
-    Args:
-        chain: n joints.
-        link: moving link, or `BASE`.
-        postures: (N, n) joint positions [rad, m].
-
-    Returns:
-        (N, 4, 4) homogeneous matrices.
+    postures (N, n) [rad, m] → (N, 4, 4).
     """
     q = ca.SX.sym("q", len(chain.coordinates))
     positions = all_positions(chain, q)

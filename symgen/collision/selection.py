@@ -58,16 +58,7 @@ def select_pairs(
 ) -> Selection:
     """Choose the pairs of proxies that a motion must keep apart.
 
-    Args:
-        chain: n joints.
-        proxies: of its links and its base.
-        home: (n,) position at rest [rad, m].
-        geometry: shapes that the proxies enclose; without them, pairs that are too close at rest
-            keep half of the distance of their proxies at rest.
-        margin: distance that pairs keep, m.
-
-    Returns:
-        Pairs with margins, and pairs left out.
+    home (n,) [rad, m].
     """
     model = _all_pairs(chain, proxies, margin)
     if not model.pairs:
@@ -106,18 +97,7 @@ def select_pairs(
 def _from_links(
     chain: Chain, ends: list[LinkGeometry], postures: Array, proxies: Array, margin: float
 ) -> float:
-    """Margin of two proxies that keeps their links apart, m; −∞ where the links always are.
-
-    Args:
-        chain: n joints.
-        ends: the two links.
-        postures: (N, n), the first one at rest.
-        proxies: (N,) distances of the proxies, m.
-        margin: distance that the links keep, m.
-
-    Returns:
-        Margin of the proxies, m.
-    """
+    """Margin of two proxies that keeps their links apart, m; −∞ where the links always are."""
     between = link_distances(chain, ends[0], ends[1], postures)
     wanted = min(margin, float(between[0]) / 2)
     close = proxies[between < wanted]

@@ -11,19 +11,7 @@ _PAIR = ("first", "second", "margin")
 
 
 def collision_from_tables(proxies: Any, pairs: Any, where: str) -> CollisionModel:
-    """Return the model of parsed tables.
-
-    Args:
-        proxies: value of the key `proxy`.
-        pairs: value of the key `pair`.
-        where: name of the source, for messages.
-
-    Returns:
-        Proxies and pairs.
-
-    Raises:
-        CollisionError: a key is missing, unknown or of the wrong kind.
-    """
+    """Return the model of parsed tables."""
     for rows, keys, name in ((proxies, _PROXY, "proxy"), (pairs, _PAIR, "pair")):
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and set(row) == set(keys) for row in rows

@@ -21,16 +21,7 @@ def compositions(kernels: Kernels) -> list[Kernel]:
 
 
 def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
-    """C statements of a composition for one sample.
-
-    Args:
-        robot: prefix of the functions.
-        kernel: kernel with `through`.
-        kernels: all kernels by name.
-
-    Returns:
-        Lines of C.
-    """
+    """C statements of a composition for one sample."""
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]
     words = [*_state(last), image.name, *(a.name for a in kernel.outputs)]
@@ -48,15 +39,6 @@ def composed_program(
     """Tile form of a composition; the maps are computed once per batch.
 
     `u` holds the mapped value, followed by what the last kernel prepares.
-
-    Args:
-        robot: prefix of the functions.
-        kernel: kernel with `through`.
-        kernels: all kernels by name.
-        tiles: tile forms of the kernels that it calls.
-
-    Returns:
-        Tile form.
     """
     *maps, last = (kernels[name] for name in kernel.through)
     inner, size = tiles[last.name], last.inputs[-1].size if maps else 0
@@ -116,15 +98,7 @@ def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[s
 
 
 def composed_numbers(kernel: Kernel, kernels: Kernels) -> int:
-    """Numbers that the calls keep on the stack at most: all mapped values.
-
-    Args:
-        kernel: kernel with `through`.
-        kernels: all kernels by name.
-
-    Returns:
-        Count of doubles.
-    """
+    """Numbers that the calls keep on the stack at most: all mapped values."""
     maps = [kernels[name] for name in kernel.through[:-1]]
     return sum(count * one.outputs[0].size for one, count in _with_counts(kernel, maps))
 

@@ -31,16 +31,7 @@ class Panel:
 
 
 def eliminate(pattern: Sequence[Sequence[bool]], count: int) -> tuple[Panel, ...]:
-    """Panels of the first columns of a 0/1 pattern, left to right.
-
-    Args:
-        pattern: rows of flags, one per column.
-        count: columns that are eliminated; the others, such as a right-hand side, are only
-            transformed.
-
-    Returns:
-        Panels; empty columns have none.
-    """
+    """Panels of the first columns of a 0/1 pattern, left to right."""
     filled = [{c for c, here in enumerate(row) if here} for row in pattern]
     panels: list[Panel] = []
     for c in range(count):
@@ -67,15 +58,7 @@ def eliminate(pattern: Sequence[Sequence[bool]], count: int) -> tuple[Panel, ...
 
 
 def fill_in(pattern: Sequence[Sequence[bool]], panels: Sequence[Panel]) -> list[tuple[int, int]]:
-    """Entries that are zero in the pattern and filled by some elimination.
-
-    Args:
-        pattern: rows of flags, one per column.
-        panels: from `eliminate`.
-
-    Returns:
-        (row, column), sorted.
-    """
+    """Entries that are zero in the pattern and filled by some elimination."""
     touched = {
         (i, c)
         for panel in panels
@@ -110,14 +93,7 @@ class Run:
 
 
 def shared_columns(pattern: Sequence[Sequence[bool]]) -> tuple[Run, ...]:
-    """Columns of a 0/1 pattern whose products with later columns are not zero.
-
-    Args:
-        pattern: rows of flags, one per column.
-
-    Returns:
-        Runs, left to right; empty columns are in none.
-    """
+    """Columns of a 0/1 pattern whose products with later columns are not zero."""
     count = len(pattern[0])
     rows = [tuple(i for i, row in enumerate(pattern) if row[c]) for c in range(count)]
     runs: list[Run] = []

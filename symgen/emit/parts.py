@@ -28,15 +28,7 @@ class Parts:
 
 
 def parts_of(lines: Sequence[str], size: int = PART) -> Parts:
-    """Split statements `const double tK = …;` and `output[i] = …;`.
-
-    Args:
-        lines: statements that use earlier values, arguments and constants only.
-        size: statements of a part.
-
-    Returns:
-        The parts; a value is defined in the part that computes it and read from `w` in later ones.
-    """
+    """Split statements `const double tK = …;` and `output[i] = …;`."""
     chunks = [list(lines[k : k + size]) for k in range(0, len(lines), size)]
     defined: dict[str, int] = {}
     last: dict[str, int] = {}

@@ -36,16 +36,7 @@ class Product:
 
 
 def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TileProgram]) -> Product:
-    """Tables of a kernel with `factors`.
-
-    Args:
-        kernel: kernel with `factors`.
-        kernels: all kernels by name.
-        tiles: tile forms of the factors.
-
-    Returns:
-        Tables for the loops.
-    """
+    """Tables of a kernel with `factors`."""
     left, right = kernel.factors
     (y,), jacobian = kernels[left].outputs, kernels[right].outputs[1]
     joints, width = y.shape
@@ -67,16 +58,7 @@ def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TilePro
 
 
 def product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) -> TileProgram:
-    """Tile form of a product; the templates write its statements.
-
-    Args:
-        kernel: the product.
-        p: its tables.
-        tiles: tile forms of the factors.
-
-    Returns:
-        Sizes and filled entries, without statements.
-    """
+    """Tile form of a product; the templates write its statements."""
     y = tiles[p.regressor]
     per_row = 2 * len(p.entries) - p.size
     entries = [

@@ -37,16 +37,7 @@ class Program:
 def programs(
     kernels: tuple[Kernel, ...], tiles: Tiles, facts: dict[str, Any]
 ) -> tuple[Program, ...]:
-    """Return the programs whose kernels are all in the catalogue.
-
-    Args:
-        kernels: all kernels of the robot.
-        tiles: tile forms by name.
-        facts: the robot's part of the manifest.
-
-    Returns:
-        Programs in the order of the files.
-    """
+    """Return the programs whose kernels are all in the catalogue."""
     by_name = {kernel.name: kernel for kernel in kernels}
     chosen = []
     vectors = tiles.keys()

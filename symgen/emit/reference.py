@@ -29,12 +29,7 @@ class ReferenceCode:
 
 
 def reference_code(kernels: tuple[Kernel, ...]) -> ReferenceCode:
-    """Return CasADi's C code of the kernels.
-
-    Raises:
-        BuildError: the file of this CasADi version has another layout than the one that is read
-            here.
-    """
+    """Return CasADi's C code of the kernels."""
     generator = ca.CodeGenerator("reference", {"casadi_int": "long"})
     for kernel in kernels:
         generator.add(kernel.function)

@@ -47,16 +47,7 @@ class StackBounds:
 def stack_bounds(
     kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
 ) -> StackBounds:
-    """Bounds for every kernel and every vector width.
-
-    Args:
-        kernels: all kernels of the robot.
-        forms: their forms.
-        reference: CasADi's code.
-
-    Returns:
-        Bytes per kernel.
-    """
+    """Bounds for every kernel and every vector width."""
     by_name = {k.name: k for k in kernels}
     composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
     one = {k: FRAMES + NUMBER * _values(lines) for k, lines in forms.bodies.items()}

@@ -60,11 +60,7 @@ class SampledBase:
         A torque is weighted relative to the torque of its joint under β, else a wrist would not
         count.
 
-        Args:
-            beta: (n_b,) base parameters.
-
-        Returns:
-            (n_b, n_b) upper triangular.
+        beta (n_b,) → (n_b, n_b).
         """
         rms = np.sqrt(np.mean((self.rows @ beta) ** 2, axis=0))  # (n,)
         weights = 1 / np.maximum(rms, 1e-3 * max(float(rms.max()), 1e-12))
@@ -73,12 +69,7 @@ class SampledBase:
 
 
 def base_of(text: str) -> SampledBase:
-    """Rank and K of a URDF.
-
-    Raises:
-        SymgenError: not one tree of links, a joint that cannot be modelled, or singular values
-            without a gap.
-    """
+    """Rank and K of a URDF."""
     document = _unit_bodies(text)
     moving = sum(document.kind(name) in MOVING for name in document.joints)
     if moving > MOST_JOINTS:
@@ -134,14 +125,6 @@ def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
 
     P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there. Links that are
     fixed to the base have zero columns.
-
-    Args:
-        model: links and joints of the file.
-        chain: n moving links.
-        links: names of L links.
-
-    Returns:
-        (10 n, 10 L) matrix.
     """
     carriers = {joint.link: k for k, joint in enumerate(chain.joints)}
     matrix = np.zeros((_P * len(carriers), _P * len(links)))
@@ -171,11 +154,7 @@ def _moved(pose: Array) -> Array:
 def pseudo_of(pi: Array) -> Array:
     """P of π.
 
-    Args:
-        pi: (10,) inertial parameters.
-
-    Returns:
-        (4, 4) pseudo-inertia.
+    pi (10,) → (4, 4).
     """
     return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(pi))))
 
@@ -183,11 +162,7 @@ def pseudo_of(pi: Array) -> Array:
 def pi_of(pseudo: Array) -> Array:
     """π of P: m, m·c, and I = tr(Σ) 1 − Σ about the same origin.
 
-    Args:
-        pseudo: (4, 4) pseudo-inertia.
-
-    Returns:
-        (10,) inertial parameters.
+    pseudo (4, 4) → (10,).
     """
     sigma = pseudo[:3, :3]
     i = np.trace(sigma) * np.eye(3) - sigma

@@ -43,15 +43,7 @@ def ellipsoid_density(body: Body) -> float:
 
 
 def consistency_errors(model: Model, name: str) -> list[Finding]:
-    """Errors of a link whose mass properties are not physically consistent.
-
-    Args:
-        model: the file.
-        name: of the link.
-
-    Returns:
-        Errors, and warnings that name a likely cause.
-    """
+    """Errors of a link whose mass properties are not physically consistent."""
     body, where = model.links[name].body, f"link '{name}'"
 
     def error(kind: str, observed: str, expected: str) -> list[Finding]:
@@ -160,15 +152,7 @@ def _decimal_entry(body: Body, where: str) -> list[Finding]:
 
 
 def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
-    """Warnings about a consistent body: density, size and place that links do not have.
-
-    Args:
-        model: the file.
-        group: links that are fixed to each other.
-
-    Returns:
-        Warnings.
-    """
+    """Warnings about a consistent body: density, size and place that links do not have."""
     body, where, extent = group.body, group.where, group.extent
     findings = [*_geometry(body, where, extent)]
     density = ellipsoid_density(body)
@@ -266,14 +250,7 @@ def _is_power_of_ten(value: float) -> bool:
 
 
 def shifted_from_origin(body: Body) -> tuple[float, float]:
-    """Indicators of an inertia about the link origin instead of the centre of mass.
-
-    Args:
-        body: consistent body.
-
-    Returns:
-        Share of m|c|² in tr Σ, and λ_min(Σ − m c cᵀ) / tr Σ.
-    """
+    """Indicators of an inertia about the link origin instead of the centre of mass."""
     trace = float(np.trace(body.sigma))
     moment: Array = body.mass * np.outer(body.com, body.com)
     smallest = float(np.linalg.eigvalsh(body.sigma - moment)[0])

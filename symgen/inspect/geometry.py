@@ -35,14 +35,7 @@ class Extent:
     points: Array
 
     def reach(self, centre: Array) -> float:
-        """Largest distance of a point from a centre, m.
-
-        Args:
-            centre: (3,) m.
-
-        Returns:
-            Distance, m.
-        """
+        """Largest distance of a point from a centre, m."""
         return float(np.linalg.norm(self.points - centre, axis=1).max())
 
 

@@ -30,15 +30,7 @@ class Group:
 
 
 def groups_of(model: Model, extents: dict[str, Extent | None]) -> list[Group]:
-    """Return the groups that have a consistent body.
-
-    Args:
-        model: the file.
-        extents: space that the shapes of each link occupy; None if unknown.
-
-    Returns:
-        One group per moving link and root with mass, in the order of the file.
-    """
+    """Return the groups that have a consistent body."""
     groups, seen = [], set()
     for name in model.links:
         joint = model.joint_of(name)

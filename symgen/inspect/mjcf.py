@@ -18,11 +18,7 @@ _COMPILES = "expected a file that compiles"
 
 
 def read_mjcf(path: Path) -> Model:
-    """Read an MJCF file.
-
-    Raises:
-        UrdfError: MuJoCo is not installed, or cannot parse the file at all.
-    """
+    """Read an MJCF file."""
     try:
         import mujoco
     except ImportError:

@@ -212,15 +212,7 @@ class Model:
         return [j for j in self.joints if j.parent == link]
 
     def subtree(self, link: str, rigid: bool = False) -> list[str]:
-        """A link and all links beyond it; loops are followed once.
-
-        Args:
-            link: name of the link.
-            rigid: True for only the links that are fixed to it, directly or not.
-
-        Returns:
-            Names of links that exist.
-        """
+        """A link and all links beyond it; loops are followed once."""
         seen, pending = [], [link]
         while pending:
             here = pending.pop()

@@ -60,18 +60,7 @@ class Repair:
 
 
 def repair(model: Model, base: SampledBase | None) -> Repair:
-    """Project the inertials of all links with mass.
-
-    Args:
-        model: every body with a positive mass.
-        base: base parameters to keep; None projects link by link.
-
-    Returns:
-        Changed bodies.
-
-    Raises:
-        InertiaError: a mass that is not positive, or no solution.
-    """
+    """Project the inertials of all links with mass."""
     links = _links(model)
     projection = _Projection(model, links, base)
     s, change, kept = projection.solve()

@@ -17,18 +17,7 @@ _AXES = "xyz"
 
 
 def with_bodies(text: str, bodies: dict[str, Body]) -> str:
-    """Return the URDF with the <inertial> of the named links replaced.
-
-    Args:
-        text: a URDF that `symgen.chain.document.parse` accepts.
-        bodies: link name → body, for links that have an <inertial>.
-
-    Returns:
-        The new text.
-
-    Raises:
-        UrdfError: a link or its <inertial> does not exist.
-    """
+    """Return the URDF with the <inertial> of the named links replaced."""
     data = text.encode()
     places = _places(data)
     missing = [name for name in bodies if name not in places]

@@ -28,11 +28,7 @@ _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read_urdf(text: str) -> Model:
-    """Read everything in a URDF that can be read.
-
-    Raises:
-        UrdfError: the text is not XML, or not a <robot>.
-    """
+    """Read everything in a URDF that can be read."""
     root = parse(text)
     reader = _Reader()
     links = {link.name: link for element in root.findall("link") for link in reader.link(element)}

@@ -75,17 +75,6 @@ def numeric_base(
     W's columns are normalised, the rank is the first place where neighbouring singular values
     differ by more than `CLEAR_GAP`, the independent columns are picked greedily in the order
     that the regrouping rules prefer, and K solves W_b K = W.
-
-    Args:
-        chain: n independent joints, L bodies.
-        regressor: function of q, dq, ddq, each (N, n), that returns Y as (N, n, 10 L).
-        seed: seed of the random states.
-
-    Returns:
-        Independent columns, K and the singular values at the gap.
-
-    Raises:
-        RankError: the singular values decrease without a clear gap.
     """
     n, links = chain.freedom, len(chain.joints)
     rng = np.random.default_rng(seed)
@@ -206,17 +195,7 @@ def _tidied(matrix: Array) -> Array:
 
 
 def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
-    """Columns and K by the recursion of Table 3.2 with Rules 1 and 2.
-
-    Args:
-        chain: serial arm of n revolute joints in modified DH form.
-
-    Returns:
-        Indices of the n_b independent columns and (n_b, 10 L) K.
-
-    Raises:
-        RankError: the chain is not a serial arm of revolute joints in modified DH form.
-    """
+    """Columns and K by the recursion of Table 3.2 with Rules 1 and 2."""
     n = len(chain.joints)
     size = N_PARAMETERS * n
     rows = {

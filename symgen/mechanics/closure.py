@@ -34,12 +34,7 @@ _REFINED = 2
 def positions(chain: Chain, q: Matrix) -> Matrix:
     """x of independent and dependent coordinates.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) their positions [rad, m].
-
-    Returns:
-        (n + r,) positions [rad, m], as functions of q and of the seeds.
+    q (n,) [rad, m] → (n + r,) [rad, m].
     """
     return _positions(closed_chain(chain), q)
 
@@ -55,13 +50,7 @@ def _positions(chain: ClosedChain, q: Matrix) -> Matrix:
 def rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
     """ẋ = G dq.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-        dq: (n,) velocities [rad/s, m/s].
-
-    Returns:
-        (n + r,) velocities [rad/s, m/s].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s] → (n + r,) [rad/s, m/s].
     """
     closed = closed_chain(chain)
     right = -_directional(closed, _positions(closed, q), joined(closed, dq, None))
@@ -71,14 +60,7 @@ def rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
 def accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
     """ẍ = G ddq + Ġ dq.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-        dq: (n,) velocities [rad/s, m/s].
-        ddq: (n,) accelerations [rad/s², m/s²].
-
-    Returns:
-        (n + r,) accelerations [rad/s², m/s²].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n + r,) [rad/s², m/s²].
     """
     closed = closed_chain(chain)
     x = _positions(closed, q)
@@ -92,13 +74,7 @@ def accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
 def forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
     """Gᵀ f: generalised forces of the independent coordinates, by virtual power.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-        force: (n + r, m) forces of all coordinates [N·m, N].
-
-    Returns:
-        (n, m) [N·m, N].
+    q (n,) [rad, m], force (n + r, m) [N·m, N] → (n, m) [N·m, N].
     """
     closed = closed_chain(chain)
     slope = slopes(closed)(_positions(closed, q))
@@ -110,12 +86,7 @@ def forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
 def jacobian(chain: Chain, q: Matrix) -> Matrix:
     """G = ∂x/∂q.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-
-    Returns:
-        (n + r, n).
+    q (n,) [rad, m] → (n + r, n).
     """
     closed = closed_chain(chain)
     slope = slopes(closed)(_positions(closed, q))
@@ -126,13 +97,7 @@ def jacobian(chain: Chain, q: Matrix) -> Matrix:
 def supplied(chain: Chain, expression: Matrix, q: Matrix) -> Matrix:
     """The expression with the values of the seeds in their places.
 
-    Args:
-        chain: any chain; without loops nothing changes.
-        expression: function of q and of the seeds.
-        q: (n,) positions [rad, m].
-
-    Returns:
-        Expression of the same shape.
+    q (n,) [rad, m].
     """
     if chain.loops is None:
         return expression
@@ -140,32 +105,14 @@ def supplied(chain: Chain, expression: Matrix, q: Matrix) -> Matrix:
 
 
 def with_seeds(chain: Chain, expression: Matrix, values: Matrix) -> Matrix:
-    """The expression with these values of the seeds.
-
-    Args:
-        chain: with loops.
-        expression: function of the seeds.
-        values: of all seeds.
-
-    Returns:
-        Expression of the same shape.
-    """
+    """The expression with these values of the seeds."""
     return ca.substitute(expression, _seeds(_count(closed_chain(chain))), values)
 
 
 def values_of(chain: Chain, q: Matrix, further: list[Matrix]) -> Matrix:
     """Values of some of the seeds.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-        further: m symbols of a kernel that are no inputs.
-
-    Returns:
-        (m,) values.
-
-    Raises:
-        BuildError: a symbol is not a seed.
+    q (n,) [rad, m] → (m,).
     """
     places = []
     for symbol in further:

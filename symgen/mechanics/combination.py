@@ -6,15 +6,7 @@ least-squares problem, in which zeros come out as up to 3e-10."""
 
 
 def describe_combination(names: list[str], row: list[float]) -> str:
-    """Return one row of K as text: `link1.ZZ + link2.YY - 0.3 link3.m`.
-
-    Args:
-        names: (10 n) names of the entries of π.
-        row: (10 n) coefficients.
-
-    Returns:
-        Terms with coefficient 1 first; entries that are zero to `ROUNDING` are left out.
-    """
+    """Return one row of K as text: `link1.ZZ + link2.YY - 0.3 link3.m`."""
     least = ROUNDING * max(map(abs, row), default=0.0)
     terms = [(x, name) for x, name in zip(row, names, strict=True) if abs(x) > least]
     terms.sort(key=lambda term: term[0] != 1.0)

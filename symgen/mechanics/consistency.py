@@ -26,13 +26,9 @@ THINNEST = 1e-3
 def pseudo_inertia(pi: Matrix) -> Matrix:
     """P = [[Σ, mc], [mcᵀ, m]] with Σ = ½ tr(I) 1 − I; P ⪰ 0 is full physical consistency.
 
-    Args:
-        pi: (10,) inertial parameters.
-
-    Returns:
-        (4, 4) symmetric [kg·m², kg·m, kg].
-
     Source: Eqs. 3.9, 3.10.
+
+    pi (10,) → (4, 4) [kg·m², kg·m, kg].
     """
     mass, moment, inertia = mass_moment_inertia(pi)
     sigma = ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia
@@ -45,11 +41,7 @@ def barrier(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     P is positive definite where the pivot is positive; elsewhere the other outputs have no meaning.
     P is linear in π, so the traces are the gradient of log det P and minus its Hessian.
 
-    Args:
-        pi: (10,) inertial parameters.
-
-    Returns:
-        The pivot, log det P, (10,) traces and (10, 10) curvature.
+    pi (10,) → (10,).
     """
     p = pseudo_inertia(pi)
     size = p.shape[0]
@@ -83,13 +75,9 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
 
     U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
 
-    Args:
-        theta: (10,) θ.
-
-    Returns:
-        (10,) inertial parameters.
-
     Source: Rucker & Wensing, Smooth parameterization of rigid-body inertia, 2022.
+
+    theta (10,) → (10,).
     """
     d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
     s12, s23, s13, t = theta[4], theta[5], theta[6], theta[7:10]
@@ -106,11 +94,7 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
 def cholesky_from_pi(pi: Matrix) -> Matrix:
     """θ of `pi_from_cholesky` from π; NaN where P is not positive definite.
 
-    Args:
-        pi: (10,) inertial parameters.
-
-    Returns:
-        (10,) θ.
+    pi (10,) → (10,).
     """
     mass, com, inertia = com_inertia(pi)
     sigma = (ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia) / mass
@@ -127,13 +111,7 @@ def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
 
     Mass and centre of mass are kept.
 
-    Args:
-        pi: (10,) with m > 0.
-        floor: smallest allowed eigenvalue of Σ_com, relative to the sum of the positive
-            eigenvalues. m `THINNEST`² is added to it, which also repairs zero inertias.
-
-    Returns:
-        (10,) physically consistent π.
+    pi (10,) → (10,).
     """
     mass, com, rotation, sigma, _ = principal_sigma(pi)
     least = floor * sum(ca.fmax(sigma[i], 0) for i in range(3)) + mass * THINNEST**2
@@ -143,15 +121,7 @@ def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
 
 
 def require_realisable(pi: Matrix, link: str) -> None:
-    """Check that a numeric π is physically consistent.
-
-    Args:
-        pi: (10,) inertial parameters.
-        link: name of the link, for the message.
-
-    Raises:
-        InertiaError: m ≤ 0, or a principal moment exceeds the sum of the other two.
-    """
+    """Check that a numeric π is physically consistent."""
     mass = float(pi[0])
     if not mass > 0:
         raise InertiaError(

@@ -21,14 +21,7 @@ from symgen.mechanics.kinematics import joint_poses
 def coriolis_matrix(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """C(q, dq) of Christoffel symbols: dM/dt − 2 C is skew-symmetric.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 L,) inertial parameters.
-
-    Returns:
-        (n, n) [N·m·s/rad, N·s/m].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n, n) [N·m·s/rad, N·s/m].
     """
     return ca.densify(ca.jacobian(_centrifugal(chain, q, dq, pi), dq) / 2)
 
@@ -38,15 +31,8 @@ def slotine_li_regressor(
 ) -> Matrix:
     """Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q), C of Christoffel symbols.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        dq_r: (n,) reference velocities [rad/s, m/s].
-        ddq_r: (n,) reference accelerations [rad/s², m/s²].
-
-    Returns:
-        (n, 10 L) regressor.
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], dq_r (n,) [rad/s, m/s], ddq_r (n,) [rad/s², m/s²] → (n,
+    10 L).
     """
     still = ca.SX(len(chain.coordinates), 1)
 
@@ -63,12 +49,7 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
     v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
     base, with a free base in axes of the world.
 
-    Args:
-        chain: n independent joints, L bodies, and the tip frame.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (6 (L + 1), n) Jacobians one below the other, the last one of the tip [m, 1].
+    q (n,) [rad, m].
     """
     poses = joint_poses(chain, q)
     rotations: list[Matrix] = []

@@ -23,12 +23,7 @@ from symgen.mechanics import closure
 def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
     """Entries of each joint.
 
-    Args:
-        chain: N joints; a free base is one of six entries.
-        values: (N,) or, with a free base, (N + 5,) of all joints.
-
-    Returns:
-        One (1,) per joint, (6,) of a free base.
+    values (N,) → (1,).
     """
     if not chain.floating:
         return [values[i] for i in range(len(chain.joints))]
@@ -39,12 +34,7 @@ def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
 def all_positions(chain: Chain, q: Matrix) -> Matrix:
     """q_all = A x + b.
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-
-    Returns:
-        (N,) positions of all joints [rad, m].
+    q (n,) [rad, m] → (N,) [rad, m].
     """
     coupling = chain.coupling
     x = q if chain.loops is None else closure.positions(chain, q)
@@ -59,13 +49,7 @@ def all_positions(chain: Chain, q: Matrix) -> Matrix:
 def all_rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
     """A G dq.
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-        dq: (n,) their velocities [rad/s, m/s].
-
-    Returns:
-        (N,) velocities of all joints [rad/s, m/s].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s] → (N,) [rad/s, m/s].
     """
     rate = dq if chain.loops is None else closure.rates(chain, q, dq)
     return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
@@ -74,14 +58,7 @@ def all_rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
 def all_accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
     """A (G ddq + Ġ dq).
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-        dq: (n,) their velocities [rad/s, m/s].
-        ddq: (n,) their accelerations [rad/s², m/s²].
-
-    Returns:
-        (N,) accelerations of all joints [rad/s², m/s²].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (N,) [rad/s², m/s²].
     """
     rate = ddq if chain.loops is None else closure.accelerations(chain, q, dq, ddq)
     return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
@@ -90,13 +67,7 @@ def all_accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matri
 def independent_forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
     """(A G)ᵀ τ_all: generalised forces of the independent joints, by virtual power.
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-        force: (N, m) generalised forces of all joints [N·m, N].
-
-    Returns:
-        (n, m) [N·m, N].
+    q (n,) [rad, m], force (N, m) [N·m, N] → (n, m) [N·m, N].
     """
     if chain.coupling is not None:
         force = ca.mtimes(_matrix(chain).T, force)
@@ -106,13 +77,7 @@ def independent_forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
 def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
     """(A G)ᵀ M_all A G, symmetric to the bit.
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-        mass: (N, N) mass matrix of all joints.
-
-    Returns:
-        (n, n) mass matrix of the independent joints.
+    q (n,) [rad, m], mass (N, N) → (n, n).
     """
     if chain.coupling is None and chain.loops is None:
         return mass
@@ -125,12 +90,7 @@ def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
 def joint_jacobian(chain: Chain, q: Matrix) -> Matrix:
     """A G = ∂q_all/∂q.
 
-    Args:
-        chain: N joints, n of them independent.
-        q: (n,) positions of the independent joints [rad, m].
-
-    Returns:
-        (N, n).
+    q (n,) [rad, m] → (N, n).
     """
     if chain.loops is None:
         return ca.DM.eye(q.numel()) if chain.coupling is None else _matrix(chain)

@@ -29,14 +29,7 @@ _OUTWARD = 1 + 1e-12
 def torque_bounds(chain: Chain, motion: Matrix, pi: Matrix, orders: int = 4) -> Matrix:
     """Bounds of |τ_j| and of its derivatives in time.
 
-    Args:
-        chain: n independent joints, without closed loops and with a fixed base.
-        motion: (orders + 2, n) bounds of |q|, |dq| and further derivatives [rad, m].
-        pi: (10 L,) inertial parameters, link by link.
-        orders: of the result, τ itself included.
-
-    Returns:
-        (orders, n) bounds [N·m, N], and per s, s², …
+    motion (orders + 2, n) [rad, m], pi (10 L,) → (orders, n) [N·m, N].
     """
     joints = chain.joints
     shifts = _of_joints(chain, motion)
@@ -87,12 +80,7 @@ def torque_bounds(chain: Chain, motion: Matrix, pi: Matrix, orders: int = 4) -> 
 def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
     """Bounds of the distance of the tip from the base, and of its velocity and so on.
 
-    Args:
-        chain: n independent joints, without closed loops and with a fixed base.
-        motion: (orders, n) bounds of |q|, |dq| and further derivatives [rad, m].
-
-    Returns:
-        (orders,) bounds of |p|, |dp/dt|, … in the base frame [m, m/s, …].
+    motion (orders, n) [rad, m] → (orders,) [m, m/s, …].
     """
     orders = motion.shape[0]
     shifts = _of_joints(chain, motion)
@@ -113,14 +101,7 @@ def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
 def speed_bounds(chain: Chain, motion: Matrix) -> tuple[Matrix, Matrix]:
     """Bounds of the speed that each joint gives to the links that it moves.
 
-    Args:
-        chain: n independent joints, L of all; without closed loops and with a fixed base.
-        motion: (2, n) bounds of |q| and |dq| [rad, m, and per s].
-
-    Returns:
-        (L, L) speed of the origin of link i by joint j, 0 where it does not move it [m/s], and
-        (L,) angular speed of each joint [rad/s], 0 of a slide. A point of link i at a distance r
-        from its origin has the speed (i, j) + r · (j) at most by joint j.
+    motion (2, n) [rad, m, and per s] → (L, L) [m/s].
     """
     shifts = _of_joints(chain, motion)
     count = len(chain.joints)

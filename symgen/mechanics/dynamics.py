@@ -33,16 +33,7 @@ def inverse_dynamics(
 ) -> Matrix:
     """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4).
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        ddq: (n,) joint accelerations [rad/s², m/s²].
-        pi: (10 L,) inertial parameters, link by link.
-        gravity: False leaves gravity out.
-
-    Returns:
-        (n,) joint torques or forces [N·m, N].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], pi (10 L,) → (n,) [N·m, N].
     """
     n = len(chain.joints)
     ddq = per_joint(chain, all_accelerations(chain, q, dq, ddq))
@@ -143,15 +134,7 @@ def regressor(
 
     Differentiating the linear function costs no more operations than a hand-written regressor.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        ddq: (n,) joint accelerations [rad/s², m/s²].
-        columns: indices into π of the columns to compute; None: all.
-
-    Returns:
-        (n, 10 L) regressor, or (n, len(columns)).
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n, 10 L).
     """
     return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
 
@@ -163,13 +146,7 @@ def by_parameters(
 
     Entries of π outside `columns` are structural zeros, so they cost no operations.
 
-    Args:
-        chain: n independent joints, L bodies.
-        linear: f, from (10 L,) π to a vector of m entries.
-        columns: indices into π of the columns to compute; None: all.
-
-    Returns:
-        (m, 10 L) Jacobian, or (m, len(columns)).
+    linear (10 L,) → (m, 10 L).
     """
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
@@ -181,14 +158,7 @@ def by_parameters(
 
 
 def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
-    """Return a numeric function of the regressor at many states.
-
-    Args:
-        chain: n independent joints, L bodies.
-
-    Returns:
-        Function of q, dq and ddq, each (N, n), that returns Y as (N, n, 10 L).
-    """
+    """Return a numeric function of the regressor at many states."""
     n = chain.freedom
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
     rows = supplied(chain, ca.densify(ca.vec(regressor(chain, q, dq, ddq).T)), q)
@@ -204,11 +174,7 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
 def pi_from_lam_all(lam: Matrix) -> Matrix:
     """π of all links from λ of all links.
 
-    Args:
-        lam: (10 L,) λ, link by link.
-
-    Returns:
-        (10 L,) π, link by link.
+    lam (10 L,) → (10 L,).
     """
     blocks = range(0, lam.numel(), N_PARAMETERS)
     return ca.vertcat(*(pi_from_lam(lam[k : k + N_PARAMETERS]) for k in blocks))
@@ -217,15 +183,7 @@ def pi_from_lam_all(lam: Matrix) -> Matrix:
 def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matrix) -> Matrix:
     """∂τ/∂λ = Y blockdiag(∂π_k/∂λ_k) (Eqs. 4.34–4.36).
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        ddq: (n,) joint accelerations [rad/s², m/s²].
-        lam: (10 L,) λ, link by link.
-
-    Returns:
-        (n, 10 L) Jacobian.
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], lam (10 L,) → (n, 10 L).
     """
     one = ca.SX.sym("lam", N_PARAMETERS)
     block = ca.Function("block", [one], [ca.jacobian(pi_from_lam(one), one)])
@@ -237,13 +195,6 @@ def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matri
 def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 L,) inertial parameters.
-
-    Returns:
-        (n,) joint torques or forces [N·m, N].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
     """
     return inverse_dynamics(chain, q, dq, ca.SX(chain.freedom, 1), pi)

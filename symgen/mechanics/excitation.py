@@ -26,13 +26,7 @@ def _with_derivatives(value: Matrix, t: Matrix) -> Matrix:
 def harmonic_basis(m: Matrix, t: Matrix, t_f: Matrix) -> Matrix:
     """φ_m(t/t_f) and its first three time derivatives.
 
-    Args:
-        m: number of the harmonic.
-        t: time, s.
-        t_f: duration, s.
-
-    Returns:
-        (4,) [1, 1/s, 1/s², 1/s³].
+    Returns (4,) [1, 1/s, 1/s², 1/s³].
     """
     s = t / t_f
     value = ca.cos(2 * math.pi * m * s) - 1 + 2 * math.pi**2 * m**2 * s**2 * (1 - s) ** 2
@@ -42,12 +36,7 @@ def harmonic_basis(m: Matrix, t: Matrix, t_f: Matrix) -> Matrix:
 def transfer_basis(t: Matrix, t_f: Matrix) -> Matrix:
     """S(t/t_f) and its first three time derivatives.
 
-    Args:
-        t: time, s.
-        t_f: duration, s.
-
-    Returns:
-        (4,) [1, 1/s, 1/s², 1/s³].
+    Returns (4,) [1, 1/s, 1/s², 1/s³].
     """
     s = t / t_f
     return _with_derivatives(s**3 * (10 - 15 * s + 6 * s**2), t)
@@ -58,16 +47,7 @@ def regressor_adjoint(
 ) -> Matrix:
     """∂⟨S, Y_b⟩/∂(q, dq, ddq).
 
-    Args:
-        chain: n joints.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        ddq: (n,) joint accelerations [rad/s², m/s²].
-        columns: indices into π of the n_b base columns.
-        seed: (n·n_b,) S row by row, the derivative of the cost by Y_b.
-
-    Returns:
-        (3, n) derivatives by q, dq and ddq, one row each.
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], seed (n·n_b,) → (3, n).
     """
     y = ca.densify(ca.vec(regressor(chain, q, dq, ddq, columns).T))
     return ca.horzcat(*(ca.jtimes(y, x, seed, True) for x in (q, dq, ddq))).T

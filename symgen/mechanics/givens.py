@@ -47,15 +47,7 @@ class Triangle:
 
 
 def triangle(matrix: Matrix, right: Matrix) -> Triangle:
-    """Eliminate a square system.
-
-    Args:
-        matrix: (r, r) A.
-        right: (r, m) b.
-
-    Returns:
-        U and Q b.
-    """
+    """Eliminate a square system."""
     r = matrix.shape[0]
     upper, turned = ca.SX(matrix), ca.SX(right)
     for k in range(r):

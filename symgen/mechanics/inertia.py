@@ -43,11 +43,7 @@ MassMoments = tuple[Matrix, Matrix, Matrix]
 def mass_moment_inertia(pi: Matrix) -> MassMoments:
     """m, m·c and I about the link origin of one body.
 
-    Args:
-        pi: (10,) inertial parameters [kg, kg·m ×3, kg·m² ×6].
-
-    Returns:
-        m, (3,) m·c and (3, 3) I.
+    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (3,).
     """
     xx, yy, zz, xy, xz, yz = (pi[i] for i in range(4, 10))
     inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
@@ -55,41 +51,20 @@ def mass_moment_inertia(pi: Matrix) -> MassMoments:
 
 
 def bodies_of(pi: Matrix) -> list[MassMoments]:
-    """Return the bodies of all links.
-
-    Args:
-        pi: (10 n,) inertial parameters, link by link.
-
-    Returns:
-        n bodies.
-    """
+    """Return the bodies of all links."""
     links = range(0, pi.numel(), N_PARAMETERS)
     return [mass_moment_inertia(pi[k : k + N_PARAMETERS]) for k in links]
 
 
 def joined(a: MassMoments, b: MassMoments) -> MassMoments:
-    """Return the sum of two bodies given in the same frame.
-
-    Args:
-        a: one body.
-        b: the other body.
-
-    Returns:
-        One body with m, m·c and I added.
-    """
+    """Return the sum of two bodies given in the same frame."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
     """π of m, m·c and I about the link origin.
 
-    Args:
-        mass: m, kg.
-        moment: (3,) m·c, kg·m.
-        inertia: (3, 3) symmetric, kg·m².
-
-    Returns:
-        (10,) inertial parameters.
+    moment (3,), inertia (3, 3) → (10,).
     """
     i = inertia
     return ca.vertcat(mass, moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
@@ -98,13 +73,7 @@ def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
 def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
     """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30).
 
-    Args:
-        mass: m, kg.
-        com: (3,) c in the link frame, m.
-        inertia_com: (3, 3) I_com about the centre of mass in the link frame's axes, kg·m².
-
-    Returns:
-        (10,) inertial parameters, inertia about the link origin.
+    com (3,), inertia_com (3, 3) → (10,).
     """
     return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
 
@@ -114,14 +83,6 @@ def seen_from(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassM
 
     With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2.
     This is Steiner's theorem, Eq. 4.30, without c, which a body of zero mass does not have.
-
-    Args:
-        rotation: (3, 3) R.
-        translation: (3,) p, m.
-        body: m, m·c and I in the present frame.
-
-    Returns:
-        The same body in the other frame.
     """
     mass, moment, inertia = body
     h, p = ca.mtimes(rotation, moment), translation
@@ -139,11 +100,7 @@ def seen_from(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassM
 def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """m, c and I_com = I + m [c×]² (Eq. 4.20, errata).
 
-    Args:
-        pi: (10,) inertial parameters, m ≠ 0.
-
-    Returns:
-        m [kg], (3,) c [m] and (3, 3) I_com [kg·m²].
+    pi (10,) → (3,) [kg].
     """
     mass, moment, inertia = mass_moment_inertia(pi)
     com = moment / mass
@@ -153,13 +110,9 @@ def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 def pi_from_lam(lam: Matrix) -> Matrix:
     """π from λ: m = e^μ, I_com = R diag(b²+c², c²+a², a²+b²) Rᵀ, I = I_com − m [c×]².
 
-    Args:
-        lam: (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
-
-    Returns:
-        (10,) [kg, kg·m ×3, kg·m² ×6], inertia about the link origin.
-
     Source: Eqs. 4.25–4.31.
+
+    lam (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3] → (10,) [kg, kg·m ×3, kg·m² ×6].
     """
     mass, com, rotation = ca.exp(lam[0]), lam[1:4], exp_so3(lam[4:7])
     a2, b2, c2 = lam[7] ** 2, lam[8] ** 2, lam[9] ** 2
@@ -170,11 +123,7 @@ def pi_from_lam(lam: Matrix) -> Matrix:
 def lam_frame(lam: Matrix) -> Matrix:
     """Intermediate values of `pi_from_lam` that `pi_adjoint` takes: m, R by columns, B and C.
 
-    Args:
-        lam: (10,) λ of one body.
-
-    Returns:
-        (12,) m, the columns of R, and B and C of `so3_coefficients`.
+    lam (10,) → (12,).
     """
     _, b, c = so3_coefficients(lam[4:7])
     return ca.vertcat(ca.exp(lam[0]), ca.vec(exp_so3(lam[4:7])), b, c)
@@ -188,13 +137,7 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
     the axes of inertia changes tr(S I) by 2 ((c² − b²) T₂₃, (a² − c²) T₁₃, (b² − a²) T₁₂) · δφ,
     where δφ = (1 − B [ω×] + C [ω×]²) δω.
 
-    Args:
-        lam: (10,) λ.
-        frame: (12,) from `lam_frame`.
-        slope: (10,) ∂cost/∂π.
-
-    Returns:
-        (10,) ∂cost/∂λ. Source: Eqs. 4.25–4.32.
+    lam (10,), frame (12,), slope (10,) → (10,).
     """
     com, omega, axes = lam[1:4], lam[4:7], lam[7:10]
     mass, rotation, b, c = frame[0], ca.reshape(frame[1:10], 3, 3), frame[10], frame[11]
@@ -226,11 +169,7 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
 def principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
     """m, c, R, the eigenvalues (a², b², c²) of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com).
 
-    Args:
-        pi: (10,) inertial parameters, m ≠ 0.
-
-    Returns:
-        m [kg], (3,) c [m], (3, 3) R, (3,) eigenvalues [kg·m²] and the trace [kg·m²].
+    pi (10,) → (3,) [kg].
     """
     mass, com, inertia = com_inertia(pi)
     moments, rotation = symmetric_eigen(inertia)
@@ -245,13 +184,9 @@ def lam_from_pi(pi: Matrix) -> Matrix:
     A body that is not density realisable has no λ: the affected entries are NaN. Callers turn them
     into an error that offers `nearest_realisable`.
 
-    Args:
-        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
-
-    Returns:
-        (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
-
     Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
+
+    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
     """
     mass, com, rotation, sigma, trace = principal_sigma(pi)
     rounding = REALISABLE_TOLERANCE * trace + SHIFT_TOLERANCE * mass * ca.sumsqr(com)
@@ -267,11 +202,7 @@ def lam_from_pi(pi: Matrix) -> Matrix:
 def spatial_inertia(lam: Matrix) -> Matrix:
     """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], linear part first (Eq. 4.14, errata).
 
-    Args:
-        lam: (10,) λ.
-
-    Returns:
-        (6, 6) spatial inertia about the link origin [kg, kg·m, kg·m²].
+    lam (10,) → (6, 6) [kg, kg·m, kg·m²].
     """
     mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
     h = skew(moment)

@@ -11,12 +11,7 @@ from symgen.mechanics.pose import Pose, joint_pose
 def joint_poses(chain: Chain, q: Matrix) -> list[Pose]:
     """Pose of every joint's frame in its parent's frame.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        L poses.
+    q (n,) [rad, m].
     """
     positions = per_joint(chain, all_positions(chain, q))
     return [joint_pose(joint, x) for joint, x in zip(chain.joints, positions, strict=True)]
@@ -25,12 +20,7 @@ def joint_poses(chain: Chain, q: Matrix) -> list[Pose]:
 def end_effector(chain: Chain, q: Matrix) -> Matrix:
     """Pose of the tip frame in the base frame.
 
-    Args:
-        chain: n independent joints and the tip frame.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (4, 4) homogeneous matrix [R p; 0 1].
+    q (n,) [rad, m] → (4, 4) [R p; 0 1].
     """
     frames = joint_poses(chain, q)
     rotation = ca.SX(ca.DM(chain.tip.rotation))
@@ -48,12 +38,7 @@ def end_effector(chain: Chain, q: Matrix) -> Matrix:
 def link_poses(chain: Chain, q: Matrix) -> Matrix:
     """Poses of all joint frames in the base frame.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (4 L, 4) homogeneous matrices [R p; 0 1], one below the other.
+    q (n,) [rad, m] → (4 L, 4) [R p; 0 1].
     """
     frames = joint_poses(chain, q)
     poses: list[Matrix] = []

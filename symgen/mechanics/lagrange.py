@@ -19,14 +19,7 @@ from symgen.mechanics.pose import joint_pose
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 L,) inertial parameters.
-
-    Returns:
-        (n,) momenta [kg·m²/s, kg·m/s].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [kg·m²/s, kg·m/s].
     """
     return inverse_dynamics(chain, q, ca.SX(len(chain.coordinates), 1), dq, pi, gravity=False)
 
@@ -38,14 +31,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     zero where every frame is at the base. Lagrange's equations of T − U are those of
     `inverse_dynamics`.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 L,) inertial parameters.
-
-    Returns:
-        Kinetic energy T and potential energy U, J.
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,).
     """
     dq, q = all_rates(chain, q, dq), all_positions(chain, q)
     omega: list[Matrix] = []
@@ -80,14 +66,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
 def lagrange_force(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """r = ∂(T − U)/∂q, so that τ = dp/dt − r.
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 L,) inertial parameters.
-
-    Returns:
-        (n,) generalised forces [N·m, N].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
     """
     kinetic, potential = energies(chain, q, dq, pi)
     return ca.gradient(kinetic - potential, q)

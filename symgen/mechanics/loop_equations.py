@@ -29,11 +29,7 @@ class ClosedChain:
 
 
 def closed_chain(chain: Chain) -> ClosedChain:
-    """The part of a chain that its loops depend on.
-
-    Raises:
-        BuildError: it has no loop.
-    """
+    """The part of a chain that its loops depend on."""
     if chain.loops is None:
         raise BuildError(f"the robot '{chain.name}' has no loop; use the maps of `coordinates`")
     return ClosedChain(chain.joints, chain.coupling, chain.loops)
@@ -42,13 +38,7 @@ def closed_chain(chain: Chain) -> ClosedChain:
 def joined(chain: ClosedChain, independent: Matrix, dependent: Matrix | None) -> Matrix:
     """Rows of both kinds in the order of x.
 
-    Args:
-        chain: with loops, n independent and r dependent coordinates.
-        independent: (n, m).
-        dependent: (r, m); None: zeros.
-
-    Returns:
-        (n + r, m).
+    independent (n, m), dependent (r, m) → (n + r, m).
     """
     loops = chain.loops
     count = len(loops.independent) + len(loops.dependent)

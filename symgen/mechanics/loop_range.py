@@ -41,18 +41,7 @@ _NARROW = 0.02
 
 
 def within_loops(chain: Chain) -> Chain:
-    """The chain with the ranges of its independent joints narrowed.
-
-    Args:
-        chain: any chain; without loops it is returned as it is.
-
-    Returns:
-        The chain, `lower` and `upper` of joints that move a loop are finite, except those of
-        joints that turn without end (`Loops.turns`).
-
-    Raises:
-        UrdfError: the assembly pose leaves no range.
-    """
+    """The chain with the ranges of its independent joints narrowed."""
     if chain.loops is None:
         return chain
     home = np.array([chain.loops.assembly[k] for k in chain.loops.independent])
@@ -107,16 +96,7 @@ def within_loops(chain: Chain) -> Chain:
 
 
 def _turn(chain: Chain, k: int, positions: Array) -> Turn | None:
-    """What a turn of a joint without limits moves; None where it does not come back.
-
-    Args:
-        chain: with loops.
-        k: place of the joint in q.
-        positions: of all joints along the turn, (N, L) [rad, m].
-
-    Returns:
-        The turn. A joint with position limits must be where it was.
-    """
+    """What a turn of a joint without limits moves; None where it does not come back."""
     joint = chain.coordinates[k]
     if chain.loops is None or chain.coupling is not None or len(chain.joints) != len(positions.T):
         return None

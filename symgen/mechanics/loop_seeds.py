@@ -28,13 +28,7 @@ SINGULAR = 1e-3
 def seed_values(chain: ClosedChain, q: Matrix) -> tuple[Matrix, Matrix]:
     """Values of the seeds, NaN where a loop cannot close or is singular, and the margins.
 
-    Args:
-        chain: n independent coordinates.
-        q: (n,) positions [rad, m].
-
-    Returns:
-        Seeds, and per block of loops the determinant of φ_d with columns of unit length, over that
-        of the assembly pose: 0 at a singular posture, 1 at the assembly.
+    q (n,) [rad, m].
     """
     values, margins = _continued(chain)(q)
     return values, margins
@@ -74,13 +68,7 @@ def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
 def values_from_last(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
     """`seed_values` from the dependent positions of a sample shortly before.
 
-    Args:
-        chain: with loops, n independent coordinates.
-        q: (n,) positions [rad, m].
-        d: (r,) dependent positions of the last sample [rad, m].
-
-    Returns:
-        Seeds and margins.
+    q (n,) [rad, m], d (r,) [rad, m].
     """
     loops = chain.loops
     return _polished(chain, q, d, ca.SX(ca.DM.ones(len(loops.blocks))), POLISH)

@@ -20,13 +20,7 @@ from symgen.mechanics.kinematics import joint_poses
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
     """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34).
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        pi: (10 L,) inertial parameters, link by link.
-
-    Returns:
-        (n, n) mass matrix [kg·m², kg·m, kg].
+    q (n,) [rad, m], pi (10 L,) → (n, n) [kg·m², kg·m, kg].
     """
     n = len(chain.joints)
     poses = joint_poses(chain, q)
@@ -71,16 +65,8 @@ def forward_dynamics(
 ) -> Matrix:
     """ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
 
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-        dq: (n,) joint velocities [rad/s, m/s].
-        tau: (n,) joint torques or forces [N·m, N].
-        pi: (10 L,) inertial parameters.
-        rotor: (n,) J, inertia of the motors reflected to the joints [kg·m², kg].
-
-    Returns:
-        (n,) joint accelerations [rad/s², m/s²].
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], tau (n,) [N·m, N], pi (10 L,), rotor (n,) [kg·m², kg] →
+    (n,) [rad/s², m/s²].
     """
     n = chain.freedom
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
@@ -120,12 +106,7 @@ def mobility_bound(chain: Chain, pi: Matrix) -> Matrix:
     B V = dq, even those of no motion of the joints, is dqᵀ (B I⁻¹ Bᵀ)⁻¹ dq / 2 ≤ dqᵀ M dq / 2.
     a is invariant under its own joint, aᵀ X_i(q_i) = aᵀ X_i(0), so S = B I⁻¹ Bᵀ is constant.
 
-    Args:
-        chain: L joints, independent or not.
-        pi: (10 L,) inertial parameters; of each body I ≻ 0, which follows from P ≻ 0.
-
-    Returns:
-        (L, L) of all joints, before any coupling.
+    pi (10 L,) → (L, L).
     """
     n = len(chain.joints)
     inverses = [_inverse_inertia(*body) for body in bodies_of(pi)]

@@ -33,12 +33,7 @@ def unknown_springs(chain: Chain) -> tuple[Spring, ...]:
 def spring_columns(chain: Chain, q: Matrix) -> Matrix:
     """Torque of every spring of unknown stiffness for k = 1.
 
-    Args:
-        chain: n independent joints, s springs.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (n, s), N·m or N per unit of k.
+    q (n,) [rad, m] → (n, s).
     """
     return ca.horzcat(*(_unit_torque(chain, s, q) for s in unknown_springs(chain)))
 
@@ -46,12 +41,7 @@ def spring_columns(chain: Chain, q: Matrix) -> Matrix:
 def known_torque(chain: Chain, q: Matrix) -> Matrix:
     """Torque of all curves and of the springs of stated stiffness.
 
-    Args:
-        chain: n independent joints.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (n,) [N·m, N].
+    q (n,) [rad, m] → (n,) [N·m, N].
     """
     total = ca.SX(len(chain.coordinates), 1)
     for spring in chain.mechanism.spring:
@@ -68,12 +58,6 @@ def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
 
     Those of dependent joints with several masters and of the mechanism file. The friction of a
     joint with one master has the same columns as that of the master.
-
-    Args:
-        chain: n independent joints.
-
-    Returns:
-        Name → (n,) row, its largest entry 1; parallel rows once.
     """
     named = {}
     if chain.coupling is not None and chain.loops is None:

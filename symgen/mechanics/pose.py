@@ -22,12 +22,7 @@ class Pose:
 def joint_pose(joint: Joint, q: Matrix) -> Pose:
     """Pose of a joint's frame in its parent's frame.
 
-    Args:
-        joint: revolute, continuous, prismatic or floating joint.
-        q: joint position, rad or m; of a free base (6,) position [m] and rotation vector [rad].
-
-    Returns:
-        Rotation, translation (m) and joint axis.
+    q (6,) [m].
     """
     rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
     axis = ca.DM(joint.axis)

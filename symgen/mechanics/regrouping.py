@@ -17,12 +17,7 @@ from symgen.mechanics.inertia import MassMoments, bodies_of, joined, pi_of_body,
 def regrouped(chain: Chain, pi: Matrix) -> Matrix:
     """Return a π' with Y π' = Y π whose entries are mostly structural zeros.
 
-    Args:
-        chain: n joints, one body each.
-        pi: (10 n,) inertial parameters, link by link.
-
-    Returns:
-        (10 n,); on an arm of revolute joints every link keeps seven entries, none of them mass.
+    pi (10 n,) → (10 n,).
     """
     bodies = bodies_of(pi)
     # From the tip inwards, so that a body holds what its children gave before it is split.

@@ -24,11 +24,7 @@ def skew(v: Matrix) -> Matrix:
 def exp_so3(omega: Matrix) -> Matrix:
     """R = I + A [ω×] + B [ω×]² (Eq. 2.7), with the coefficients of `so3_coefficients`.
 
-    Args:
-        omega: (3,) rotation vector, rad.
-
-    Returns:
-        (3, 3) rotation matrix.
+    omega (3,) → (3, 3).
     """
     a, b, _ = so3_coefficients(omega)
     cosine = 1 - b * ca.dot(omega, omega)
@@ -50,12 +46,6 @@ def so3_coefficients(omega: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     cancellation, so A and B are exact to rounding. C and the derivatives of A and B lose digits as
     1/θ² and 1/θ, but they are always multiplied by θ² and θ. `_LEAST_ANGLE` keeps them finite at 0,
     where other implementations use a series.
-
-    Args:
-        omega: (3,) rotation vector, rad.
-
-    Returns:
-        A, B and C.
     """
     theta = ca.sqrt(ca.dot(omega, omega) + _LEAST_ANGLE**2)
     share = 1 / theta
@@ -88,11 +78,7 @@ def log_so3(rotation: Matrix) -> Matrix:
 
     At θ = π, where ω and −ω are the same rotation, the first non-zero component is positive.
 
-    Args:
-        rotation: (3, 3) rotation matrix.
-
-    Returns:
-        (3,) rotation vector, rad.
+    rotation (3, 3) → (3,).
     """
     quaternion = _shepperd_quaternion(rotation)
     w, v = quaternion[0], quaternion[1:4]
@@ -114,12 +100,7 @@ def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
 
     Zeros of the axis stay structural zeros of the matrix.
 
-    Args:
-        axis: (3,) constant unit vector.
-        angle: rotation angle, rad.
-
-    Returns:
-        (3, 3) rotation matrix.
+    axis (3,) → (3, 3).
     """
     s, c = ca.sin(angle), ca.cos(angle)
     return ca.DM.eye(3) * c + skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
@@ -133,11 +114,7 @@ def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
     Columns 1 and 2 are signed so that their entry of largest magnitude is positive;
     column 3 = column 1 × column 2 (errata, rule of Table B.5).
 
-    Args:
-        matrix: (3, 3) symmetric.
-
-    Returns:
-        (3,) eigenvalues and (3, 3) rotation whose columns are the eigenvectors.
+    matrix (3, 3) → (3,).
     """
     a = [[matrix[i, j] for j in range(3)] for i in range(3)]
     columns = [ca.DM.eye(3)[:, i] for i in range(3)]

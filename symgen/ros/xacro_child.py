@@ -141,12 +141,7 @@ class Files:
     """
 
     def __init__(self, path: Path, packages: Packages) -> None:
-        """Allow the package of a file, or its folder where it is in none, and `packages`.
-
-        Args:
-            path: the file that is expanded.
-            packages: --package folders.
-        """
+        """Allow the package of a file, or its folder where it is in none, and `packages`."""
         real = path.resolve()
         self.packages = packages
         self.folders = [_package_of(real) or real.parent]
@@ -163,12 +158,7 @@ class Files:
         return str(folder)
 
     def open(self, name: str | Path, *_: str) -> io.StringIO:
-        """Text of a file.
-
-        Raises:
-            OSError: it cannot be read, or is not a regular file.
-            ValueError: it lies elsewhere, is too large, or is not UTF-8.
-        """
+        """Text of a file."""
         path = Path(name)
         if path.exists() and not self._may_read(path.resolve()):
             raise ValueError(
@@ -197,13 +187,7 @@ def _package_of(path: Path) -> Path | None:
 
 
 def confine(xacro: Any, substitutions: Any, files: Files) -> None:
-    """Replace what opens files, evaluates expressions and reads the environment.
-
-    Args:
-        xacro: the module.
-        substitutions: its module of $(…).
-        files: what may be read.
-    """
+    """Replace what opens files, evaluates expressions and reads the environment."""
     # Includes and load_yaml: a name of the module hides the built-in one.
     xacro.open = files.open
     xacro.safe_eval = evaluate

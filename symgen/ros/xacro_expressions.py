@@ -23,11 +23,7 @@ MOST_BITS = 4096
 
 
 def plain_type(value: Any) -> type:
-    """Type of plain data.
-
-    Raises:
-        TypeError: the value is a function, a type or an object of Python.
-    """
+    """Type of plain data."""
     if type(value) in _PLAIN or value is None:
         return type(value)
     raise TypeError("type() answers for numbers, texts, lists and tables only")
@@ -50,20 +46,7 @@ BUILTINS: Mapping[str, Any] = {
 def evaluate(
     text: str, names: MutableMapping[str, Any], local: Mapping[str, Any] | None = None
 ) -> Any:
-    """Return the value of an expression.
-
-    Args:
-        text: Python expression.
-        names: its global names; an entry `__builtins__` is written.
-        local: its local names.
-
-    Returns:
-        The value, of any type.
-
-    Raises:
-        ValueError: it uses names or constructs that expressions do not have.
-        SyntaxError: it is not an expression.
-    """
+    """Return the value of an expression."""
     tree = ast.parse(text.strip(), "<expression>", "eval")
     for node in ast.walk(tree):
         if isinstance(node, _REFUSED):
@@ -103,18 +86,7 @@ class _Guards(ast.NodeTransformer):
 
 
 def power(base: Any, exponent: Any) -> Any:
-    """Return base ** exponent.
-
-    Args:
-        base: a number.
-        exponent: a number.
-
-    Returns:
-        The power.
-
-    Raises:
-        ValueError: both are whole numbers, and the power has more than `MOST_BITS` bits.
-    """
+    """Return base ** exponent."""
     if isinstance(base, int) and isinstance(exponent, int):
         bits = base.bit_length() * exponent
         if bits > MOST_BITS and base not in {-1, 1}:
@@ -126,18 +98,7 @@ def power(base: Any, exponent: Any) -> Any:
 
 
 def attribute(value: Any, name: str) -> Any:
-    """Return an entry of a name space or YAML table, or a method of plain data.
-
-    Args:
-        value: a value of an expression.
-        name: the name after the dot.
-
-    Returns:
-        The entry or the method.
-
-    Raises:
-        AttributeError: the value has no such entry, or is no plain data.
-    """
+    """Return an entry of a name space or YAML table, or a method of plain data."""
     kind = type(value)
     is_wrapped = kind.__module__ == "xacro" and isinstance(value, dict | list)
     base = kind if kind in _METHODS else None

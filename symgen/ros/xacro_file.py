@@ -86,11 +86,7 @@ def expanded(
 
 
 def _answer(path: Path, job: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
-    """Answer of the process.
-
-    Raises:
-        BuildError: it ended without one.
-    """
+    """Answer of the process."""
     program = [sys.executable, "-I", "-B", "-c", _PROGRAM, json.dumps(sys.path)]
     try:
         run = subprocess.run(

@@ -45,19 +45,7 @@ class DriverKind:
 
 
 def imported(module: str, driver: str, remedy: str) -> ModuleType:
-    """Module of a maker's library.
-
-    Args:
-        module: its name.
-        driver: name of the driver that needs it.
-        remedy: how to install it.
-
-    Returns:
-        The module.
-
-    Raises:
-        SimulationError: it is not installed, or cannot be loaded.
-    """
+    """Module of a maker's library."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -67,19 +55,7 @@ def imported(module: str, driver: str, remedy: str) -> ModuleType:
 
 
 def require_address(settings: DriverSettings, driver: str, example: str) -> str:
-    """Address of the robot.
-
-    Args:
-        settings: of the driver.
-        driver: its name.
-        example: of an address.
-
-    Returns:
-        The address.
-
-    Raises:
-        SimulationError: none is given.
-    """
+    """Address of the robot."""
     if not settings.address:
         raise SimulationError(
             f"the driver '{driver}' needs the address of the robot; give --driver "
@@ -89,19 +65,7 @@ def require_address(settings: DriverSettings, driver: str, example: str) -> str:
 
 
 def row_of(values: object, lib: Library, what: str) -> Array:
-    """Numbers of all joints, as a robot sends them.
-
-    Args:
-        values: sequence of n numbers.
-        lib: library of the robot.
-        what: their name, for the message.
-
-    Returns:
-        (n,).
-
-    Raises:
-        SimulationError: another number of joints.
-    """
+    """Numbers of all joints, as a robot sends them."""
     row = np.array(values, dtype=float)
     if row.shape != (lib.n_joints,):
         raise SimulationError(

@@ -53,11 +53,7 @@ class FrankaDriver(Driver):
         return time.monotonic()
 
     def state(self) -> Sample:
-        """Newest sample of the robot at rest.
-
-        Raises:
-            NoSampleError: the robot does not answer.
-        """
+        """Newest sample of the robot at rest."""
         try:
             return self._sample(self._robot.read_once())
         except self._franka.FrankaException as error:
@@ -66,11 +62,7 @@ class FrankaDriver(Driver):
             ) from None
 
     def begin(self, motion: Motion) -> None:
-        """Start the control of joint positions.
-
-        Raises:
-            NoSampleError: the robot refuses it.
-        """
+        """Start the control of joint positions."""
         mode = self._franka.ControllerMode.JointImpedance
         try:
             self._control = self._robot.start_joint_position_control(mode)
@@ -80,11 +72,7 @@ class FrankaDriver(Driver):
             ) from None
 
     def exchange(self, reference: Reference) -> Sample:
-        """Wait for the state of this millisecond and command the reference.
-
-        Raises:
-            NoSampleError: the connection or the motion has ended.
-        """
+        """Wait for the state of this millisecond and command the reference."""
         self._last = reference
         return self._exchanged(self._franka.JointPositions(reference.q.tolist()))
 

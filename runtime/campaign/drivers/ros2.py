@@ -74,20 +74,12 @@ class RosDriver(Driver):
         return time.monotonic()
 
     def state(self) -> Sample:
-        """Newest sample of the robot at rest.
-
-        Raises:
-            NoSampleError: no message arrived in time.
-        """
+        """Newest sample of the robot at rest."""
         self._inbox.clear()
         return self._next(WAIT_S)
 
     def begin(self, motion: Motion) -> None:
-        """Send the motion as one goal.
-
-        Raises:
-            NoSampleError: the controller does not accept it.
-        """
+        """Send the motion as one goal."""
         goal = self._action.Goal()
         goal.trajectory.joint_names = list(self.lib.joint_names)
         count = max(1, int(np.ceil(motion.duration * RATE)))
@@ -126,21 +118,13 @@ class RosDriver(Driver):
             yield Reference(q[0], dq[0], ddq[0])
 
     def exchange(self, reference: Reference) -> Sample:
-        """Wait for the next message; the goal commands the references.
-
-        Raises:
-            NoSampleError: no message arrived in time.
-        """
+        """Wait for the next message; the goal commands the references."""
         sample = self._next(LATE / self.rate_hz)
         self._newest = sample.t
         return sample
 
     def end(self) -> None:
-        """Wait for the result of the goal.
-
-        Raises:
-            NoSampleError: there is none, or the controller reports an error.
-        """
+        """Wait for the result of the goal."""
         waited = self._goal.get_result_async()
         self._ros.spin_until_future_complete(self._node, waited, timeout_sec=WAIT_S)
         result = waited.result().result if waited.done() else None

@@ -68,11 +68,7 @@ class UrDriver(Driver):
         return time.monotonic()
 
     def state(self) -> Sample:
-        """Newest sample of the robot at rest.
-
-        Raises:
-            NoSampleError: the connection is lost.
-        """
+        """Newest sample of the robot at rest."""
         if not self._receive.isConnected():
             raise NoSampleError(
                 "the connection by RTDE was lost; check the network, then repeat the command"
@@ -84,11 +80,7 @@ class UrDriver(Driver):
         return Sample(read.getTimestamp(), self.clock(), q, dq, self._gains * current)
 
     def exchange(self, reference: Reference) -> Sample:
-        """Command one reference for a period and read the state at its end.
-
-        Raises:
-            NoSampleError: the connection is lost, or the robot has stopped.
-        """
+        """Command one reference for a period and read the state at its end."""
         begin = self._control.initPeriod()
         accepted = self._control.servoJ(reference.q.tolist(), 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
         if not accepted or self._receive.isProtectiveStopped():

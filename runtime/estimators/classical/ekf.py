@@ -25,11 +25,7 @@ _CHECK_EVERY = 100
 
 
 def fit_ekf(problem: Problem) -> Fit:
-    """Identify π and φ by the extended Kalman filter; the estimate is that after the last sample.
-
-    Raises:
-        IdentificationError: the recording does not suit a filter, or the filter diverged.
-    """
+    """Identify π and φ by the extended Kalman filter, estimate after the last sample."""
     data = filter_input_of(problem, "ekf")
     return _fit(problem, data, *run_ekf(problem.lib, data, problem.start))
 
@@ -59,20 +55,7 @@ def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: 
 
 @np.errstate(over="ignore", invalid="ignore")  # checked at the end
 def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, int]:
-    """Run the filter over all samples.
-
-    Args:
-        lib: library of the robot.
-        data: samples of the recording.
-        lam: λ of the first guess, (10 n,).
-
-    Returns:
-        State [q, dq, π, φ, δ] and covariance after the last sample, and the number of checks at
-        which a link was not physically consistent.
-
-    Raises:
-        IdentificationError: the state became infinite.
-    """
+    """Run the filter over all samples."""
     n, n_pi = lib.n_joints, lib.pi0.size
     at = slice(2 * n, None)
     # First state and covariance: measured position, speed of a line, first guess, friction.

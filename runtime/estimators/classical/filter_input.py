@@ -120,18 +120,7 @@ class FilterInput:
 
 
 def filter_input_of(problem: Problem, method: str) -> FilterInput:
-    """Return the training part of the recording at its full rate.
-
-    Args:
-        problem: its origin holds the recording and the span of the training samples.
-        method: name of the filter, for messages.
-
-    Returns:
-        Samples with a uniform step, their noise and their smoothed motion.
-
-    Raises:
-        NeedsError: the recording is too slow, not uniform, or has holes.
-    """
+    """Return the training part of the recording at its full rate."""
     origin = problem.origin
     if origin is None or origin.recording.tau is None:
         raise NeedsError(
@@ -159,16 +148,7 @@ def filter_input_of(problem: Problem, method: str) -> FilterInput:
 
 
 def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInput:
-    """Return a recording with torque and a uniform clock as input of a filter.
-
-    Args:
-        part: recording with q and tau.
-        dt: step, s.
-        terms: friction columns and the width of the Coulomb column.
-
-    Returns:
-        Samples, the standard deviations of their noise, and their low-passed motion.
-    """
+    """Return a recording with torque and a uniform clock as input of a filter."""
     tau = part.required("tau")
     bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
     low_passed = low_pass(bare, min(SMOOTH_HZ, 0.2 / dt))
@@ -195,12 +175,7 @@ def noise_of(values: Array) -> Array:
 def prior_covariance(lib: Library, lam: Array) -> Array:
     """Covariance of π through ∂π/∂λ from relative standard deviations of λ.
 
-    Args:
-        lib: library of the robot.
-        lam: λ of the first guess, (10 n,).
-
-    Returns:
-        Covariance, (10 n, 10 n), block diagonal.
+    lam (10 n,) → (10 n, 10 n).
     """
     jacobian = lib.pi_jacobian(lam)
     sigma = TRUST * np.maximum(np.abs(links(lam)), LAM_FLOOR)
@@ -214,12 +189,7 @@ def prior_covariance(lib: Library, lam: Array) -> Array:
 def process_noise(spread: Array, dt: float) -> Array:
     """Process noise of [q, dq] after a step.
 
-    Args:
-        spread: effect of one standard deviation of each torque on dq, (n, n).
-        dt: step, s.
-
-    Returns:
-        Covariance, (2 n, 2 n).
+    spread (n, n) → (2 n, 2 n).
     """
     both = np.concatenate([dt / 2 * spread, spread])
     noise = np.asarray(both @ both.T)

@@ -38,12 +38,7 @@ _SIMULATED = names_where(lambda column: column.in_closed_loop)
 
 
 def fit_iv(problem: Problem) -> Fit:
-    """Identify by IDIM-IV with the weights of IDIM-WLS; falls back to IDIM-WLS where it fails.
-
-    Raises:
-        NeedsError: the controller is unknown.
-        IdentificationError: the motion does not excite all parameters.
-    """
+    """Identify by IDIM-IV with the weights of IDIM-WLS; falls back to IDIM-WLS where it fails."""
     lib, train = problem.lib, problem.train
     origin = problem.controlled("iv")[0]
     names = origin.friction.columns
@@ -76,12 +71,7 @@ def fit_iv(problem: Problem) -> Fit:
 
 
 def fit_didim(problem: Problem) -> Fit:
-    """Identify by DIDIM with weights from its residuals.
-
-    Raises:
-        IdentificationError: the controller is unknown, the first guess cannot be simulated, or the
-            motion does not excite all parameters.
-    """
+    """Identify by DIDIM with weights from its residuals."""
     lib, train = problem.lib, problem.train
     origin = problem.controlled("didim")[0]
     now, weights = _first(problem), np.ones(lib.n_joints)
@@ -168,16 +158,7 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
 
 
 def observations(lib: Library, samples: Samples, part: slice) -> Array:
-    """Explicit rows [Y_b F] over β and φ, joint by joint.
-
-    Args:
-        lib: library of the robot.
-        samples: motion and friction columns.
-        part: samples to take, N of them.
-
-    Returns:
-        Rows, (N, n, n_b + n k).
-    """
+    """Explicit rows [Y_b F] over β and φ, joint by joint."""
     motion = (samples.q[part], samples.dq[part], samples.ddq[part])
     extra = spread(samples.columns[part], samples.coupling)
     return np.concatenate([lib.base_regressor(*motion), extra], axis=2)

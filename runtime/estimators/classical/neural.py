@@ -25,11 +25,7 @@ INPUTS = ("viscous", "coulomb", "dahl")
 
 
 def fit_neural(problem: Problem) -> Fit:
-    """Identify π and φ by the most probable consistent model, and the rest of friction by nets.
-
-    Raises:
-        NeedsError: there are no friction columns to learn from.
-    """
+    """Identify π and φ by the most probable consistent model, and the rest of friction by nets."""
     if not problem.train.columns.shape[2]:
         raise NeedsError(
             "the method nn needs friction columns as inputs of its nets, got none; name some, for "

@@ -41,11 +41,7 @@ class Solution:
 
 
 def fit_ols(problem: Problem) -> Fit:
-    """Identify base parameters and friction together by ordinary least squares.
-
-    Raises:
-        IdentificationError: the motion does not excite all base parameters.
-    """
+    """Identify base parameters and friction together by ordinary least squares."""
     equal = np.ones(problem.train.equations)
     statistics = problem.statistics(equal)
     solution, notes = bounded(problem, statistics)
@@ -54,18 +50,7 @@ def fit_ols(problem: Problem) -> Fit:
 
 
 def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[str, ...]]:
-    """Least squares with friction coefficients of a size that the torque allows.
-
-    Args:
-        problem: robot, friction columns and their sizes.
-        statistics: compressed samples.
-
-    Returns:
-        The solution, and sentences on coefficients at a bound.
-
-    Raises:
-        IdentificationError: the motion does not excite all unknowns.
-    """
+    """Least squares with friction coefficients of a size that the torque allows."""
     lib, names = problem.lib, problem.friction_names
     is_column = statistics.factor[:, statistics.n_base :].any(axis=0)
 
@@ -107,21 +92,7 @@ def solve(
     terms: tuple[str, ...] = (),
     known: NDArray[np.bool_] | None = None,
 ) -> Solution:
-    """Solve compressed samples by least squares with normalised columns.
-
-    Args:
-        statistics: compressed samples.
-        lib: library of the robot.
-        terms: names of the friction columns of each joint. A rotor or coupled motor that base
-            parameters explain is counted in those and gets 0.
-        known: entries of φ that are no unknowns and get 0, (n k,); None for none.
-
-    Returns:
-        β, φ and the condition number.
-
-    Raises:
-        IdentificationError: the motion does not excite all of them.
-    """
+    """Solve compressed samples by least squares with normalised columns."""
     matrix, norms = statistics.unit_columns()
     shown = np.ones(matrix.shape[1], dtype=bool)
     # A column of zeros, such as the load of a joint that carries none, is no unknown and gets 0. A
@@ -155,14 +126,6 @@ def counted_in_links(
 
     On the first joint of an arm above all, the inertia of a link has the effect of the rotor; a
     method without a prior cannot separate them. Source: Gautier's regrouping.
-
-    Args:
-        statistics: compressed samples.
-        lib: library of the robot.
-        terms: names of the friction columns of each joint.
-
-    Returns:
-        A flag per column of φ, (n k,).
     """
     optional = [name in COLUMNS and _is_optional(COLUMNS[name]) for name in terms]
     if not any(optional):
@@ -177,12 +140,7 @@ def _is_optional(column: FrictionColumn) -> bool:
 def pi_of_beta(problem: Problem, beta: Array) -> Array:
     """Return the π nearest to the first guess with K π = β.
 
-    Args:
-        problem: its start is the first guess.
-        beta: β, (n_b,).
-
-    Returns:
-        π, (10 n,).
+    beta (n_b,) → (10 n,).
     """
     guess, k = problem.lib.pi_from_lam(problem.start), problem.lib.base_matrix
     return np.asarray(guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0])
@@ -196,19 +154,7 @@ def fit_of_base(
     iterations: int | None = None,
     notes: tuple[str, ...] = (),
 ) -> Fit:
-    """Return the result of a method that estimates base parameters.
-
-    Args:
-        problem: the problem that was solved.
-        beta: β, (n_b,).
-        phi: φ, (n, k).
-        status: how the method ended, one sentence.
-        iterations: number of steps; None for closed forms.
-        notes: further sentences.
-
-    Returns:
-        The fit, with the π nearest to the first guess.
-    """
+    """Return the result of a method that estimates base parameters."""
     return fit_of_pi(problem, pi_of_beta(problem, beta), phi, status, iterations, notes)
 
 
@@ -220,19 +166,7 @@ def fit_of_pi(
     iterations: int | None = None,
     notes: tuple[str, ...] = (),
 ) -> Fit:
-    """Return the result of a method that estimates π.
-
-    Args:
-        problem: the problem that was solved.
-        pi: π, (10 n,).
-        phi: φ, (n, k).
-        status: how the method ended, one sentence.
-        iterations: number of steps; None for closed forms.
-        notes: further sentences.
-
-    Returns:
-        The fit, with λ where every link is physically consistent.
-    """
+    """Return the result of a method that estimates π."""
     lib = problem.lib
     is_consistent = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
     lam = lib.lam_from_pi(pi) if is_consistent else None

@@ -72,15 +72,6 @@ def convex_optimum(
 
     Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves the
     problem instead.
-
-    Args:
-        lib: library of the robot.
-        statistics: compressed samples.
-        first_guess: π at the start of the path, (10 n,); default is that of the URDF.
-        bounds: of the friction coefficients; None for none.
-
-    Returns:
-        The optimum, strictly consistent where it comes from the path.
     """
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
@@ -156,18 +147,7 @@ def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
 
 
 def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
-    """Convex optimum by Clarabel, min t with ‖R x − r‖ ≤ t and P_k ⪰ 0; it may lie on the boundary.
-
-    Args:
-        lib: library of the robot.
-        statistics: compressed samples.
-
-    Returns:
-        The optimum without a certificate.
-
-    Raises:
-        IdentificationError: Clarabel did not reach its tolerances.
-    """
+    """Convex optimum by Clarabel, min t with ‖R x − r‖ ≤ t and P_k ⪰ 0, also on the boundary."""
     cones = _Cones(lib, statistics)
     size = cones.width
     cost = np.zeros(size + 1)

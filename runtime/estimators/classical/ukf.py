@@ -36,11 +36,7 @@ _RIDGE = 1e-12
 
 
 def fit_ukf(problem: Problem) -> Fit:
-    """Identify β and φ by the unscented Kalman filter; the estimate is that after the last sample.
-
-    Raises:
-        IdentificationError: the recording does not suit a filter, or the filter diverged.
-    """
+    """Identify β and φ by the unscented Kalman filter, estimate after the last sample."""
     lib, data = problem.lib, filter_input_of(problem, "ukf")
     n, n_b = lib.n_joints, len(lib.base_columns)
     x, covariance = run_ukf(lib, data, problem.start)
@@ -55,19 +51,7 @@ def fit_ukf(problem: Problem) -> Fit:
 
 @np.errstate(over="ignore", invalid="ignore")  # checked at the end
 def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
-    """Run the filter over all samples.
-
-    Args:
-        lib: library of the robot.
-        data: samples of the recording.
-        lam: λ of the first guess, (10 n,).
-
-    Returns:
-        State [q, dq, β, φ, δ] and covariance after the last sample.
-
-    Raises:
-        IdentificationError: the state became infinite.
-    """
+    """Run the filter over all samples."""
     n, n_b = lib.n_joints, len(lib.base_columns)
     # First state and covariance: measured position, speed of a line, first guess, friction.
     beta = lib.base_matrix @ lib.pi_from_lam(lam)

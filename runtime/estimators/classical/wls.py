@@ -26,11 +26,7 @@ from rounding would outweigh all other joints."""
 
 
 def fit_wls(problem: Problem) -> Fit:
-    """Identify base parameters and friction with weights from the residuals.
-
-    Raises:
-        IdentificationError: the motion does not excite all base parameters.
-    """
+    """Identify base parameters and friction with weights from the residuals."""
     _, weights, silent = _reweighted(
         problem.lib,
         partial(problem.samples, "train"),
@@ -61,17 +57,7 @@ def reweighted(
 ) -> tuple[Solution, Array, str]:
     """Solve by iteratively reweighted least squares.
 
-    Args:
-        lib: library of the robot.
-        samples: N samples of all joints.
-        terms: names of the friction columns of each joint, as in `ols.solve`.
-        known: entries of φ that are no unknowns and get 0, (n k,); None for none.
-
-    Returns:
-        The solution, the weights of its residuals (n,), and names of joints without a residual.
-
-    Raises:
-        IdentificationError: the motion does not excite all base parameters.
+    known (n k,) → (n,).
     """
     return _reweighted(lib, lambda: (samples,), terms, known)
 
@@ -94,13 +80,7 @@ def _reweighted(
 def residual(lib: Library, samples: Samples, solution: Solution) -> Array:
     """Residual τ − Y_b β − F φ.
 
-    Args:
-        lib: library of the robot.
-        samples: N samples.
-        solution: β and φ.
-
-    Returns:
-        Residual, (N, n) [N·m, N].
+    Returns (N, n) [N·m, N].
     """
     rigid = samples.base_rigid(lib, solution.beta)
     if solution.phi.size:
@@ -125,12 +105,7 @@ def variance_of(residuals: Iterable[Array]) -> Array:
 def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
     """Weights 1 / var per joint.
 
-    Args:
-        variance: of the residuals, (n,).
-        lib: library of the robot.
-
-    Returns:
-        Weights, (n,), and the names of joints whose residual is zero to rounding.
+    variance (n,) → (n,).
     """
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
@@ -141,12 +116,7 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
 def with_torque(samples: Samples, tau: Array) -> Samples:
     """Return the same motion with another torque.
 
-    Args:
-        samples: N samples.
-        tau: torque, (N, n) [N·m, N].
-
-    Returns:
-        A copy with this torque.
+    tau (N, n) [N·m, N].
     """
     return replace(samples, tau=tau)
 

@@ -59,20 +59,7 @@ class Constraints:
 def constrained(
     constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
 ) -> tuple[Minimum, tuple[str, ...]]:
-    """Minimise under entropic and linear priors.
-
-    Args:
-        constraints: linear priors.
-        data: least squares over π.
-        prior: entropic prior.
-        gamma: weight of the entropic prior, one number or one per body, (n,).
-
-    Returns:
-        The minimum, and a sentence that names the bounds which hold with equality.
-
-    Raises:
-        IdentificationError: priors that contradict each other, by name.
-    """
+    """Minimise under entropic and linear priors."""
     whiten = _whitening(prior)
     start = _inside(constraints, prior, whiten)
     rows, limits = _stacked(constraints.bounds, start.size)

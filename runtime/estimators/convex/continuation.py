@@ -20,12 +20,7 @@ next; with 10, three of 20 logs with an unknown body of 3 kg ended without conve
 def factors(problem: ConvexProblem, start: Array) -> Array:
     """Falling factors on γ, from one at which `start` is nearly the minimiser down to 1.
 
-    Args:
-        problem: data, prior and constraints.
-        start: first point, (10 n,), inside of the domain.
-
-    Returns:
-        The factors, (count,).
+    start (10 n,) → (count,).
     """
     data = problem.data
     gradient, hessian = slope_of(problem, start)
@@ -67,15 +62,7 @@ def minimise_anywhere(problem: ConvexProblem, start: Array | None = None) -> Min
 
 
 def better(direct: Minimum, continued: Minimum) -> Minimum:
-    """The minimum of the smaller cost; the continued one where it converged.
-
-    Args:
-        direct: end of Newton's method at γ.
-        continued: end of the continuation.
-
-    Returns:
-        One of both.
-    """
+    """The minimum of the smaller cost; the continued one where it converged."""
     if continued.converged:
         return continued
     costs = [cost_of(m.problem, m.pi) for m in (direct, continued)]

@@ -48,20 +48,7 @@ def fit_map(
     constraints: "Constraints | None" = None,
     centre: Array | None = None,
 ) -> Fit:
-    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
-
-    Args:
-        problem: samples and first guess; its weights start the first pass.
-        kappa: trust κ in the first guess: 16 from CAD, 4 for a gripper, 1 for none.
-        constraints: linear priors.
-        centre: centre of the prior, (10 n,); None for the first guess.
-
-    Returns:
-        π, φ, λ, the estimated weights and the noise.
-
-    Raises:
-        IdentificationError: κ that is not above 0, or priors that contradict each other.
-    """
+    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients."""
     if not (np.isfinite(kappa) and kappa > 0):
         raise IdentificationError(
             f"expected a trust κ above 0, got {kappa:g}; use 16 for a URDF from CAD, 1 for none"
@@ -120,18 +107,7 @@ def fit_map(
 
 
 def fit_with_prior(problem: Problem, prior: "PriorFile | None" = None) -> Fit:
-    """Maximum a posteriori with κ and the linear priors of a file.
-
-    Args:
-        problem: samples and first guess; its weights start the first pass.
-        prior: file of inertial priors; None for the URDF alone.
-
-    Returns:
-        The most probable consistent model.
-
-    Raises:
-        IdentificationError: the priors contradict each other.
-    """
+    """Maximum a posteriori with κ and the linear priors of a file."""
     kappa = prior.kappa if prior and prior.kappa else CAD
     if prior is None:
         return fit_map(problem, kappa)

@@ -191,27 +191,14 @@ def minimise(
 
 
 def cost_of(problem: ConvexProblem, pi: Array) -> float | None:
-    """Cost of a convex problem.
-
-    Args:
-        problem: data, prior and constraints.
-        pi: (10 n,).
-
-    Returns:
-        The cost; None outside of the domain.
-    """
+    """Cost of a convex problem."""
     return _Cost(problem).value(pi)
 
 
 def slope_of(problem: ConvexProblem, pi: Array) -> tuple[Array, Array]:
     """Gradient and Hessian of the cost of a convex problem.
 
-    Args:
-        problem: data, prior and constraints.
-        pi: (10 n,), inside of the domain.
-
-    Returns:
-        (10 n,) and (10 n, 10 n).
+    pi (10 n,) → (10 n,).
     """
     return _Cost(problem).slope(pi)
 

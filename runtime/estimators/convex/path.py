@@ -64,16 +64,7 @@ class Path(NamedTuple):
 
 
 def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
-    """Falling weights γ, from `FIRST` of the unexplained loss down to a gap of `SMALLEST_GAP`.
-
-    Args:
-        data: least squares over π.
-        bodies: number n of links.
-        shrink: ratio from one weight to the next.
-
-    Returns:
-        γ, (count,), in units of the loss.
-    """
+    """Falling weights γ, from `FIRST` of the unexplained loss down to a gap of `SMALLEST_GAP`."""
     # The unexplained loss sets the unit; where it is rounding, a share of the loss of τ̂ = 0 does.
     zero_torque = data.value(np.zeros(data.factor.shape[1]))
     unit = max(data.rest / (2 * data.count), EXPLAINED * zero_torque, 1e-300)
@@ -118,20 +109,7 @@ def path_of(
     steps: int,
     converged: bool,
 ) -> Path:
-    """Path of given minimisers, with its certificate.
-
-    Args:
-        prior: entropic prior of the path.
-        gammas: weights that were tried, (count,).
-        points: minimisers, (count, 10 n).
-        losses: L at the minimisers, (count,).
-        decrement: Newton decrement at the last point.
-        steps: total number of Newton steps.
-        converged: whether the minimisation converged at every weight.
-
-    Returns:
-        The path.
-    """
+    """Path of given minimisers, with its certificate."""
     degree = 4 * (points.shape[1] // N_PARAMETERS)
     gap = degree * float(gammas[-1]) + decrement
     weight = float(prior.slope @ points[-1]) / degree

@@ -77,18 +77,7 @@ class PriorTest(NamedTuple):
 def prior_test(
     lib: Library, data: Reduced, prior: Prior, kappa: float, density: float
 ) -> PriorTest:
-    """Test a prior against data.
-
-    Args:
-        lib: library of the robot.
-        data: least squares over π, friction eliminated.
-        prior: entropic prior of all links.
-        kappa: trust κ in the prior.
-        density: S, variance with which the noise enters the unknowns, in units of the weights.
-
-    Returns:
-        T with its threshold, and the links that explain an excess.
-    """
+    """Test a prior against data."""
     level = max(density, LEAST_DENSITY)
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)

@@ -58,15 +58,7 @@ class Watch(NamedTuple):
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
-    """Descend by Adam, in the compiled loop if there is one, else by the reference.
-
-    Args:
-        descent: problem and start.
-        preset: settings.
-
-    Returns:
-        The point of the lowest validation loss.
-    """
+    """Descend by Adam, in the compiled loop if there is one, else by the reference."""
     if not descent.problem.lib.descends:
         return descend_by_steps(descent, preset)
     return descend_many([descent], preset)[0]
@@ -79,18 +71,7 @@ def descend_many(
     progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
 ) -> list[Outcome]:
-    """Descend by Adam on many problems of one robot, on threads, each as by `descend`.
-
-    Args:
-        descents: multi-start or Monte Carlo; a single one reports to the progress of its problem.
-        preset: settings of all descents.
-        threads: number of threads; the results do not depend on it.
-        progress: called with the number of descents that have ended.
-        watch: observer of the iterates; the compiled loop alone calls it.
-
-    Returns:
-        The outcomes, in order.
-    """
+    """Descend by Adam on many problems of one robot, on threads, each as by `descend`."""
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
     if batch is not None and any(d.problem.train.coupling is not None for d in descents):
         # The compiled loop takes columns of one joint each.
@@ -134,15 +115,7 @@ def descend_many(
 
 
 def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
-    """Descend by the reference of Adam, one NumPy step at a time.
-
-    Args:
-        descent: problem and start.
-        preset: settings.
-
-    Returns:
-        The point of the lowest validation loss.
-    """
+    """Descend by the reference of Adam, one NumPy step at a time."""
     problem, objective = descent.problem, descent.objective
     validated = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
     if preset.batch is None:

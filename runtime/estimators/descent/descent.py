@@ -54,32 +54,13 @@ def descent_of(
     cholesky: bool = False,
     unit: float = 1.0,
 ) -> Descent:
-    """Descent from x0 with the compressed samples that it needs.
-
-    Args:
-        problem: samples, weights and first guess.
-        objective: torque loss over the training samples.
-        x0: first point, (10 n + n k,).
-        cholesky: whether x0 begins with log-Cholesky coordinates.
-        unit: unit of mass of the problem, kg.
-
-    Returns:
-        The descent.
-    """
+    """Descent from x0 with the compressed samples that it needs."""
     train, validation = problem.statistics(), problem.validation_statistics()
     return Descent(problem, objective, train, validation, x0, cholesky, unit)
 
 
 def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
-    """Mean loss in y = [β; ψ] with a triangular factor.
-
-    Args:
-        statistics: compressed samples.
-        unit: φ = ψ · unit, (n, k).
-
-    Returns:
-        Factor, target, ρ and scale in y.
-    """
+    """Mean loss in y = [β; ψ] with a triangular factor."""
     scale = 1 / (2 * statistics.n_samples)
     if not unit.size:  # the factor over β alone is triangular already
         return LeastSquares(statistics.factor, statistics.target, statistics.rest, scale)

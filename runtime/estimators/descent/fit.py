@@ -51,11 +51,7 @@ def in_batches(preset: str | Preset | None) -> bool:
 
 
 def preset_of(preset: str | Preset | None) -> Preset:
-    """Settings by their name; the settings themselves pass through, None is "full".
-
-    Raises:
-        IdentificationError: there is no preset of that name.
-    """
+    """Settings by their name; the settings themselves pass through, None is "full"."""
     preset = preset or "full"
     if not isinstance(preset, str):
         return preset
@@ -67,18 +63,7 @@ def preset_of(preset: str | Preset | None) -> Preset:
 
 
 def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
-    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7).
-
-    Args:
-        problem: samples, weights and first guess.
-        preset: settings, or their name in `PRESETS`; None is "full".
-
-    Returns:
-        π and φ of the point with the lowest validation loss.
-
-    Raises:
-        IdentificationError: there is no preset of that name.
-    """
+    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7)."""
     settings = preset_of(preset)
     descent = start_of(problem)
     return fit_of(descent, descend(descent, settings))
@@ -88,13 +73,6 @@ def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     """Descend by Levenberg–Marquardt from the first guess with its best friction.
 
     Where it stops short of an optimum on the boundary of consistency, Newton's method goes on.
-
-    Args:
-        problem: samples, weights and first guess.
-        cholesky: descend in log-Cholesky coordinates instead of λ.
-
-    Returns:
-        π and φ of the last point.
     """
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())
@@ -122,18 +100,7 @@ def fit_many(
     progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
 ) -> list[Fit]:
-    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
-
-    Args:
-        problems: each with its data, first guess and seed.
-        preset: settings of all descents.
-        threads: default is one per core; the results do not depend on it.
-        progress: called with the number of descents that have ended.
-        watch: see `descend_many`.
-
-    Returns:
-        The fits, in order.
-    """
+    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo."""
     count = threads or cores()
     if not problems:
         return []
@@ -148,15 +115,7 @@ def fit_many(
 
 
 def start_of(problem: Problem, cholesky: bool = False) -> Descent:
-    """Descent from the first guess with its best friction.
-
-    Args:
-        problem: samples, weights and first guess.
-        cholesky: use log-Cholesky coordinates instead of λ.
-
-    Returns:
-        The descent with its compressed samples.
-    """
+    """Descent from the first guess with its best friction."""
     unit = mass_unit(problem.lib, problem.lib.pi_from_lam(problem.start))
     problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
@@ -169,15 +128,7 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
-    """Fit of the outcome of a descent, with π kept off the boundary of consistency.
-
-    Args:
-        descent: the problem and its coordinates.
-        outcome: the point that the descent has ended with.
-
-    Returns:
-        The fit.
-    """
+    """Fit of the outcome of a descent, with π kept off the boundary of consistency."""
     lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
     left_out = descent.problem.left_out

@@ -15,15 +15,7 @@ from runtime.library import Array
 
 
 def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else by the reference.
-
-    Args:
-        descent: problem and start.
-        options: damping and tolerances.
-
-    Returns:
-        The last point.
-    """
+    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else in Python."""
     if not descent.problem.lib.descends:
         return levenberg_by_steps(descent, options)
     problem, objective = descent.problem, descent.objective
@@ -54,15 +46,7 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
 
 
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time.
-
-    Args:
-        descent: problem and start.
-        options: damping and tolerances.
-
-    Returns:
-        The last point.
-    """
+    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time."""
     problem, objective = descent.problem, descent.objective
     lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
     size = problem.start.size

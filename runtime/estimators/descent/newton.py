@@ -31,16 +31,7 @@ _HALVINGS = 30
 
 
 def newton_descend(descent: Descent, start: Outcome, most_steps: int = MOST_STEPS) -> Outcome:
-    """Go on from the end of another descent by Newton's method.
-
-    Args:
-        descent: problem in log-Cholesky coordinates.
-        start: end of the other descent, in the same coordinates.
-        most_steps: limit of steps.
-
-    Returns:
-        The last point, never worse than the first, with the steps and the trace of both.
-    """
+    """Go on from the end of another descent by Newton's method."""
     objective, x = _Loss(descent), start.x
     loss, status, step = objective.value(x), Status.MAX_ITERATIONS, 0
     rows = list(

@@ -58,19 +58,7 @@ def coloured_noise_of(
     weights: Array,
     only_base: bool = False,
 ) -> ColouredNoise:
-    """Noise of what least squares over base parameters and friction leaves; no model is needed.
-
-    Args:
-        lib: library of the robot.
-        parts: samples of the statistics, or stretches of them.
-        statistics: of all samples.
-        weights: diagonal of W in the statistics, (n,).
-        only_base: weight the spectrum by the directions of the base parameters alone; friction and
-            offsets have frequencies of their own, at which errors of their columns are larger.
-
-    Returns:
-        Density and variance in units of the weights.
-    """
+    """Noise of what least squares over base parameters and friction leaves; no model is needed."""
     # Orthonormal basis Q = rows · root of the columns, from the triangular factor.
     unit, lengths = statistics.unit_columns()
     space, root = _orthonormal(unit)
@@ -94,16 +82,7 @@ def coloured_noise_of(
 
 
 def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
-    """Noise of a linear fit whose rows fit into memory.
-
-    Args:
-        rows: columns over the noise, (N, n, p).
-        target: what the columns are to explain, or what any fit of them leaves, over the noise,
-            (N, n).
-
-    Returns:
-        Density and variance in units of the noise that the rows are divided by.
-    """
+    """Noise of a linear fit whose rows fit into memory."""
     count, n, p = rows.shape
     flat = rows.reshape(count * n, p)
     lengths = np.linalg.norm(flat, axis=0)
@@ -118,16 +97,7 @@ def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
 def coloured_noise_of_basis(
     stretches: Iterable[tuple[Array, Array]], parts: int, unknowns: int | None = None
 ) -> ColouredNoise:
-    """Noise of a linear fit from an orthonormal basis of its columns.
-
-    Args:
-        stretches: basis (N, n, p) and residual (N, n), a stretch of samples at a time.
-        parts: number of stretches.
-        unknowns: number of the columns, where the basis is that of `basis_of_joints`.
-
-    Returns:
-        Density and variance in units of the noise that the rows are divided by.
-    """
+    """Noise of a linear fit from an orthonormal basis of its columns."""
     sums, power, equations, width = [], 0.0, 0, 0
     for q, rest in stretches:
         sums += [_spectral_sums(q[rows], rest[rows]) for rows in _pieces(len(q), parts)]
@@ -140,26 +110,13 @@ def coloured_noise_of_basis(
 def shares_of_basis(q: Array) -> tuple[Array, ...]:
     """Share of every frequency that a fit takes up; those of orthogonal columns add up.
 
-    Args:
-        q: orthonormal columns of one stretch of samples, (N, n, p).
-
-    Returns:
-        Σ_k q̂_k² of each of its pieces, (N_i, n).
+    q (N, n, p) → (N_i, n).
     """
     return tuple(_taken_up(q[rows]) for rows in _pieces(len(q), 1))
 
 
 def coloured_noise_of_shares(shares: Sequence[Array], rest: Array, unknowns: int) -> ColouredNoise:
-    """Noise of a linear fit to one stretch of samples, from the shares of its columns.
-
-    Args:
-        shares: from `shares_of_basis`, of all columns.
-        rest: residual, (N, n).
-        unknowns: number of the columns.
-
-    Returns:
-        Density and variance in units of the noise that the rows are divided by.
-    """
+    """Noise of a linear fit to one stretch of samples, from the shares of its columns."""
     pieces = _pieces(len(rest), 1)
     sums = [_sums(h, h, rest[rows]) for h, rows in zip(shares, pieces, strict=True)]
     return _noise_from_sums(sums, float(np.sum(rest**2)), unknowns, rest.size)

@@ -66,13 +66,7 @@ class DelayProfile(NamedTuple):
 def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) -> DelayProfile:
     """Profile of the loss over the delay.
 
-    Args:
-        rows: W, (N, n, p); a row of zeros where a joint is left out.
-        torque: δ [s] → τ at the instants of the rows shifted by δ, (N, n) [N·m, N].
-        delays: δ to try, (M,) [s], ascending and evenly spaced, 0 among them.
-
-    Returns:
-        The profile with its minimum and interval.
+    rows (N, n, p), torque (N, n) [s], delays (M,) [s].
     """
     count, n, p = rows.shape
     shifted = [torque(float(delay)) for delay in delays]

@@ -51,14 +51,7 @@ class DelayTest(NamedTuple):
 
 
 def delay_column(fit: FreeFit) -> Array | None:
-    """Change of the predicted torque by a delay of one second.
-
-    Args:
-        fit: least squares without a delay.
-
-    Returns:
-        The column, (N n, 1); None for less than three samples, and without motion.
-    """
+    """Change of the predicted torque by a delay of one second."""
     q, dq, n = fit.samples.q, fit.samples.dq, fit.scale.size
     if len(q) < 3:
         return None
@@ -72,14 +65,7 @@ def delay_column(fit: FreeFit) -> Array | None:
 
 
 def delay_test(fit: FreeFit) -> DelayTest | None:
-    """Test the time stamps of the torque.
-
-    Args:
-        fit: least squares without a delay.
-
-    Returns:
-        The test; None for less than three samples, without motion, and without noise.
-    """
+    """Test the time stamps of the torque."""
     column = delay_column(fit)
     test = None if column is None else score_test(fit, column)
     if test is None:

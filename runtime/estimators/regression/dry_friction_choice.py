@@ -99,19 +99,7 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
 def with_dry_friction(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction, late: bool
 ) -> tuple[Friction, str]:
-    """Friction terms of a commanded torque for which no command names any.
-
-    Args:
-        recording: rows before the test part.
-        lib: library of the robot.
-        preparation: its filter is used, and its delay where that is known.
-        terms: columns of a drive.
-        late: whether the delay is unknown.
-
-    Returns:
-        The terms, with `dahl` in place of `coulomb` and `position` where they lower the error, and
-        a sentence; empty where the terms stay.
-    """
+    """Friction terms of a commanded torque for which no command names any."""
     if recording.torque_source != COMMANDED or DRY not in terms.columns:
         return terms, ""
     known = None if late else preparation.torque_delay_s
@@ -157,15 +145,7 @@ def _kind(stroke: float | None, position: bool) -> str:
 
 
 def _errors(columns: Array, rest: Array) -> Array:
-    """Sums of squares of what the other blocks predict of each block.
-
-    Args:
-        columns: friction columns, (N, n, k).
-        rest: torque without that of the links at M delays, (M, N, n) [N·m, N].
-
-    Returns:
-        The sum of every delay and joint, (M, n) [(N·m)², N²].
-    """
+    """Sums of squares of what the other blocks predict of each block."""
     lengths = np.linalg.norm(columns, axis=0)
     x = np.moveaxis(columns / np.where(lengths > 0, lengths, 1.0), 0, 1)  # (n, N, k)
     y = np.moveaxis(rest, 0, 2).swapaxes(0, 1)  # (n, N, M)

@@ -49,14 +49,7 @@ class FrictionTest(NamedTuple):
 
 
 def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
-    """The two columns of every joint that moves.
-
-    Args:
-        fit: least squares with viscous, Coulomb and offset columns, or others.
-
-    Returns:
-        The columns, (N n, 2 k), two of a joint side by side, and indices of these joints, (k,).
-    """
+    """The two columns of every joint that moves."""
     dq, n = fit.samples.dq, fit.scale.size
     speed = np.sqrt(np.mean(dq**2, axis=0))
     moving = speed > 0
@@ -70,14 +63,7 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
 
 
 def friction_test(fit: FreeFit) -> FrictionTest | None:
-    """Test the friction columns of a fit.
-
-    Args:
-        fit: least squares with these columns.
-
-    Returns:
-        The test; None where no joint moves, or without noise to compare with.
-    """
+    """Test the friction columns of a fit."""
     columns, moving = friction_columns(fit)
     test = score_test(fit, columns)
     if test is None:

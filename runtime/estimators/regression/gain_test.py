@@ -89,27 +89,14 @@ class GainTest(NamedTuple):
 def gain_test(lib: Library, samples: Samples, weights: Array) -> GainTest | None:
     """Test the gains of all joints against each other.
 
-    Args:
-        lib: library of the robot.
-        samples: training samples, of which about 1500 evenly spread ones are used.
-        weights: diagonal of W, (n,) [1/(N·m)²].
-
-    Returns:
-        The test; None for rows of power, for one joint, and for data without residual.
+    weights (n,) [1/(N·m)²].
     """
     fit = free_fit(lib, samples, weights)
     return None if fit is None else gain_test_of(fit)
 
 
 def gain_test_of(fit: FreeFit) -> GainTest | None:
-    """Test the gains of all joints against each other.
-
-    Args:
-        fit: least squares without gains.
-
-    Returns:
-        The test; None for one joint, and without noise to compare with.
-    """
+    """Test the gains of all joints against each other."""
     n, count = fit.scale.size, len(fit.samples)
     if n < 2:
         return None

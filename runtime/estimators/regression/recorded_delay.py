@@ -64,20 +64,7 @@ def sign_of_delay(recording: Recording) -> float:
 def recorded_delay(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction
 ) -> RecordedDelay:
-    """Profile of the loss over the delay of a recording.
-
-    Args:
-        recording: as read, with τ.
-        lib: library of the robot.
-        preparation: its filter and clock are used, its delay and decimation are not.
-        terms: friction columns.
-
-    Returns:
-        The profile.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared, or is too short.
-    """
+    """Profile of the loss over the delay of a recording."""
     whole = prepare(
         recording.replace(columns=None, column_names=(), motors=None),
         filtered(recording, preparation),
@@ -111,15 +98,7 @@ def recorded_delay(
 
 
 def filtered(recording: Recording, preparation: Preparation) -> Preparation:
-    """The preparation without delay, decimation and removal of rest, with a low-pass.
-
-    Args:
-        recording: in SI units.
-        preparation: of the recipe.
-
-    Returns:
-        The same with its own filter, or with one of `CUTOFF_HZ` where it has none.
-    """
+    """The preparation without delay, decimation and removal of rest, with a low-pass."""
     usual = replace(
         preparation, rate_hz=None, rest_speed=None, torque_delay_s=None, regressor="acceleration"
     )

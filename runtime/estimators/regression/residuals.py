@@ -17,14 +17,7 @@ SILENT = 1e-6
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """Residuals r = Y π + F φ − τ.
 
-    Args:
-        lib: library of the robot.
-        samples: N samples of m equations each.
-        pi: π, (10 n,).
-        phi: friction coefficients, n k of them in any shape; may be empty.
-
-    Returns:
-        r, (N, m) [N·m, N; W for rows of power].
+    pi (10 n,) → (N, m) [N·m, N; W for rows of power].
     """
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
@@ -37,14 +30,7 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 
     Each unknown absorbs the noise of one independent sample, `inflation` times that of a row.
 
-    Args:
-        rest: residuals, (N, n).
-        lib: library of the robot.
-        n_phi: number of friction coefficients.
-        inflation: N / N_eff.
-
-    Returns:
-        s, (n,) [N·m, N].
+    rest (N, n) → (n,) [N·m, N].
     """
     used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
@@ -53,12 +39,7 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 def weights_from(sigma: Array, tau: Array) -> Array:
     """Weights w_j = 1/s_j², with s_j kept above rounding so that w_j stays finite.
 
-    Args:
-        sigma: noise s per joint, (n,).
-        tau: measured torque, (N, n), which sets the size of rounding.
-
-    Returns:
-        w, (n,).
+    sigma (n,), tau (N, n) → (n,).
     """
     largest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
     return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2
@@ -67,12 +48,7 @@ def weights_from(sigma: Array, tau: Array) -> Array:
 def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
     """Autocorrelation ρ_l of the residuals of each joint.
 
-    Args:
-        rest: residuals, (N, n).
-        lags: largest lag, in samples.
-
-    Returns:
-        ρ_l for l = 1 … lags, (lags, n); 0 for a joint without residual.
+    rest (N, n) → (lags, n).
     """
     out = np.zeros((lags, rest.shape[1]))
     for j, row in enumerate(np.ascontiguousarray(rest.T)):
@@ -84,15 +60,7 @@ def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
 
 
 def inflation(rest: Array, weights: Array) -> float:
-    """Variance inflation N / N_eff = 1 + 2 Σ ρ_l of all joints together (Bartlett 1946).
-
-    Args:
-        rest: residuals, (N, n).
-        weights: diagonal of W, (n,); ρ_l is averaged by the weighted power of the joints.
-
-    Returns:
-        N / N_eff, at least 1.
-    """
+    """Variance inflation N / N_eff = 1 + 2 Σ ρ_l of all joints together (Bartlett 1946)."""
     power = weights * _power(rest - rest.mean(axis=0))
     if not power.sum() > 0:
         return 1.0

@@ -17,12 +17,7 @@ THESIS_SIGMA = 0.5
 def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
     """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1 (Eq. 4.8).
 
-    Args:
-        tau: torque, (N, n) [N·m, N].
-        unit: unit of mass of the robot, kg; σ is proportional to it.
-
-    Returns:
-        w, (n,).
+    tau (N, n) [N·m, N] → (n,).
     """
     raw = 1.0 / (np.mean(tau**2, axis=0) + (unit * THESIS_SIGMA) ** 2)
     return raw / raw.mean()
@@ -54,11 +49,7 @@ class Samples:
 
     @property
     def ddq(self) -> Array:
-        """Accelerations (N, n).
-
-        Raises:
-            NeedsError: the rows have been prepared without them.
-        """
+        """Accelerations (N, n)."""
         if self.acceleration is None:
             raise NeedsError(
                 "expected accelerations, got rows prepared without; use the regressor "
@@ -90,12 +81,7 @@ class Samples:
     def rigid(self, lib: Library, pi: Array) -> Array:
         """Rigid-body torque Y π.
 
-        Args:
-            lib: library of the robot.
-            pi: π, (10 n,).
-
-        Returns:
-            Y π, (N, m).
+        pi (10 n,) → (N, m).
         """
         if self.base is not None:
             return np.asarray(self.base @ (lib.base_matrix @ pi))
@@ -104,12 +90,7 @@ class Samples:
     def base_rigid(self, lib: Library, beta: Array) -> Array:
         """Rigid-body torque Y_b β.
 
-        Args:
-            lib: library of the robot.
-            beta: β, (n_b,).
-
-        Returns:
-            Y_b β, (N, m).
+        beta (n_b,) → (N, m).
         """
         if self.base is not None:
             return np.asarray(self.base @ beta)
@@ -135,18 +116,7 @@ class Samples:
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
-    """Return the samples of a recording that is complete, finite and of this robot.
-
-    Args:
-        recording: prepared recording.
-        lib: library of the robot.
-
-    Returns:
-        N samples of m equations each; torques of known curves and springs are subtracted.
-
-    Raises:
-        IdentificationError: something is missing, or the number of joints differs.
-    """
+    """Return the samples of a recording that is complete, finite and of this robot."""
     n = lib.n_joints
     if recording.has_unknown_gains:
         raise IdentificationError(

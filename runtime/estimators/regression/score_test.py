@@ -81,13 +81,7 @@ class ScoreTest(NamedTuple):
 def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     """Fit base parameters and friction to about `ROWS` evenly spread samples.
 
-    Args:
-        lib: library of the robot.
-        samples: training samples.
-        weights: diagonal of W, (n,) [1/(N·m)²].
-
-    Returns:
-        The fit; None for rows of power and for data without residual.
+    weights (n,) [1/(N·m)²].
     """
     if samples.equations < lib.n_joints:
         return None
@@ -108,15 +102,7 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
 
 
 def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
-    """The fit with further unknowns.
-
-    Args:
-        fit: the fit without them.
-        columns: Z, in the units of its weighted torque, (N n, k).
-
-    Returns:
-        Least squares over its columns and Z, on the same samples.
-    """
+    """The fit with further unknowns."""
     added = columns - fit.basis @ (fit.basis.T @ columns)
     more = orthonormal(added, np.linalg.norm(columns, axis=0))
     explained = more @ (more.T @ fit.rest)
@@ -130,15 +116,7 @@ def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
 
 
 def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
-    """Test columns that a fit lacks.
-
-    Args:
-        fit: the fit without them.
-        columns: Z, in the units of its weighted torque, (N n, k).
-
-    Returns:
-        The test; None where Z adds no direction, or the data leave no noise to compare with.
-    """
+    """Test columns that a fit lacks."""
     added = columns - fit.basis @ (fit.basis.T @ columns)
     directions = orthonormal(added, np.linalg.norm(columns, axis=0))
     if not directions.shape[1]:
@@ -166,13 +144,7 @@ def _orthonormal_of_joints(rows: Array) -> Array:
 def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
     """Orthonormal basis of columns, without absent directions.
 
-    Args:
-        columns: (N, k).
-        lengths: of the columns before a part was taken away, (k,), to which a direction is
-            compared as well; None for the present ones.
-
-    Returns:
-        The basis, (N, at most k).
+    columns (N, k), lengths (k,) → (N, at most k).
     """
     units = np.linalg.norm(columns, axis=0) if lengths is None else lengths
     scaled = columns / np.where(units > 0, units, 1.0)

@@ -31,12 +31,7 @@ class TorqueObjective:
     def join(self, lam: Array, phi: Array) -> Array:
         """Unknowns x of λ and φ.
 
-        Args:
-            lam: λ, (10 n,), or log-Cholesky coordinates.
-            phi: φ, (n, k).
-
-        Returns:
-            x = [λ, ψ], (10 n + n k,).
+        lam (10 n,), phi (n, k) → (10 n + n k,) [λ, ψ].
         """
         return np.concatenate([lam, (phi / self.unit).ravel()])
 
@@ -45,12 +40,7 @@ class TorqueObjective:
     ) -> tuple[float, Array]:
         """Loss and gradient.
 
-        Args:
-            x: unknowns [λ, ψ], (10 n + n k,).
-            rows: indices of a mini-batch; default is all samples.
-
-        Returns:
-            L, and ∇L of the shape of x.
+        x (10 n + n k,) [λ, ψ].
         """
         lam, phi = self.split(x)
         s, lib = self.samples, self.lib

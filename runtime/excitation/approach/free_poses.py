@@ -50,11 +50,7 @@ class FreePoses:
     def are_free(self, q: Array) -> NDArray[np.bool_]:
         """Whether poses keep all limits with the spare share.
 
-        Args:
-            q: (N, n) [rad, m].
-
-        Returns:
-            (N,).
+        q (N, n) [rad, m] → (N,).
         """
         inside = ((q >= self.lower) & (q <= self.upper)).all(axis=1)
         return np.asarray(inside & (self._worst(q) < -self._spare))
@@ -62,12 +58,7 @@ class FreePoses:
     def is_free_between(self, first: Array, last: Array) -> bool:
         """Whether the straight way between two poses is free.
 
-        Args:
-            first: (n,) [rad, m].
-            last: (n,) [rad, m].
-
-        Returns:
-            True where every examined pose is.
+        first (n,) [rad, m], last (n,) [rad, m].
         """
         steps = max(1, int(np.ceil(np.abs(last - first).max() / STEP)))
         share = np.linspace(0.0, 1.0, steps + 1)[:, None]

@@ -24,18 +24,7 @@ RANGE = np.pi
 def free_path(lib: Library, poses: FreePoses, start: Array, end: Array, seed: int) -> Array:
     """A free polyline.
 
-    Args:
-        lib: the robot.
-        poses: poses at which it may rest, among them both ends.
-        start: (n,) [rad, m].
-        end: (n,) [rad, m].
-        seed: of the random poses.
-
-    Returns:
-        Corners with both ends, (K, n) [rad, m]; two for a straight way.
-
-    Raises:
-        IdentificationError: no way was found.
+    start (n,) [rad, m], end (n,) [rad, m] → (K, n) [rad, m].
     """
     if poses.is_free_between(start, end):
         return np.array([start, end])
@@ -122,12 +111,7 @@ def along(corners: Array) -> Array:
 def places(corners: Array, length: Array) -> Array:
     """Places on a polyline.
 
-    Args:
-        corners: (K, n) [rad, m].
-        length: (N,), as of `along`.
-
-    Returns:
-        (N, n) [rad, m].
+    corners (K, n) [rad, m], length (N,) → (N, n) [rad, m].
     """
     known = along(corners)
     return np.stack([np.interp(length, known, column) for column in corners.T], axis=1)

@@ -71,21 +71,7 @@ def way_to(
 ) -> Way:
     """A certified motion from one pose to another.
 
-    Args:
-        lib: the robot.
-        start: present pose, (n,) [rad, m].
-        end: (n,) [rad, m].
-        safety: limits beyond those of the joints.
-        share: share of the limits of velocity, acceleration, jerk, torque rate and speed of the
-            tip that may be used.
-        zero_jerk: begin and end without jerk.
-        seed: of the random poses where the straight way is not free.
-
-    Returns:
-        The way.
-
-    Raises:
-        IdentificationError: the robot may not rest at an end, or no way was found.
+    start (n,) [rad, m], end (n,) [rad, m].
     """
     if not 0 < share <= 1:
         raise IdentificationError(
@@ -131,20 +117,7 @@ def _smooth(lib: Library, poses: FreePoses, corners: Array, zero_jerk: bool) -> 
 
 
 def way_back(lib: Library, way: Trajectory, safety: Safety, share: float = 1.0) -> Trajectory:
-    """The same path from the end of a way to its start.
-
-    Args:
-        lib: the robot.
-        way: the way there.
-        safety: limits beyond those of the joints.
-        share: as of `way_to`.
-
-    Returns:
-        The motion.
-
-    Raises:
-        IdentificationError: the limits do not allow this path backwards.
-    """
+    """The same path from the end of a way to its start."""
     there = np.column_stack([np.zeros(lib.n_joints), way.coefficients])
     back = (there - there[:, -1:])[:, -2::-1]
     turned = replace(way, home=end_of(way), coefficients=np.ascontiguousarray(back), duration=1.0)

@@ -67,12 +67,7 @@ class CarriedBody:
 def with_load(pi: Array, body: CarriedBody | None) -> Array:
     """Parameters of the links with a carried body, π_link + π_body.
 
-    Args:
-        pi: of the links, (10 n,).
-        body: the body; None is an empty hand.
-
-    Returns:
-        (10 n,).
+    pi (10 n,) → (10 n,).
     """
     if body is None:
         return pi

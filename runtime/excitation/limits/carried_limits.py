@@ -49,12 +49,7 @@ class Poses:
     def at(cls, lib: Library, q: Array) -> "Poses":
         """Compute the poses of a robot.
 
-        Args:
-            lib: the robot.
-            q: (N, n) [rad, m].
-
-        Returns:
-            Poses of its joints.
+        q (N, n) [rad, m].
         """
         joints = lib.manifest.joints
         poses = lib.link_poses(q)
@@ -69,12 +64,7 @@ class Poses:
     def placed(self, joint: int, point: Array) -> Array:
         """Place of a point of a link in the base frame.
 
-        Args:
-            joint: index of the link; −1 is the base.
-            point: in the frame of the link, (3,) m.
-
-        Returns:
-            (N, 3) m.
+        point (3,) → (N, 3).
         """
         if joint < 0:
             return np.broadcast_to(point, (len(self.origin), 3))
@@ -87,12 +77,7 @@ class Poses:
     def slopes(self, point: Array, normal: Array) -> Array:
         """Slopes n · ∂P/∂q_j of a point for every joint, as if each of them moved it.
 
-        Args:
-            point: P in the base frame, (N, 3) m.
-            normal: n, (N, 3).
-
-        Returns:
-            (N, n).
+        point (N, 3), normal (N, 3) → (N, n).
         """
         turned = np.cross(self.axis, point[:, None] - self.origin)
         return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
@@ -101,13 +86,7 @@ class Poses:
 def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
     """Points of segments nearest to the box |x_i| ≤ h_i, and the way there from the box.
 
-    Args:
-        start: p₀ in the frame of the box, (N, 3) m.
-        direction: d, (N, 3) m; zero for a sphere.
-        half: h, (3,) m.
-
-    Returns:
-        Points P and ways e = P − Q from the closest points Q of the box, (N, 3) m each.
+    start (N, 3), direction (N, 3), half (3,) → (N, 3).
     """
 
     def way(s: Array) -> Array:

@@ -27,19 +27,7 @@ AT_LIMIT = 1e-9
 def constraints(
     lib: Library, home: Array, safety: Safety | None
 ) -> tuple[Braking | TimedConstraint, ...]:
-    """Limits that are not linear in the coefficients.
-
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-        safety: limits; None is the document's mode, in which dependent joints alone have any.
-
-    Returns:
-        One constraint per kind of limit.
-
-    Raises:
-        IdentificationError: `safety` needs limits or proxies that the robot does not state.
-    """
+    """Limits that are not linear in the coefficients."""
     dependents = dependent_joints(lib, home)
     if safety is None:
         return dependents
@@ -118,15 +106,7 @@ def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
 
 
 def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
-    """Check that the robot may rest at home.
-
-    Args:
-        limits: constraints of the design.
-        home: (n,) rad or m.
-
-    Raises:
-        IdentificationError: a limit is exceeded there; which, and by how much.
-    """
+    """Check that the robot may rest at home."""
     rest = np.zeros((4, 1, len(home)))
     rest[0] = home
     for constraint in limits:

@@ -53,12 +53,7 @@ class DependentJoints:
     def slopes(self, q: Array, dq: Array) -> Array:
         """Slopes of dx/dt; those by dq are ∂x/∂q.
 
-        Args:
-            q: positions of the independent joints, (N, n) [rad, m].
-            dq: their velocities, (N, n) [rad/s, m/s].
-
-        Returns:
-            Slopes by q and by dq, (N, R, 2, n).
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s] → (N, R, 2, n).
         """
         slopes = np.zeros((len(q), len(self.rows), 2, q.shape[1]))
         for j, unit in enumerate(np.eye(q.shape[1])):
@@ -73,12 +68,7 @@ class DependentJoints:
     def rise(self, bounds: IntervalBounds, order: int) -> Array:
         """Largest rise of x or of a derivative between samples; of couplings.
 
-        Args:
-            bounds: of the independent joints on K intervals.
-            order: of the derivative, 0 for x.
-
-        Returns:
-            (K, R) [rad, m, and per s …].
+        Returns (K, R) [rad, m, and per s …].
         """
         rows, n = list(self.rows), self.lib.n_joints
         matrix = np.abs(self.lib.all_velocities(np.eye(n))[:, rows].T)  # A
@@ -192,15 +182,7 @@ class DependentVelocity(_OfDependents):
 def dependent_joints(
     lib: Library, home: Array
 ) -> tuple[DependentPosition | DependentVelocity, ...]:
-    """Constraints of the dependent joints whose limits do not limit one master alone.
-
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-
-    Returns:
-        Those of positions and of velocities, each where a joint has such a limit.
-    """
+    """Constraints of the dependent joints whose limits do not limit one master alone."""
     joints = DependentJoints(lib, dependent_rows(lib))
     if not joints.rows:
         return ()
@@ -217,14 +199,7 @@ def dependent_joints(
 
 
 def dependent_rows(lib: Library) -> tuple[int, ...]:
-    """Indices of the dependent joints that several joints, or a closed loop, move.
-
-    Args:
-        lib: the robot.
-
-    Returns:
-        Indices among `lib.all_joint_names`.
-    """
+    """Indices of the dependent joints that several joints, or a closed loop, move."""
     coupling, manifest = lib.manifest.coupling, lib.manifest
     if manifest.loops:
         free = set(lib.joint_names)
@@ -238,12 +213,7 @@ def dependent_rows(lib: Library) -> tuple[int, ...]:
 def dependent_limits(lib: Library, rows: tuple[int, ...]) -> tuple[Array, Array, Array]:
     """Limits of chosen joints, ±inf where none are stated.
 
-    Args:
-        lib: the robot.
-        rows: indices among all joints.
-
-    Returns:
-        Lower and upper ends [rad, m] and velocities [rad/s, m/s], (R,) each.
+    Returns (R,) [rad, m].
     """
     facts = [lib.manifest.all_joints[k] for k in rows]
     missing = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}

@@ -62,15 +62,7 @@ class TipBox:
         return np.repeat(rise[:, None] / LENGTH, len(self.labels), axis=1)
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Coordinate of the tip at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            Coordinate and limit [m] and their unit.
-        """
+        """Coordinate of the tip at a value of the constraint."""
         end = float(np.concatenate([self.upper, self.lower])[row])
         return end + g * (LENGTH if row < 3 else -LENGTH), end, "m"
 
@@ -111,15 +103,7 @@ class TipSpeed:
         return rise[:, None] / self.limit**2
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Speed of the tip at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            Speed and limit [m/s] and their unit.
-        """
+        """Speed of the tip at a value of the constraint."""
         return self.limit * float(np.sqrt(max(0.0, 1 + 2 * g))), self.limit, "m/s"
 
 
@@ -230,27 +214,12 @@ class TableClearance(Clearance):
 
 
 def body_of(proxy: ProxyFacts) -> Body:
-    """A proxy as a body; the axis of a capsule keeps its radius from the surface.
-
-    Args:
-        proxy: capsule.
-
-    Returns:
-        Its link, and the farther end of its axis.
-    """
+    """A proxy as a body; the axis of a capsule keeps its radius from the surface."""
     return Body(proxy.joint, float(np.linalg.norm([proxy.start, proxy.end], axis=1).max()))
 
 
 def use_of(constraint: Constraint, g: float) -> float:
-    """Use of a limit, 1 on the limit: 1 + g, and v / v_max for the speed, whose g is in squares.
-
-    Args:
-        constraint: kind of the limit.
-        g: value of the constraint.
-
-    Returns:
-        The use.
-    """
+    """Use of a limit, 1 on the limit: 1 + g, and v / v_max for the speed, whose g is in squares."""
     if isinstance(constraint, TipSpeed):
         return constraint.measured(0, g)[0] / constraint.limit
     return 1 + g

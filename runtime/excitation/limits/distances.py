@@ -23,18 +23,7 @@ _PROBES = 32
 
 
 def distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    """Constraints on distances.
-
-    Args:
-        lib: the robot.
-        safety: margins, table, obstacles and carried body.
-
-    Returns:
-        One constraint per kind of distance.
-
-    Raises:
-        IdentificationError: the robot has no proxies for what is requested.
-    """
+    """Constraints on distances."""
     if safety.clearance is not None and not lib.pairs:
         raise _no_proxies(lib, "a clearance between its links")
     if safety.table is not None and not lib.moving_proxies:

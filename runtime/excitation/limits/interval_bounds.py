@@ -36,13 +36,7 @@ class IntervalBounds:
     """Bounds on K intervals of one length; each kind is computed once for all constraints."""
 
     def __init__(self, lib: Library, motion: Array, step: float) -> None:
-        """Bounds from those of the joints.
-
-        Args:
-            lib: the robot, with kernels of bounds.
-            motion: bounds of |q| and five derivatives in time, (6, K, n) [rad, m, and per s …].
-            step: length of the intervals, s.
-        """
+        """Bounds from those of the joints."""
         self.motion, self.step = motion, step
         self._lib, self._rows = lib, np.ascontiguousarray(motion.swapaxes(0, 1))
         self._torques: dict[bytes, Array] = {}
@@ -52,11 +46,7 @@ class IntervalBounds:
     def bend(self, second: Array) -> Array:
         """Rise of a function above the larger end of an interval, δ²/8 sup |g''|.
 
-        Args:
-            second: sup |g''|, (K, R).
-
-        Returns:
-            (K, R).
+        second (K, R) → (K, R).
         """
         return self.step**2 / 8 * second
 
@@ -74,15 +64,7 @@ class IntervalBounds:
         return self._tip
 
     def approach(self, first: Body, second: Body = BASE) -> Array:
-        """Bound of the rate of the distance of two bodies, (K,) m/s.
-
-        Args:
-            first: a body.
-            second: another one.
-
-        Returns:
-            Sum over the joints that move only one of them.
-        """
+        """Bound of the rate of the distance of two bodies, (K,) m/s."""
         if self._speeds is None:
             self._speeds = self._lib.speed_bounds(np.ascontiguousarray(self._rows[:, :2]))
         origin, turn = self._speeds

@@ -28,20 +28,7 @@ class Limits:
         basis: Basis = COSINE,
         share: float = 1.0,
     ) -> None:
-        """Limits on a grid.
-
-        Args:
-            lib: the robot.
-            home: (n,) start and end position, rad or m.
-            harmonics: functions of the basis per joint.
-            duration: t_f, s.
-            step: of the grid, s.
-            basis: functions of the motion.
-            share: of every limit, and of the way from home to the ends, that may be used.
-
-        Raises:
-            IdentificationError: home is not inside the limits.
-        """
+        """Limits on a grid."""
         limits = lib.limits()
         self.assumptions: list[str] = []
         low, high = (f"{DEFAULT_RANGE:.4g} {side} home" for side in ("below", "above"))
@@ -134,12 +121,7 @@ def whitening(matrix: Array, n: int) -> Array:
 def inside(limits: Limits, a: Array) -> Array:
     """Scale the coefficients of each joint back until no limit is exceeded.
 
-    Args:
-        limits: limits on a grid.
-        a: coefficients, (n, M).
-
-    Returns:
-        Coefficients within the limits on that grid, (n, M).
+    a (n, M) → (n, M).
     """
     rho = np.maximum(1.0, np.max(list(limits.use(a).values()), axis=0))
     return a / rho[:, None]

@@ -20,16 +20,7 @@ NEAR = -0.35
 
 
 def spared(constraint: Constraint, share: float) -> float:
-    """Amount by which g is raised so that g ≤ 0 leaves a share of the limit unused.
-
-    Args:
-        constraint: kind of the limit.
-        share: of the limit that may be used, above 0 and up to 1.
-
-    Returns:
-        1 − share where g is use − 1, (1 − share²)/2 for the speed of the tip, whose g is in
-        squares, and 0 for places and distances.
-    """
+    """Amount by which g is raised so that g ≤ 0 leaves a share of the limit unused."""
     if isinstance(constraint, TipSpeed):
         return (1 - share**2) / 2
     uses = Braking | Torque | TorqueRate | DependentPosition | DependentVelocity
@@ -42,13 +33,6 @@ def unit_of(constraint: Constraint, share: float) -> float:
     Coefficients at the bounds are as small as the share. In units of the whole limit a motion far
     beyond the share of another one has a small g, and a penalty that outweighs the cost for whole
     limits does not outweigh it.
-
-    Args:
-        constraint: kind of the limit.
-        share: of the limit that may be used, above 0 and up to 1.
-
-    Returns:
-        The share, and its square for the speed of the tip, whose g is in squares.
     """
     return share**2 if isinstance(constraint, TipSpeed) else share
 
@@ -68,16 +52,7 @@ class LimitRows:
         tightened: float = 0.0,
         share: float = 1.0,
     ) -> None:
-        """Rows of constraints on a grid.
-
-        Args:
-            constraints: the limits.
-            home: (n,) rad or m.
-            basis: φ_m and three derivatives at times over the whole duration, (N, M, 4).
-            half: the motion is its own mirror image, so that even constraints use its first half.
-            tightened: added to every g, in units of the share.
-            share: of every limit that may be used; distances and places have margins instead.
-        """
+        """Rows of constraints on a grid."""
         self._constraints, self._home, self._basis = tuple(constraints), home, basis
         self._tightened = tightened
         self._spared = [spared(each, share) for each in self._constraints]
@@ -122,12 +97,7 @@ class LimitRows:
     def linearised(self, a: Array, near: float = NEAR) -> tuple[NDArray[np.intp], Array, Array]:
         """Rows that a step could violate.
 
-        Args:
-            a: coefficients, (n, M).
-            near: rows above this value are included.
-
-        Returns:
-            Numbers (m,), values (m,) and slopes (m, n M) of the rows.
+        a (n, M) → (m,).
         """
         values = self.values(a)
         chosen = np.flatnonzero(values > near)
@@ -136,12 +106,7 @@ class LimitRows:
     def jacobian(self, a: Array, chosen: NDArray[np.intp]) -> Array:
         """Slopes ∂g/∂vec(a) of chosen rows.
 
-        Args:
-            a: coefficients, (n, M).
-            chosen: numbers of the rows, ascending, (m,).
-
-        Returns:
-            (m, n M).
+        a (n, M), chosen (m,) → (m, n M).
         """
         motion = self.motion(a)
         blocks, first = [np.zeros((0, a.size))], 0
@@ -162,15 +127,7 @@ class LimitRows:
         return np.concatenate(blocks)
 
     def strongest(self, a: Array, count: int = 2) -> list[str]:
-        """Names of the rows with the largest g, each of another constraint or joint.
-
-        Args:
-            a: coefficients, (n, M).
-            count: number of names.
-
-        Returns:
-            Kind and label of each, largest first.
-        """
+        """Names of the rows with the largest g, each of another constraint or joint."""
         named = [
             (float(g), f"{constraint.kind} ({label})")
             for constraint, values in zip(self._constraints, self.by_constraint(a), strict=True)

@@ -67,12 +67,7 @@ class ModelBand:
     def changes(self, motion: Array, order: int) -> Array:
         """Rate in time of `torques` (order 0) or `rates` (order 1).
 
-        Args:
-            motion: q and four derivatives, (5, N, n).
-            order: 0 or 1.
-
-        Returns:
-            (N, n) N·m/s or N·m/s².
+        motion (5, N, n) → (N, n).
         """
         change = self.viscous * np.sign(motion[order + 1]) * motion[order + 2]
         q, dq, ddq, dddq, ddddq = motion[:5]
@@ -82,15 +77,7 @@ class ModelBand:
         return np.asarray(change)
 
     def bend(self, bounds: IntervalBounds, order: int) -> Array:
-        """Rise of `torques` (order 0) or `rates` (order 1) within intervals.
-
-        Args:
-            bounds: of the intervals.
-            order: 0 or 1.
-
-        Returns:
-            (K, n) N·m or N·m/s.
-        """
+        """Rise of `torques` (order 0) or `rates` (order 1) within intervals."""
         tau = bounds.torques(self.pi)
         second = tau[order + 2] + self.viscous * bounds.motion[order + 3]
         size = tau[order] + self.viscous * bounds.motion[order + 1]

@@ -134,13 +134,5 @@ class Braking:
         return slopes.reshape(len(dq), -1, 2, n)
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Share of the room at home that is used.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            The quantity, its limit and their unit.
-        """
+        """Share of the room at home that is used."""
         return 1 + g, 1.0, "of the room at home"

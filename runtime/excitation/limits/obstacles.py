@@ -79,21 +79,12 @@ class Obstacle:
 def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     """Read a file of obstacles.
 
-        [[obstacle]]
-        name = "post"
-        center = [0.4, 0.3, 0.5]    # m in the base frame
-        size = [0.1, 0.1, 1.0]      # m, edges; left out for a sphere
-        rpy = [0.0, 0.0, 0.0]       # rad
-        radius = 0.0                # m, rounding
-
-    Args:
-        path: TOML file.
-
-    Returns:
-        The obstacles.
-
-    Raises:
-        IdentificationError: another kind of file, or an entry that is no obstacle.
+    [[obstacle]]
+    name = "post"
+    center = [0.4, 0.3, 0.5]    # m in the base frame
+    size = [0.1, 0.1, 1.0]      # m, edges; left out for a sphere
+    rpy = [0.0, 0.0, 0.0]       # rad
+    radius = 0.0                # m, rounding
     """
     try:
         facts = toml_of(path)
@@ -194,15 +185,7 @@ class ObstacleClearance(Clearance):
 
 
 def capsule_around(box: CarriedBox, link: int) -> ProxyFacts:
-    """Capsule that contains a carried box, with its axis parallel to the longest edge.
-
-    Args:
-        box: the box.
-        link: index of the link that carries it.
-
-    Returns:
-        The capsule in the frame of that link.
-    """
+    """Capsule that contains a carried box, with its axis parallel to the longest edge."""
     size, turn = np.array(box.size), np.array(box.rotation)
     longest = int(np.argmax(size))
     radius = float(np.hypot(*np.delete(size, longest))) / 2

@@ -33,11 +33,6 @@ class SampledMotion:
 def times(jacobian: Array, speed: Array) -> Array:
     """Product J ẋ at every sample.
 
-    Args:
-        jacobian: (N, R, n).
-        speed: (N, n).
-
-    Returns:
-        (N, R).
+    jacobian (N, R, n), speed (N, n) → (N, R).
     """
     return np.asarray(np.matmul(jacobian, speed[:, :, None])[:, :, 0])

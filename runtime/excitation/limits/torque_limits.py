@@ -47,7 +47,15 @@ class _OfJoints:
         return not self.viscous.any()
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Quantity of a row in `unit`, with N instead of N·m for a slide."""
+        """Quantity of a row in `unit`, with N instead of N·m for a slide.
+
+        Args:
+            row: index of the constraint, n of the positive sign first.
+            g: its value, (quantity − limit) / limit.
+
+        Returns:
+            Quantity, limit and unit.
+        """
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, self.unit
 

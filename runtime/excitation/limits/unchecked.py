@@ -24,15 +24,7 @@ _REMEDIES = {
 
 
 def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
-    """Kinds of limits that are not checked although they exist.
-
-    Args:
-        lib: the robot.
-        safety: limits that are kept; None is the document's mode.
-
-    Returns:
-        Some of `UNCHECKED`.
-    """
+    """Kinds of limits that are not checked although they exist."""
     limits = lib.limits()
     if safety is None:
         stated = {
@@ -57,14 +49,7 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
 
 
 def unstated(lib: Library) -> tuple[str, ...]:
-    """Limits beyond those of the joints' motion that the robot does not state.
-
-    Args:
-        lib: the robot.
-
-    Returns:
-        Kind of each limit, with the joints where it concerns some only.
-    """
+    """Limits beyond those of the joints' motion that the robot does not state."""
     limits, names = lib.limits(), np.array(lib.joint_names)
     missing = []
     for key, what in (("effort", TORQUE), ("torque_rate", RATE)):
@@ -79,16 +64,7 @@ def unstated(lib: Library) -> tuple[str, ...]:
 
 
 def require_consent(missing: Collection[str], accepted: Collection[str]) -> None:
-    """Check that every limit which is not checked was accepted as such.
-
-    Args:
-        missing: kinds of limits that are not checked.
-        accepted: kinds that the user accepts, words joined by spaces or hyphens; `EVERYTHING`
-            accepts all.
-
-    Raises:
-        ExportError: the kinds that were not accepted and the remedies, or an unknown kind.
-    """
+    """Check that every limit which is not checked was accepted as such."""
     known = {_word(kind) for kind in UNCHECKED}
     words = {_word(kind) for kind in accepted}
     if unknown := sorted(words - known - {EVERYTHING}):

@@ -48,14 +48,7 @@ class Cosine(ClosedForm):
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
         """Functions in time, by the generated kernel where there is one.
 
-        Args:
-            lib: the robot, whose kernel the cosines use.
-            size: number of functions.
-            t: times, (N,) s.
-            duration: t_f, s.
-
-        Returns:
-            φ_m and three time derivatives, (N, size, 4).
+        t (N,) → (N, size, 4).
         """
         if self.zero_jerk:
             return ClosedForm.at(self, lib, size, t, duration)
@@ -64,13 +57,7 @@ class Cosine(ClosedForm):
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives w^k cos(ws + kπ/2) − [k = 0] + ½w² dᵏ/dsᵏ of the polynomial.
 
-        Args:
-            orders: number of derivatives, the function itself included.
-            size: number of functions.
-            s: t / t_f, (N,), 0 ≤ s ≤ 1.
-
-        Returns:
-            d^k φ_m/ds^k, k < orders, (orders, N, size).
+        s (N,) → (orders, N, size).
         """
         w = _frequencies(size)
         result = _waves(orders, w, s, 0)
@@ -80,15 +67,7 @@ class Cosine(ClosedForm):
         return result
 
     def bound(self, order: int, size: int) -> Array:
-        """Sum of the bounds of the wave and of the polynomial.
-
-        Args:
-            order: k of the derivative.
-            size: number of functions.
-
-        Returns:
-            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
-        """
+        """Sum of the bounds of the wave and of the polynomial."""
         w = _frequencies(size)
         hump = _HUMPS[self.zero_jerk].supremum(order)
         return np.asarray(w**order * (2 if order == 0 else 1) + w**2 / 2 * hump)
@@ -122,13 +101,7 @@ class Fourier(ClosedForm):
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives of the cosines, then of the sines.
 
-        Args:
-            orders: number of derivatives, the function itself included.
-            size: number of functions.
-            s: t / t_f, (N,), 0 ≤ s ≤ 1.
-
-        Returns:
-            d^k φ_m/ds^k, k < orders, (orders, N, size).
+        s (N,) → (orders, N, size).
         """
         w = _frequencies(size // 2)
         sines = _waves(orders, w, s, 1)
@@ -140,15 +113,7 @@ class Fourier(ClosedForm):
         return np.concatenate([cosines, sines], axis=2)
 
     def bound(self, order: int, size: int) -> Array:
-        """Sum of the bounds of the wave and of the polynomials.
-
-        Args:
-            order: k of the derivative.
-            size: number of functions.
-
-        Returns:
-            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
-        """
+        """Sum of the bounds of the wave and of the polynomials."""
         w = _frequencies(size // 2)
         sines = w**order + w * _RAMPS[self.zero_jerk].supremum(order)
         if self.zero_jerk:

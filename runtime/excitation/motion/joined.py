@@ -59,12 +59,7 @@ class JoinedMotion:
     def at(self, lib: Library, t: Array) -> tuple[Array, Array, Array, Array]:
         """States at given times; where parts meet, those of the later one.
 
-        Args:
-            lib: the robot.
-            t: times, (N,) s.
-
-        Returns:
-            q, dq, ddq, dddq, (N, n) each.
+        t (N,) → (N, n).
         """
         t = np.asarray(t, dtype=float)
         states = np.empty((4, len(t), lib.n_joints))
@@ -91,16 +86,7 @@ def end_of(trajectory: Trajectory) -> Array:
 def joined(
     approach: Trajectory | None, motion: Trajectory, back: Trajectory | None
 ) -> JoinedMotion:
-    """Approach, motion and return as one motion.
-
-    Args:
-        approach: way to the start of the motion; None where there is none.
-        motion: the motion.
-        back: way from its end; None where there is none.
-
-    Returns:
-        The parts in a row.
-    """
+    """Approach, motion and return as one motion."""
     parts = zip((WAYS[0], "motion", WAYS[1]), (approach, motion, back), strict=True)
     given = {name: part for name, part in parts if part is not None}
     return JoinedMotion(tuple(given.values()), tuple(given))

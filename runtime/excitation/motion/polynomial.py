@@ -20,12 +20,7 @@ class UnitPolynomial:
     def derivative(self, order: int, s: Array) -> Array:
         """Derivative of the polynomial.
 
-        Args:
-            order: k.
-            s: (N,), 0 ≤ s ≤ 1.
-
-        Returns:
-            d^k p/ds^k, (N,).
+        s (N,) → (N,).
         """
         k = min(order, len(self._coefficients) - 1)
         return np.asarray(polyval(s, self._coefficients[k]))

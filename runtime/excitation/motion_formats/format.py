@@ -28,10 +28,5 @@ class MotionFormat:
 
 
 def write_comments(file: IO[bytes], lines: tuple[str, ...]) -> None:
-    """Write lines that begin with #.
-
-    Args:
-        file: open for writing.
-        lines: text without line ends.
-    """
+    """Write lines that begin with #."""
     file.write("".join(f"# {line}\n" for line in lines).encode())

@@ -120,20 +120,7 @@ def _sentence(use: Use) -> str:
 def certificate_of(
     lib: Library, trajectory: Trajectory, safety: Safety | None = None
 ) -> Certificate:
-    """Bounds over all t of position, velocity, acceleration, jerk, and of the limits of `safety`.
-
-    Args:
-        lib: the robot.
-        trajectory: its motion.
-        safety: limits beyond those of the joints; None checks those of the joints alone.
-
-    Returns:
-        The largest use of every limit, with joint and time.
-
-    Raises:
-        IdentificationError: the trajectory is of another robot, or `safety` needs limits that
-            the robot does not state.
-    """
+    """Bounds over all t of position, velocity, acceleration, jerk and the limits of `safety`."""
     bounds, times = joint_bounds(lib, trajectory)
     limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)
     uses, unlimited = [], []

@@ -44,11 +44,7 @@ class CertifiedMotion:
         return (first, *self.certificate.sentences())
 
     def require_limits(self) -> None:
-        """Check that the certificate holds, as a motion for a robot must.
-
-        Raises:
-            ExportError: the limits that are exceeded, and the speed that would keep them.
-        """
+        """Check that the certificate holds, as a motion for a robot must."""
         if self.certificate.holds:
             return
         broken = ", ".join(
@@ -67,20 +63,7 @@ class CertifiedMotion:
 def certified(
     lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None = None
 ) -> CertifiedMotion:
-    """A motion with its certificate, computed here and nowhere else.
-
-    Args:
-        lib: the robot.
-        trajectory: its motion, one or several in a row.
-        safety: limits beyond those of the joints; None checks those of the joints alone.
-
-    Returns:
-        The motion; its certificate may state that limits are exceeded.
-
-    Raises:
-        IdentificationError: the trajectory is of another robot, or `safety` needs a limit that
-            the robot does not state.
-    """
+    """A motion with its certificate, computed here and nowhere else."""
     return CertifiedMotion(lib, trajectory, safety, _certificate(lib, trajectory, safety))
 
 
@@ -118,12 +101,7 @@ def _order(use: Use) -> float:
 
 
 def fastest(motion: CertifiedMotion) -> float:
-    """Largest speed found by bisection, in whole percents, at which the path keeps its limits.
-
-    Returns:
-        Share of the present speed, 0.01 to 1; 0 where no speed helps, because position, distances
-        and the box of the tip do not depend on it.
-    """
+    """Largest speed found by bisection, in whole percents, at which the path keeps its limits."""
     certificate = motion.certificate
     stays = {"position", DependentPosition.kind, "tip box", *DISTANCES}
     if any(use.kind in stays or not np.isfinite(use.bound) for use in certificate.broken):
@@ -140,18 +118,7 @@ def fastest(motion: CertifiedMotion) -> float:
 
 
 def slowed(trajectory: AnyMotion, speed: float) -> AnyMotion:
-    """The same path at a lower speed, in the duration t_f / speed.
-
-    Args:
-        trajectory: the motion, one or several in a row.
-        speed: share of its speed, above 0 and up to 1.
-
-    Returns:
-        The slower motion.
-
-    Raises:
-        IdentificationError: another speed.
-    """
+    """The same path at a lower speed, in the duration t_f / speed."""
     require_speed(speed)
     if isinstance(trajectory, JoinedMotion):
         return trajectory.slowed(speed)
@@ -159,11 +126,7 @@ def slowed(trajectory: AnyMotion, speed: float) -> AnyMotion:
 
 
 def require_speed(speed: float) -> float:
-    """The speed itself, where it is a share above 0 and up to 1.
-
-    Raises:
-        IdentificationError: it is not.
-    """
+    """The speed itself, where it is a share above 0 and up to 1."""
     if not 0 < speed <= 1:
         raise IdentificationError(
             f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
@@ -179,15 +142,6 @@ def pulled_inside(
 
     A design that touches its limits at samples exceeds them between samples by the error of the
     chords. What exceeds by more is left as it is; the certificate states it.
-
-    Args:
-        lib: the robot.
-        trajectory: its motion.
-        most: largest excess that is removed, as a share of the limit.
-        share: of the limits that the motion may use.
-
-    Returns:
-        The motion with smaller coefficients of the joints concerned.
     """
     bounds, _ = joint_bounds(lib, trajectory)
     use = bounds.max(axis=0) / share

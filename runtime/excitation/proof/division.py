@@ -30,39 +30,20 @@ class Division:
     """Bounds of one constraint on intervals, and those intervals that must be divided."""
 
     def __init__(self, peaks: Peaks, constraint: TimedConstraint) -> None:
-        """Nothing is seen yet.
-
-        Args:
-            peaks: which take in the bounds.
-            constraint: the limit.
-        """
+        """Nothing is seen yet."""
         self.peaks, self.constraint = peaks, constraint
         self._largest = np.full(len(constraint.labels), -np.inf)
         self._kept: list[tuple[NDArray[np.intp], Array]] = []
 
     def see(self, first: Array, last: Array, rise: Array, intervals: NDArray[np.intp]) -> None:
-        """Keep bounds of intervals until `settle`.
-
-        Args:
-            first: values g at the beginnings, (K, R).
-            last: values at the ends.
-            rise: largest rise of g above the larger end.
-            intervals: their numbers, (K,).
-        """
+        """Keep bounds of intervals until `settle`."""
         ends = np.maximum(first, last)
         self._largest = np.fmax(self._largest, ends.max(axis=0))
         self._kept.append((intervals, ends + rise))
         self.peaks.intervals += len(intervals)
 
     def undecided(self, step: float) -> NDArray[np.intp]:
-        """Hand all bounds that are tight to the peaks.
-
-        Args:
-            step: length of the intervals, s.
-
-        Returns:
-            Numbers of the other intervals, which are forgotten.
-        """
+        """Hand all bounds that are tight to the peaks."""
         if not self._kept:
             return np.zeros(0, dtype=np.intp)
         intervals = np.concatenate([kept[0] for kept in self._kept])
@@ -79,14 +60,7 @@ class Division:
 
 
 def see_proven(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) -> None:
-    """Take in proven bounds of all intervals of the grid up to one.
-
-    Args:
-        peaks: of constraints with a proven rise.
-        lib: the robot, with kernels of bounds.
-        grid: the motion.
-        end: number of intervals of the grid.
-    """
+    """Take in proven bounds of all intervals of the grid up to one."""
     divisions = [
         Division(peak, constraint)
         for peak in peaks

@@ -37,16 +37,6 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     """Proven bounds of position, velocity, acceleration and jerk.
 
     Half of a motion is evaluated where it is its own mirror image about t_f / 2.
-
-    Args:
-        lib: the robot.
-        trajectory: its motion.
-
-    Returns:
-        Bound of |value| / limit per kind and joint, (4, n), and the time of each maximum, (4, n) s.
-
-    Raises:
-        IdentificationError: the trajectory is of another robot.
     """
     _require_shapes(lib, trajectory)
     a, basis = trajectory.coefficients, trajectory.basis
@@ -88,14 +78,7 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def interval_count(trajectory: Trajectory) -> int:
-    """Number of short intervals; their bounds follow from those of long ones where these suffice.
-
-    Args:
-        trajectory: the motion.
-
-    Returns:
-        Count over half the duration of a motion that is its own mirror image, else over all of it.
-    """
+    """Number of short intervals, bounded by the long ones where these suffice."""
     size, basis = trajectory.coefficients.shape[1], trajectory.basis
     return max(INTERVALS, INTERVALS_PER_HARMONIC * size) * (1 if basis.is_symmetric else 2)
 
@@ -160,12 +143,7 @@ def _ends(basis: Basis, size: int, step: float, count: int) -> Array:
 def rooms(lib: Library, home: Array) -> tuple[Array, Array]:
     """Limits upwards and downwards per kind and joint; those of the position count from home.
 
-    Args:
-        lib: the robot.
-        home: (n,) rad or m.
-
-    Returns:
-        Upward and downward limits, (4, n) each.
+    home (n,) → (4, n).
     """
     limits = lib.limits()
     same = [limits[kind] for kind in KINDS[1:]]

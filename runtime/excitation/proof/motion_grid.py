@@ -34,27 +34,14 @@ class MotionGrid:
         self._weights = a.T * powers[:-1, None, None]
 
     def between(self, first: int, last: int) -> Array:
-        """States q and derivatives at neighbouring samples.
-
-        Args:
-            first: number of the first sample.
-            last: of the last one, included.
-
-        Returns:
-            (5, N, n).
-        """
+        """States q and derivatives at neighbouring samples."""
         basis, size = self._trajectory.basis, self._weights.shape[1]
         return self._moved(_phi(basis, size, first, last, self.count))
 
     def at(self, samples: NDArray[np.intp], parts: int = 1) -> Array:
         """States q and derivatives at any instants.
 
-        Args:
-            samples: instants, counted in steps of the grid over `parts`, (N,).
-            parts: of every interval of the grid.
-
-        Returns:
-            (5, N, n).
+        samples (N,) → (5, N, n).
         """
         s = samples / (self.count * parts)
         return self._moved(self._trajectory.basis.derivatives(ORDERS, self._weights.shape[1], s))
@@ -62,13 +49,7 @@ class MotionGrid:
     def suprema(self, first: Array, last: Array, step: float) -> Array:
         """Bounds of |q| and five derivatives on intervals: the larger end, and half a step of more.
 
-        Args:
-            first: states at the beginnings of K intervals, (5, K, n).
-            last: states at their ends.
-            step: their length, s.
-
-        Returns:
-            (6, K, n).
+        first (5, K, n) → (6, K, n).
         """
         bounds = np.empty((ORDERS + 1, *first.shape[1:]))
         np.maximum(np.abs(first), np.abs(last), out=bounds[:ORDERS])

@@ -43,14 +43,6 @@ def constraint_bounds(
     """Bounds of the rows of all constraints.
 
     Half of a motion is evaluated where it is its own mirror image, for braking in both directions.
-
-    Args:
-        lib: the robot.
-        constraints: the limits.
-        trajectory: the motion.
-
-    Returns:
-        One bound per row of each constraint.
     """
     grid = MotionGrid(trajectory)
     peaks = [Peaks(constraint, _is_proven(lib, constraint)) for constraint in constraints]

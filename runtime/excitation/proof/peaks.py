@@ -43,12 +43,7 @@ class Peaks:
         self._best, self._time = np.full((2, len(constraint.labels)), -np.inf)
 
     def see(self, bounds: Array, times: Array) -> None:
-        """Take in bounds.
-
-        Args:
-            bounds: of K intervals and all rows, (K, R).
-            times: middles of the intervals, (K,) s.
-        """
+        """Take in bounds."""
         if not len(bounds):
             return
         rows = np.ascontiguousarray(bounds.T)

@@ -21,12 +21,7 @@ changes it as much."""
 def in_order(search: Search, ended: Sequence[tuple[float, Array]]) -> list[Array]:
     """Coefficients of starts in the order in which they are to be tried.
 
-    Args:
-        search: the search, whose goal may state quantities to balance.
-        ended: target and coefficients (n, M) of starts.
-
-    Returns:
-        (n, M) each: nearly equal starts by their balance, then the others by their target.
+    ended (n, M) → (n, M).
     """
     by_target = sorted(ended, key=lambda one: one[0])
     if not by_target:

@@ -39,16 +39,7 @@ class ConditionCost:
         basis: Basis = COSINE,
         information: Information | None = None,
     ) -> None:
-        """Cost for motions of one basis and duration.
-
-        Args:
-            lib: the robot.
-            home: (n,) rad or m.
-            harmonics: functions of the basis per joint.
-            duration: t_f, s.
-            basis: functions of the motion.
-            information: noise, rate and unknowns; None is all base parameters and a plain WᵀW.
-        """
+        """Cost for motions of one basis and duration."""
         self._lib, self._home = lib, home
         t = np.linspace(0.0, duration, COST_SAMPLES if information is None else INFORMED_SAMPLES)
         if basis.is_symmetric:

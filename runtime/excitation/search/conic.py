@@ -29,13 +29,7 @@ class Block:
 def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, list[Array]] | None:
     """Solve min ½ xᵀP x + qᵀx over the blocks.
 
-    Args:
-        quadratic: P, (p, p), symmetric.
-        linear: q, (p,).
-        blocks: rows with their cones.
-
-    Returns:
-        x (p,) and the duals block by block; None where the solver failed.
+    quadratic (p, p), linear (p,) → (p,).
     """
     from scipy import sparse
 
@@ -94,15 +88,7 @@ class LinearRows:
         return np.maximum(self.bound - self.times(x), 0.0)
 
     def reach(self, x: Array, step: Array) -> float:
-        """Largest t ≤ 1 with A (x + t step) ≤ b, to `SLACK`.
-
-        Args:
-            x: point, (p,).
-            step: direction, (p,).
-
-        Returns:
-            t.
-        """
+        """Largest t ≤ 1 with A (x + t step) ≤ b, to `SLACK`."""
         speed = self.times(step)
         slack = np.maximum(self.bound * (1 + SLACK) - self.times(x), 0.0)
         towards = speed > 0
@@ -114,17 +100,7 @@ class LinearRows:
         programme: Callable[[Array, Array], tuple[Array, list[Array]] | None],
         more: Callable[[Array], bool] | None = None,
     ) -> tuple[Array, list[Array]] | None:
-        """Solve a programme for a step from x that keeps all rows.
-
-        Args:
-            x: point, (p,).
-            programme: takes the rows (m, p) and slacks (m,) in use; returns its variables, of which
-                the first p are the step, and its duals; None where it failed.
-            more: takes the step; true where rows of another kind have joined the programme.
-
-        Returns:
-            The last solution of the programme, or None where it failed.
-        """
+        """Solve a programme for a step from x that keeps all rows."""
         slack, solution = self.slack(x), None
         for _ in range(_ROUNDS):
             solution = programme(self.matrix[self._used], slack[self._used])

@@ -62,24 +62,14 @@ class ElasticLimits:
     def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
         """Values of chosen rows.
 
-        Args:
-            x: point, (p,).
-            numbers: of the rows, (m,).
-
-        Returns:
-            (m,).
+        x (p,), numbers (m,) → (m,).
         """
         return self._rows.values(self._coordinates.of_one(x))[numbers]
 
     def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
         """Slopes of chosen rows.
 
-        Args:
-            x: point, (p,).
-            numbers: of the rows, ascending, (m,).
-
-        Returns:
-            (m, p).
+        x (p,), numbers (m,) → (m, p).
         """
         rows = self._rows.jacobian(self._coordinates.of_one(x), numbers)
         return self._coordinates.slopes(rows)
@@ -98,12 +88,7 @@ class Correlations:
     def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
         """Matrices and slopes for a constant symmetric F.
 
-        Args:
-            points: (K, p).
-            weight: F, (n_b, n_b).
-
-        Returns:
-            C, (K, n_b, n_b), and ∂⟨F, C⟩/∂x, (K, p).
+        points (K, p), weight (n_b, n_b) → (K, n_b, n_b).
         """
         a = self._coordinates.coefficients(points)
         matrices, gradients = self._cost.correlations_slopes(a, weight)

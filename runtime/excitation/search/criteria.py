@@ -101,18 +101,7 @@ class Criterion:
 
 
 def criterion_of(name: str, has_information: bool = True) -> Criterion:
-    """The record of a criterion.
-
-    Args:
-        name: one of `CRITERIA`.
-        has_information: the torque noise is known.
-
-    Returns:
-        The record.
-
-    Raises:
-        IdentificationError: the name is unknown, or the criterion needs the torque noise.
-    """
+    """The record of a criterion."""
     if name not in CRITERIA:
         raise IdentificationError(
             f"there is no criterion '{name}'; choose from {', '.join(CRITERIA)}"
@@ -132,15 +121,7 @@ def smooth_goal(target: Measure) -> Goal:
 
 
 def relative_error(lib: Library, information: Information) -> Measure:
-    """Log of the RMS over the unknowns of σ_k / size_k.
-
-    Args:
-        lib: the robot.
-        information: noise, rate and unknowns.
-
-    Returns:
-        The measure of the information matrix (k, k).
-    """
+    """Log of the RMS over the unknowns of σ_k / size_k."""
     return log_variance(_relative_weights(lib, information))
 
 
@@ -153,13 +134,7 @@ def _relative_weights(lib: Library, information: Information) -> Array:
 def torque_error(lib: Library, home: Array, information: Information) -> Measure:
     """Log of the RMS over unseen motions of the torque error |Y_b δβ|, all joints together.
 
-    Args:
-        lib: the robot.
-        home: (n,) start and end of the unseen motions, rad or m.
-        information: noise, rate and unknowns.
-
-    Returns:
-        The measure of the information matrix (k, k), log of N·m or N.
+    home (n,) → (k, k).
     """
     return log_variance(_torque_weights(lib, home, information))
 
@@ -173,15 +148,7 @@ def _torque_weights(lib: Library, home: Array, information: Information) -> Arra
 
 
 def sizes(lib: Library, information: Information) -> Array:
-    """Typical sizes of the unknowns, to which their errors are compared.
-
-    Args:
-        lib: the robot.
-        information: states the unknowns.
-
-    Returns:
-        (k,) kg, kg·m or kg·m².
-    """
+    """Typical sizes of the unknowns, to which their errors are compared."""
     every = np.maximum(np.abs(lib.base_matrix @ lib.pi0), FLOOR)
     if information.left_out:
         return np.delete(every, information.left_out)

@@ -19,19 +19,7 @@ _here = threading.local()
 def on_workers(
     problem: SearchProblem, rounds: Rounds, scheduler: str
 ) -> Generator[Started, None, None]:
-    """Do the tasks of every round on a dask cluster, in the order in which they end.
-
-    Args:
-        problem: of the search, which every worker builds for itself.
-        rounds: its tasks.
-        scheduler: address of the scheduler.
-
-    Returns:
-        Iterator over number, target and coefficients (n, M) of each task.
-
-    Raises:
-        IdentificationError: see `runtime.parallel.on_cluster`.
-    """
+    """Do the tasks of every round on a dask cluster, in the order in which they end."""
     # On a worker the working directory is another one.
     sent = replace(problem, folder=problem.folder.resolve())
     return on_cluster(_start, sent, rounds, scheduler, "a start of the search")

@@ -137,11 +137,7 @@ def _started(
 
 
 def _best(lib: Library, search: Search, ended: Ended) -> Finished:
-    """Of the starts the first one in their order that can be finished.
-
-    Raises:
-        IdentificationError: none can.
-    """
+    """Of the starts the first one in their order that can be finished."""
     failure = None
     for a in in_order(search, [ended[number] for number in sorted(ended)]):
         try:

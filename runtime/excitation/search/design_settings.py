@@ -78,18 +78,7 @@ class DesignSettings:
 
 
 def settings_from(settings: DesignSettings | None, keywords: dict[str, Any]) -> DesignSettings:
-    """Settings with single options replaced.
-
-    Args:
-        settings: to begin with; None is the defaults.
-        keywords: attributes of `DesignSettings` that replace those of the settings.
-
-    Returns:
-        The settings of a design.
-
-    Raises:
-        IdentificationError: an unknown keyword, or a value without a meaning.
-    """
+    """Settings with single options replaced."""
     known = [field.name for field in fields(DesignSettings)]
     for word in keywords:
         if word not in known:

@@ -48,14 +48,7 @@ def weight_of(
 ) -> Array:
     """Multipliers of a cluster, V U Vᵀ of trace 1: the previous ones, as far as they lie in it.
 
-    Args:
-        at: spectrum at the point.
-        cluster: indices of its eigenvalues.
-        extreme: largest or smallest eigenvalue.
-        previous: multipliers of the last step, (m, m), or None.
-
-    Returns:
-        (m, m), of trace 1.
+    previous (m, m) → (m, m).
     """
     vectors = at.vectors[:, cluster]
     if previous is not None:
@@ -79,15 +72,7 @@ def bending(
     2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
     with a minus.
 
-    Args:
-        slopes: Vᵀ C_i V / λ with rows of the cluster and all columns, (p, r, m).
-        at: spectrum at the point.
-        cluster: indices of its eigenvalues.
-        weight: multipliers, (m, m).
-        extreme: λ.
-
-    Returns:
-        (p, p).
+    slopes (p, r, m), weight (m, m) → (p, p).
     """
     # U in the basis of the cluster, V₁ᵀ C_i V₂, and λ / |λ − Λ₂|.
     outside = np.setdiff1d(np.arange(len(at.values)), cluster)

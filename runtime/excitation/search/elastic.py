@@ -98,12 +98,7 @@ class Curved:
     def bent(self, duals: Array, after: Array) -> Array:
         """Change of the rows' slopes, weighted by their multipliers: Σ λ (J(after) − J).
 
-        Args:
-            duals: multipliers λ of the used rows and of t ≥ 0.
-            after: point after the step, (p,).
-
-        Returns:
-            Contribution of the rows to the change of the gradient of the Lagrangian, (p,).
+        after (p,) → (p,).
         """
         lam = duals[:-1]
         active = lam > SLACK
@@ -128,12 +123,7 @@ def corrected(nonlinear: Nonlinear, x: Array) -> Array | None:
     A full step along linearised rows violates by its square; without this correction the merit
     would reject it near the optimum (Maratos 1978).
 
-    Args:
-        nonlinear: rows g.
-        x: point, (p,).
-
-    Returns:
-        Step, (p,); None without violations or with too many.
+    x (p,) → (p,).
     """
     numbers, values, slopes = nonlinear.near(x)
     violated = values > 0

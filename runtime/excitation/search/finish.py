@@ -44,38 +44,14 @@ class Finished:
 
 
 def finished(lib: Library, search: Search, a: Array) -> Finished:
-    """Refine a start and repair it; Ctrl-C skips the refinement.
-
-    Args:
-        lib: the robot.
-        search: search that found it.
-        a: coefficients, (n, M).
-
-    Returns:
-        A motion that keeps its limits at 1 kHz.
-
-    Raises:
-        IdentificationError: no repair succeeds.
-    """
+    """Refine a start and repair it; Ctrl-C skips the refinement."""
     with suppress(KeyboardInterrupt):
         a = search.refined(a)
     return repaired(lib, search, a)
 
 
 def repaired(lib: Library, search: Search, a: Array) -> Finished:
-    """Move a motion inside all limits at 1 kHz.
-
-    Args:
-        lib: the robot.
-        search: search with its constraints.
-        a: coefficients, (n, M).
-
-    Returns:
-        The motion, smaller or slower where necessary.
-
-    Raises:
-        IdentificationError: no repair succeeds.
-    """
+    """Move a motion inside all limits at 1 kHz."""
     problem = search.problem
     fine = _limits(lib, search, problem.duration)
     a = inside(fine, a)

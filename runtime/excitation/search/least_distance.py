@@ -25,12 +25,7 @@ class QuadraticProgramme:
     """Objective ½ xᵀP x + qᵀx, factored once for any number of sets of rows."""
 
     def __init__(self, quadratic: Array, linear: Array) -> None:
-        """Factor the objective.
-
-        Args:
-            quadratic: P, (p, p), symmetric.
-            linear: q, (p,).
-        """
+        """Factor the objective."""
         self._factor, status = lapack.dpotrf(quadratic, lower=True, clean=True)
         self.is_convex = status == 0
         """P is positive definite."""
@@ -38,15 +33,7 @@ class QuadraticProgramme:
         self._size = float(np.linalg.norm(self._shift)) or 1.0
 
     def solve(self, blocks: Sequence[Block]) -> tuple[Array, list[Array]] | None:
-        """Solve for blocks of rows b − A x ≥ 0.
-
-        Args:
-            blocks: rows.
-
-        Returns:
-            x (p,) and the multipliers block by block; None where P is not positive definite, or
-            the rows leave no point.
-        """
+        """Solve for blocks of rows b − A x ≥ 0."""
         if not self.is_convex:
             return None
         a, b = (np.concatenate([getattr(one, name) for one in blocks]) for name in ("a", "b"))

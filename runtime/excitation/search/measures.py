@@ -87,14 +87,7 @@ def log_variance(seen: Array) -> Measure:
 
 
 def log_variances(*terms: tuple[float, Array]) -> Measure:
-    """Weighted sum of such logs, Σ weight · ½ log tr(Q G⁻¹), of one inverse.
-
-    Args:
-        *terms: weight and Q, (k, k), of each log.
-
-    Returns:
-        The measure.
-    """
+    """Weighted sum of such logs, Σ weight · ½ log tr(Q G⁻¹), of one inverse."""
 
     def measure(gram: Array) -> tuple[float, Array]:
         inverse = covariance(gram)
@@ -134,12 +127,7 @@ def weighted(*terms: tuple[float, Measure]) -> Measure:
 def of_rows(rows: Array, criterion: SpectralFunction) -> tuple[float, Array]:
     """Function of the eigenvalues of C for a regressor.
 
-    Args:
-        rows: W, (N, n_b).
-        criterion: function of the eigenvalues.
-
-    Returns:
-        f and S, (n_b, n_b), with ∂f/∂W = W S.
+    rows (N, n_b) → (n_b, n_b).
     """
     return normalised(criterion)(rows.T @ rows)
 
@@ -163,16 +151,7 @@ def rank(gram: Array) -> int:
 
 
 def too_many(excited: int, wanted: int, size: int) -> str:
-    """Sentence about more unknowns than a motion excites.
-
-    Args:
-        excited: independent columns.
-        wanted: unknown columns.
-        size: functions of the motion per joint.
-
-    Returns:
-        The sentence with its remedy.
-    """
+    """Sentence about more unknowns than a motion excites."""
     return (
         f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
         "raise --harmonics, widen the range of positions, or leave out unknowns (friction, a "

@@ -51,11 +51,7 @@ class NoiseSpectrum:
     def amplitudes(self, frequency: Array) -> Array:
         """w(f) of every joint.
 
-        Args:
-            frequency: (F,) Hz.
-
-        Returns:
-            (F, n); (F, 1) for white noise.
+        frequency (F,) → (F, n).
         """
         weight = np.ones((len(frequency), 1))
         if len(self.frequency):
@@ -68,15 +64,7 @@ class NoiseSpectrum:
         return np.asarray(weight)
 
     def weighted_cosines(self, count: int, step: float) -> Array:
-        """Matrix A with G = Σ_j (A_j Y_j)ᵀ (A_j Y_j) / σ_j².
-
-        Args:
-            count: number of samples N.
-            step: between samples [s].
-
-        Returns:
-            (n, N, N), or (1, N, N) for white noise.
-        """
+        """Matrix A with G = Σ_j (A_j Y_j)ᵀ (A_j Y_j) / σ_j²."""
         frequency = np.arange(count) / (2 * count * step)
         turn = cosines(np.eye(count))
         return np.asarray(self.amplitudes(frequency).T[:, :, None] * turn)
@@ -85,13 +73,7 @@ class NoiseSpectrum:
 def spectrum_of(rest: Array, rate: float, cutoff_hz: float | None = None) -> NoiseSpectrum:
     """Spectrum of the residuals of a log.
 
-    Args:
-        rest: residuals, (N, n) [N·m, N].
-        rate: of the rows [Hz].
-        cutoff_hz: of the filter that the rows have passed; None without.
-
-    Returns:
-        Density over the variance, smoothed.
+    rest (N, n) [N·m, N].
     """
     power = cosines(rest) ** 2
     count = len(power)

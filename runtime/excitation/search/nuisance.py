@@ -31,14 +31,7 @@ _PROBE = np.linspace(-2.0, 2.0, 41)[:, None]
 
 
 def require_of_speed(names: tuple[str, ...]) -> None:
-    """Refuse columns that are not functions of the speed of a joint.
-
-    Args:
-        names: friction columns.
-
-    Raises:
-        RuntimeFault: a column is unknown, or depends on more than the speed.
-    """
+    """Refuse columns that are not functions of the speed of a joint."""
     unusable = tuple(name for name in names if name in COLUMNS and not _is_of_speed(name))
     if unusable:
         usable = ", ".join(name for name in COLUMNS if _is_of_speed(name))
@@ -61,14 +54,7 @@ def _is_of_speed(name: str) -> bool:
 
 
 def even_columns(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns that are not odd in dq, those that a motion out and back does not separate.
-
-    Args:
-        names: friction columns.
-
-    Returns:
-        Their names, in order.
-    """
+    """Columns that are not odd in dq, those that a motion out and back does not separate."""
     values = columns(JointMotion(_PROBE), Friction(names))
     # A sum of two roundings of numbers of size one.
     is_odd = np.abs(values + values[::-1]).max(axis=(0, 1), initial=0.0) < 1e-12
@@ -95,11 +81,7 @@ class Projection:
     def seed_of_speed(self, seed: Array) -> Array:
         """Gradient in dq by way of the friction columns.
 
-        Args:
-            seed: ∂f/∂R = R S, (K, N, n, k).
-
-        Returns:
-            ∂f/∂dq of the columns alone, (K, N, n).
+        seed (K, N, n, k) → (K, N, n).
         """
         along = (seed.transpose(0, 2, 1, 3) @ self.shares.swapaxes(2, 3)).transpose(0, 2, 1, 3)
         if self.filtered is not None:
@@ -110,12 +92,7 @@ class Projection:
 def in_time(matrix: Array, rows: Array) -> Array:
     """Product of a matrix and rows along time, joint by joint.
 
-    Args:
-        matrix: (n, M, N), or (1, M, N) for all joints alike.
-        rows: (K, N, n, k).
-
-    Returns:
-        (K, M, n, k).
+    matrix (n, M, N), rows (K, N, n, k) → (K, M, n, k).
     """
     return np.asarray(np.matmul(matrix, rows.transpose(0, 2, 1, 3)).transpose(0, 2, 1, 3))
 
@@ -123,17 +100,7 @@ def in_time(matrix: Array, rows: Array) -> Array:
 def projected(
     rows: Array, dq: Array, names: tuple[str, ...], filtered: Array | None = None
 ) -> Projection:
-    """Project friction columns out of a regressor.
-
-    Args:
-        rows: Y of K motions, (K, N, n, k).
-        dq: (K, N, n) rad/s or m/s.
-        names: friction columns, functions of dq.
-        filtered: A of `NoiseSpectrum.weighted_cosines`, which the rows have passed; None without.
-
-    Returns:
-        The projected rows, and what their gradient needs.
-    """
+    """Project friction columns out of a regressor."""
     terms = Friction(names)
 
     def at(speed: Array) -> Array:

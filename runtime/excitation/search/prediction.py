@@ -261,11 +261,7 @@ def payload_sigma(spread: Array) -> tuple[float, Array]:
 
     δc = (δ(mc) − c δm) / m
 
-    Args:
-        spread: covariance of the ten parameters, (10, 10).
-
-    Returns:
-        σ of the mass, kg, and of the centre of mass, (3,) m.
+    spread (10, 10) → (3,).
     """
     load = mass(PAYLOAD)
     slope = np.zeros((3, len(PAYLOAD)))

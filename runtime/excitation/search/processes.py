@@ -32,15 +32,7 @@ _here: list[Search] = []
 
 
 def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
-    """Do the tasks in order.
-
-    Args:
-        search: the search.
-        rounds: its tasks.
-
-    Yields:
-        Number, target and coefficients (n, M) of each task.
-    """
+    """Do the tasks in order."""
     for tasks in rounds:
         for task in tasks:
             yield task.number, *task.done(search)
@@ -53,17 +45,6 @@ def side_by_side(
 
     Workers are fresh interpreters (spawn) that ignore Ctrl-C: closing the iterator ends them with
     the tasks under way. They end by themselves when this process is killed.
-
-    Args:
-        problem: of the search, which every worker builds for itself.
-        rounds: its tasks.
-        processes: number of workers.
-
-    Yields:
-        Number, target and coefficients (n, M) of each task.
-
-    Raises:
-        IdentificationError: a worker died.
     """
     context = _Spawning()
     with _safe_path():

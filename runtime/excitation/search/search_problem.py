@@ -45,15 +45,7 @@ class SearchProblem:
 
 
 def problem_of(lib: Library, settings: DesignSettings) -> SearchProblem:
-    """The problem of a design.
-
-    Args:
-        lib: the robot.
-        settings: of the design.
-
-    Returns:
-        The problem, whose home is that of the robot where the settings state none.
-    """
+    """The problem of a design."""
     rest = lib.home if settings.home is None else np.asarray(settings.home, dtype=float)
     return SearchProblem(
         *(lib.folder, lib.level, rest, settings.harmonics, settings.duration, settings.seed),

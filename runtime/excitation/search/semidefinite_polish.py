@@ -69,19 +69,7 @@ def polish(
     tolerance: float = 1e-5,
     nonlinear: Nonlinear | None = None,
 ) -> Polished:
-    """Improve an x with A x ≤ b; the merit never rises.
-
-    Args:
-        matrix: C(x).
-        x: start, (p,).
-        rows: A and b.
-        iterations: largest number of semidefinite programmes.
-        tolerance: of the merit: ends when the predicted decrease is below.
-        nonlinear: g.
-
-    Returns:
-        The end of the search.
-    """
+    """Improve an x with A x ≤ b; the merit never rises."""
 
     def at(x: Array) -> _Point:
         spectrum = Spectrum.of(matrix.at(x[None])[0])

@@ -27,20 +27,7 @@ from runtime.library import Array, Library
 def design_several(
     lib: Library, settings: DesignSettings, count: int, **search: Any
 ) -> tuple[Design, ...]:
-    """Design motions in a row, all of the same duration.
-
-    Args:
-        lib: the robot.
-        settings: of every motion; its duration is that of all together [s].
-        count: number of motions.
-        **search: keywords of `design`: progress, processes, scheduler, budget.
-
-    Returns:
-        One design per motion, in the order in which they count.
-
-    Raises:
-        IdentificationError: no motion is asked for, or the criterion counts no noise.
-    """
+    """Design motions in a row, all of the same duration."""
     known = settings.information
     if count < 1:
         raise IdentificationError(f"expected one motion or more, got {count}")
@@ -65,13 +52,7 @@ def design_several(
 def torque_sigma(lib: Library, home: Array, known: Information) -> float:
     """σ of the torque of motions never seen, all joints together, by what is known [N·m, N].
 
-    Args:
-        lib: the robot.
-        home: start of these motions, (n,) [rad, m].
-        known: of `with_motion`.
-
-    Returns:
-        v; infinite where not all unknowns are determined.
+    home (n,) [rad, m].
     """
     seen = np.sum(unseen_joints(lib, home), axis=0)
     gram = np.zeros_like(seen) if known.earlier is None else known.earlier
@@ -82,16 +63,7 @@ def torque_sigma(lib: Library, home: Array, known: Information) -> float:
 
 
 def with_motion(lib: Library, motion: Trajectory, known: Information) -> Information:
-    """Information after the log of a motion.
-
-    Args:
-        lib: the robot.
-        motion: of the log.
-        known: noise, rate, friction columns, and what is known before.
-
-    Returns:
-        The same with the information of the motion over β in `earlier`.
-    """
+    """Information after the log of a motion."""
     t = np.linspace(0.0, motion.duration, INFORMED_SAMPLES)
     q, dq, ddq, _ = motion.at(lib, t)
     rows, filtered = lib.base_regressor(q, dq, ddq)[None], None

@@ -92,16 +92,6 @@ class Search:
         """Descent from a random motion, within the limits of its grid.
 
         A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
-
-        Args:
-            number: of the task, which with the seed determines the start.
-            best: target of the best of the rounds before; infinite in the first round.
-
-        Returns:
-            Target of the goal and coefficients (n, M).
-
-        Raises:
-            IdentificationError: the limits leave no room for a motion.
         """
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(self._random(number), ELASTIC)
@@ -141,13 +131,7 @@ class Search:
         come back to a parent after the next stage is that parent, and what is not below `best` +
         `LATE_GAIN` is given up.
 
-        Args:
-            number: of the task, which with the seed determines the variation.
-            parents: coefficients (n, M), best first.
-            best: target of the first.
-
-        Returns:
-            Target of the goal and coefficients (n, M).
+        parents (n, M) → (n, M).
         """
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
@@ -190,11 +174,7 @@ class Search:
         return self._coordinates.of_one(self._random(number))
 
     def require_rank(self) -> None:
-        """Check that random motions excite all unknowns.
-
-        Raises:
-            IdentificationError: they do not, and no other motion of this basis will.
-        """
+        """Check that random motions excite all unknowns."""
         gram = self.cost.correlations(self.guess(0)[None])[0]
         excited = rank(gram)
         if excited < len(gram):
@@ -246,17 +226,7 @@ class Search:
         duration: float | None = None,
         share: float | None = None,
     ) -> LimitRows:
-        """Nonlinear limits on a grid.
-
-        Args:
-            step: of the grid, s.
-            tightened: added to every g.
-            duration: of the same path, s; None is that of the problem.
-            share: of every limit that may be used; None is the margin of the problem.
-
-        Returns:
-            The rows.
-        """
+        """Nonlinear limits on a grid."""
         lib, home, size, designed = self._grid
         end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)

@@ -68,20 +68,7 @@ def descend(
     curvature: Array | None = None,
     nonlinear: Nonlinear | None = None,
 ) -> Descended:
-    """Descend from an x with A x ≤ b.
-
-    Args:
-        objective: f and its gradient.
-        x: start, (p,).
-        rows: A and b.
-        iterations: largest number of steps.
-        tolerance: of the merit: ends when the predicted decrease, or that of three steps, is below.
-        curvature: first Hessian, (p, p); default is the length of the gradient times 1.
-        nonlinear: g.
-
-    Returns:
-        The end of the descent.
-    """
+    """Descend from an x with A x ≤ b."""
 
     def at(x: Array) -> _Point:
         value, gradient = objective(x)

@@ -21,15 +21,7 @@ UNSEEN_SEED = 20
 
 
 def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
-    """Random cosines, each scaled until it reaches a limit, those of dependent joints included.
-
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-
-    Returns:
-        `UNSEEN` motions, the same at every call.
-    """
+    """Random cosines, each scaled until it reaches a limit, those of dependent joints included."""
     shape = (lib, home, UNSEEN_HARMONICS, UNSEEN_DURATION)
     matrix, _ = Limits(*shape).inequalities()
     spread = whitening(matrix, lib.n_joints)
@@ -58,12 +50,7 @@ def unseen_times() -> Array:
 def unseen_torque(lib: Library, home: Array) -> Array:
     """Mean square of the torque per error of β: Q = mean of Y_bᵀ Y_b over unseen motions.
 
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-
-    Returns:
-        Q, (n_b, n_b): δβᵀ Q δβ is the mean over samples of |Y_b δβ|², all joints together.
+    home (n,) → (n_b, n_b).
     """
     t = unseen_times()
     result = np.zeros((len(lib.base_columns),) * 2)
@@ -76,12 +63,7 @@ def unseen_torque(lib: Library, home: Array) -> Array:
 def unseen_rows(lib: Library, home: Array) -> Array:
     """Base regressor of all samples of unseen motions.
 
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-
-    Returns:
-        Y_b, (N, n, n_b).
+    home (n,) → (N, n, n_b).
     """
     t = unseen_times()
     return np.concatenate(
@@ -92,13 +74,7 @@ def unseen_rows(lib: Library, home: Array) -> Array:
 def unseen_joints(lib: Library, home: Array) -> Array:
     """The same mean as `unseen_torque`, joint by joint.
 
-    Args:
-        lib: the robot.
-        home: (n,) start and end position, rad or m.
-
-    Returns:
-        Q_j, (n, n_b, n_b): tr(Q_j C) is the mean variance of the torque of joint j under the
-        covariance C of β.
+    home (n,) → (n, n_b, n_b).
     """
     rows = unseen_rows(lib, home)
     return np.stack([mean_gram(rows[:, j : j + 1]) for j in range(lib.n_joints)])

@@ -34,18 +34,7 @@ MOTIONS = 4
 def without_unseen(
     lib: Library, settings: DesignSettings, planned: Information
 ) -> tuple[DesignSettings, Information, str]:
-    """The settings and the planned information without parameters that no motion shows.
-
-    Args:
-        lib: the robot.
-        settings: of a design.
-        planned: noise, rate and unknowns of its log.
-
-    Returns:
-        Both, and a sentence that names the parameters; unchanged and an empty one where random
-        motions show all unknowns, where more functions per joint help, and where the unknowns are
-        those of a payload or earlier logs count.
-    """
+    """The settings and the planned information without parameters that no motion shows."""
     same = settings, planned, ""
     if planned.columns is not None or planned.earlier is not None:
         return same
@@ -77,13 +66,7 @@ def unseen(
 ) -> tuple[int, ...]:
     """Base parameters whose columns are combinations of others, to `SHOWN`.
 
-    Args:
-        motions: q, dq, ddq of every motion, (N, n) each [rad, m, s].
-        lib: the robot.
-        names: friction columns that are estimated, too.
-
-    Returns:
-        Their places in β, ascending.
+    motions (N, n) [rad, m, s].
     """
     q, dq, ddq = (np.concatenate(each) for each in zip(*motions, strict=True))
     rows = lib.base_regressor(q, dq, ddq)

@@ -68,44 +68,20 @@ class Task:
 
 
 def variation_count(criterion: str, starts: int) -> int:
-    """Number of variations that follow the starts.
-
-    Args:
-        criterion: one of `CRITERIA`.
-        starts: number of starts.
-
-    Returns:
-        The number.
-    """
+    """Number of variations that follow the starts."""
     share = SHARE if CRITERIA[criterion].is_kinked else SMOOTH_SHARE
     return int(share * starts) if starts >= FEWEST else 0
 
 
 def random_count(criterion: str, starts: int) -> int:
-    """Number of starts that are random.
-
-    Args:
-        criterion: one of `CRITERIA`.
-        starts: number of starts.
-
-    Returns:
-        The number; the other starts begin near the best ones.
-    """
+    """Number of starts that are random."""
     if CRITERIA[criterion].is_kinked or starts < FEWEST:
         return starts
     return max(FEWEST_DRAWN, int(DRAWN * starts))
 
 
 def task_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
-    """Rounds of starts and variations.
-
-    Args:
-        criterion: one of `CRITERIA`.
-        starts: number of starts.
-
-    Returns:
-        First number and end of each round, none of which is empty.
-    """
+    """Rounds of starts and variations."""
     is_kinked = CRITERIA[criterion].is_kinked
     drawn, end = random_count(criterion, starts), starts + variation_count(criterion, starts)
     ends = [0, drawn if is_kinked else min(FIRST, drawn)]
@@ -120,14 +96,6 @@ def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, A
     """Number of descents of a smooth criterion that ended far above the best of the rounds before.
 
     Far is the last bound of `TRIED`.
-
-    Args:
-        criterion: one of `CRITERIA`.
-        starts: number of starts.
-        ended: targets and coefficients of all tasks that ended.
-
-    Returns:
-        The number.
     """
     if CRITERIA[criterion].is_kinked:
         return 0
@@ -141,16 +109,7 @@ def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, A
 def rounds(
     criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]
 ) -> Iterator[list[Task]]:
-    """Tasks that may be done at once, round by round.
-
-    Args:
-        criterion: one of `CRITERIA`.
-        starts: number of starts.
-        ended: targets and coefficients of all former tasks, filled by the caller.
-
-    Yields:
-        The tasks of a round.
-    """
+    """Tasks that may be done at once, round by round."""
     drawn = random_count(criterion, starts)
     apart = 0.0 if CRITERIA[criterion].is_kinked else SAME
     for first, last in task_rounds(criterion, starts):

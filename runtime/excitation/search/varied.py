@@ -29,15 +29,7 @@ def varied(
 ) -> Array:
     """Return a parent with noise on all coordinates, or with new motions of one or two joints.
 
-    Args:
-        rng: random numbers.
-        known: points of the parents, best first, (K, p).
-        number: of the variation, by which the kind is chosen.
-        joints: number of joints, n.
-        drawn: random point (p,).
-
-    Returns:
-        Point (p,), not yet within the limits.
+    known (K, p), drawn (p,) → (p,).
     """
     x = _parent(rng, known, FAVOUR)
     if number % 3 == 2:
@@ -52,14 +44,7 @@ def varied_far(rng: np.random.Generator, known: Array, number: int, joints: int)
     Seven of eight variations have noise on all coordinates, which leads to a better optimum twice
     as often as new motions of two joints. A mirrored motion keeps the amplitudes of its joint.
 
-    Args:
-        rng: random numbers.
-        known: points of the parents, best first, (K, p).
-        number: of the variation, by which the kind is chosen.
-        joints: number of joints, n.
-
-    Returns:
-        Point (p,), not yet within the limits.
+    known (K, p) → (p,).
     """
     x = _parent(rng, known, FAR_FAVOUR)
     if number % 8 == 4:

@@ -19,15 +19,7 @@ SWEEPS = 30
 
 
 def trace_of(grams: Array, ridge: float) -> Array:
-    """Trace of the inverse information.
-
-    Args:
-        grams: (..., r, r).
-        ridge: information added to every unknown.
-
-    Returns:
-        (...).
-    """
+    """Trace of the inverse information."""
     inverse = np.linalg.inv(grams + ridge * np.eye(grams.shape[-1]))
     return np.asarray(np.trace(inverse, axis1=-2, axis2=-1))
 
@@ -37,14 +29,7 @@ def a_optimal(
 ) -> tuple[NDArray[np.intp], float]:
     """Choose candidates with the least trace of the inverse information.
 
-    Args:
-        grams: information Y_kᵀ Y_k of every candidate, (C, r, r).
-        count: K, how many are chosen; C ≥ K.
-        starts: number of random sets from which exchanges begin.
-        rng: random numbers.
-
-    Returns:
-        Indices (K,) and the trace [units of the parameters, squared, per unit of noise].
+    grams (C, r, r) → (K,).
     """
     ridge = RIDGE * float(np.trace(grams.mean(axis=0))) / grams.shape[-1]
     best, least = np.arange(count), np.inf

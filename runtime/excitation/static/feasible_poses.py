@@ -42,18 +42,7 @@ class PoseRange:
 
 
 def pose_range(lib: Library, margin: float = 1.0) -> PoseRange:
-    """Range of the poses: position limits shrunk by margin and approach.
-
-    Args:
-        lib: the robot.
-        margin: share of the way from the middle of a range to its ends that may be used.
-
-    Returns:
-        The range.
-
-    Raises:
-        IdentificationError: a margin outside 0 to 1.
-    """
+    """Range of the poses: position limits shrunk by margin and approach."""
     if not 0 < margin <= 1:
         raise IdentificationError(
             f"a margin above 0 and up to 1 is needed, got {margin:g}; 0.95 leaves 5 % of the range "
@@ -78,21 +67,7 @@ def pose_range(lib: Library, margin: float = 1.0) -> PoseRange:
 def feasible_poses(
     lib: Library, count: int, safety: Safety, where: PoseRange, rng: np.random.Generator
 ) -> Array:
-    """Random poses, uniform over the range, that keep every limit on both approaches.
-
-    Args:
-        lib: the robot.
-        count: how many.
-        safety: limits beyond the ranges of the joints.
-        where: range of the poses.
-        rng: random numbers.
-
-    Returns:
-        (count, n) rad or m.
-
-    Raises:
-        IdentificationError: too few random poses keep the limits.
-    """
+    """Random poses, uniform over the range, that keep every limit on both approaches."""
     limits = constraints(lib, lib.home, safety)
     n, kept, tried, total = lib.n_joints, [], 0, 0
     while total < count:

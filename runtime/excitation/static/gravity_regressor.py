@@ -19,15 +19,7 @@ ROUNDING = 1e-10
 def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
     """Indices of the base parameters that gravity determines.
 
-    Args:
-        lib: the robot.
-        q: (N, n) rad or m, many poses.
-
-    Returns:
-        (r,), ascending.
-
-    Raises:
-        IdentificationError: gravity moves no joint, for example on axes that are all vertical.
+    q (N, n) → (r,).
     """
     rest = np.zeros_like(q)
     stacked = lib.base_regressor(q, rest, rest).reshape(q.size, -1)
@@ -45,13 +37,7 @@ def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
 def gravity_regressor(lib: Library, q: Array, columns: NDArray[np.intp]) -> Array:
     """Regressor Y_g of the torques at rest.
 
-    Args:
-        lib: the robot.
-        q: (N, n) rad or m.
-        columns: (r,) of `gravity_columns`.
-
-    Returns:
-        (N, n, r) [N·m per unit of the parameters].
+    q (N, n), columns (r,) → (N, n, r) [N·m per unit of the parameters].
     """
     rest = np.zeros_like(q)
     return lib.base_regressor(q, rest, rest)[..., columns]

@@ -58,23 +58,7 @@ def design_poses(
     starts: int = 5,
     seed: int = 0,
 ) -> PoseDesign:
-    """Choose poses for A-optimal gravity parameters.
-
-    Args:
-        lib: the robot.
-        count: K.
-        safety: limits beyond the ranges of the joints.
-        noise: σ of one torque reading, (n,) N·m or N.
-        margin: share of the ranges of the joints that may be used.
-        starts: number of random sets from which the search begins.
-        seed: of candidates and random sets.
-
-    Returns:
-        The poses.
-
-    Raises:
-        IdentificationError: too few or too many poses, or limits that leave no room.
-    """
+    """Choose poses for A-optimal gravity parameters."""
     if not 1 <= count <= MOST_POSES or starts < 1:
         raise IdentificationError(
             f"expected 1 to {MOST_POSES} poses and at least one start, got {count} and {starts}; "

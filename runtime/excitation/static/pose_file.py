@@ -12,15 +12,7 @@ SIDES = {"below": -1.0, "above": 1.0}
 
 
 def pose_json(designed: PoseDesign, lib: Library) -> bytes:
-    """JSON document of the poses.
-
-    Args:
-        designed: the poses [rad, m].
-        lib: their robot.
-
-    Returns:
-        The text.
-    """
+    """JSON document of the poses."""
     names = lib.joint_names
     facts = {
         "robot": lib.name,
@@ -41,13 +33,6 @@ def pose_table(designed: PoseDesign, lib: Library) -> bytes:
     """CSV with two rows per pose: from below and from above.
 
     Columns: pose (from 0), side, the start of the approach per joint, the pose per joint [rad, m].
-
-    Args:
-        designed: the poses [rad, m].
-        lib: their robot.
-
-    Returns:
-        The text.
     """
     names = lib.joint_names
     lines = [",".join(["pose", "side", *(f"{name}_start" for name in names), *names])]

@@ -19,11 +19,7 @@ _TEXT, _WHOLE, _CLAIM, _LIST = ("case", "method", "status"), ("trial",), ("consi
 
 
 def arrow() -> Any:
-    """Import pyarrow and its Parquet module.
-
-    Raises:
-        RuntimeFault: pyarrow is not installed.
-    """
+    """Import pyarrow and its Parquet module."""
     try:
         import_module("pyarrow.parquet")
         return import_module("pyarrow")
@@ -35,13 +31,7 @@ def arrow() -> Any:
 
 
 def write_rows(rows: list[Row], path: Path, mark: str) -> None:
-    """Write rows as Parquet, with columns in the order of their first appearance.
-
-    Args:
-        rows: values by column name.
-        path: file to write.
-        mark: config hash.
-    """
+    """Write rows as Parquet, with columns in the order of their first appearance."""
     pa = arrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
     fields = [pa.field(name, _type(pa, name)) for name in names]
@@ -52,15 +42,7 @@ def write_rows(rows: list[Row], path: Path, mark: str) -> None:
 
 
 def read_rows(path: Path, mark: str) -> list[Row] | None:
-    """Read rows of a file.
-
-    Args:
-        path: Parquet file.
-        mark: expected config hash.
-
-    Returns:
-        Rows; None where the file is damaged or of another config.
-    """
+    """Read rows of a file."""
     arrow()
     try:
         metadata, rows = rows_of(path)
@@ -85,11 +67,7 @@ class Chunks:
     """Chunks in the folder of one study."""
 
     def __init__(self, folder: Path, mark: str, notify: Callable[[str], None]) -> None:
-        """Args:
-        folder: of the study.
-        mark: hash of its config.
-        notify: called with a sentence on each chunk that cannot be used.
-        """
+        """Take the hash of the study's config; `notify` gets a sentence on each unusable chunk."""
         self._folder, self._mark, self._notify = folder / "chunks", mark, notify
 
     def read(self, trials: int) -> dict[int, list[Row]]:
@@ -114,27 +92,13 @@ class Chunks:
             draft.unlink(missing_ok=True)
 
     def write(self, numbers: range, rows: list[Row]) -> None:
-        """Write one finished chunk.
-
-        Args:
-            numbers: of the trials.
-            rows: of these trials.
-        """
+        """Write one finished chunk."""
         name = f"{numbers.start:05d}-{numbers.stop - 1:05d}.parquet"
         write_rows(rows, self._folder / name, self._mark)
 
 
 def missing(done: Iterable[int], trials: int, size: int) -> list[range]:
-    """Consecutive ranges of trials that are not done.
-
-    Args:
-        done: numbers of finished trials.
-        trials: total number.
-        size: largest length of a range.
-
-    Returns:
-        Ranges of at most `size` trials, which do not cross multiples of `size`.
-    """
+    """Consecutive ranges of trials that are not done."""
     have, runs = set(done), list[range]()
     for number in range(trials):
         if number in have:

@@ -16,11 +16,7 @@ NAME = "run.lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder within the block.
-
-    Raises:
-        RuntimeFault: another process has locked it, or it cannot be written.
-    """
+    """Lock a folder within the block."""
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -32,22 +32,7 @@ def write_outcome(
     finished: StudyOutcome,
     command: str,
 ) -> dict[str, Any]:
-    """Write trials.parquet, series.npz and result.json.
-
-    Args:
-        study: that was computed.
-        folder: of the study.
-        lib: the robot.
-        config: from `config_facts`.
-        mark: config hash.
-        trials: their number.
-        rows: of all trials.
-        finished: series, facts and further rows.
-        command: command line, for the provenance.
-
-    Returns:
-        Content of result.json.
-    """
+    """Write trials.parquet, series.npz and result.json."""
     both = [*rows, *finished.rows]
     flat = [{k: v for k, v in row.items() if k != "curve"} for row in both]
     write_rows(flat, folder / TRIALS, mark)
@@ -124,12 +109,7 @@ def read_series(folder: Path) -> dict[str, Array]:
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write indented JSON without NaN, complete or not at all.
-
-    Args:
-        path: file to write.
-        facts: plain values.
-    """
+    """Write indented JSON without NaN, complete or not at all."""
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with replacing(path) as file:
         file.write(text.encode())

@@ -15,15 +15,7 @@ def _finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
 
 
 def figure(name: str, case: Case) -> View:
-    """View of one of Figs. 5.1 to 5.3.
-
-    Args:
-        name: id of the figure.
-        case: perturbation that it shows.
-
-    Returns:
-        The view.
-    """
+    """View of one of Figs. 5.1 to 5.3."""
     return View(
         name,
         "band",

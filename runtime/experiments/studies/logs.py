@@ -144,17 +144,7 @@ def _finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
 
 
 def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
-    """Recording of one log.
-
-    Args:
-        lib: the robot.
-        series: arrays of this study.
-        case: `EMPTY` or `LOADED`.
-        role: motion, see `roles`.
-
-    Returns:
-        The recording, without acceleration.
-    """
+    """Recording of one log."""
     q, dq, tau = (series[f"{case}/{role}/{key}"] for key in KEYS)
     return Recording(
         series["t"], q, dq, None, tau, name=f"{case} {role}", joint_names=lib.joint_names

@@ -105,11 +105,7 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
 
 
 def _run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
-    """Fit one method per trial.
-
-    Raises:
-        KeyboardInterrupt: a method was interrupted.
-    """
+    """Fit one method per trial."""
     del threads
     return [_row(setup, number) for number in numbers]
 

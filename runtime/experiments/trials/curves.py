@@ -13,16 +13,6 @@ def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> 
     """Mean and standard deviation of the AIRM over the iterations.
 
     A trial that has ended keeps its last value.
-
-    Args:
-        rows: of all trials.
-        case: name.
-        method: name.
-        every: iterations between two points.
-        last: largest iteration.
-
-    Returns:
-        Series `CASE/METHOD/iteration`, `…/mean` and `…/std`.
     """
     chosen = [row for row in rows if row["case"] == case and row["method"] == method]
     grid = np.arange(0, last + 1, every)
@@ -38,18 +28,7 @@ def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> 
 def single(
     rows: Sequence[Row], case: str, method: str, number: int, every: int
 ) -> dict[str, Array]:
-    """AIRM of one trial over the iterations, up to its result.
-
-    Args:
-        rows: of all trials.
-        case: name.
-        method: name.
-        number: of the trial.
-        every: iterations between two points.
-
-    Returns:
-        Series `CASE/METHOD/single_iteration` and `…/single_airm`.
-    """
+    """AIRM of one trial over the iterations, up to its result."""
     for row in rows:
         if (row["case"], row["method"], row["trial"]) == (case, method, number):
             curve = np.array([*row["curve"], row["airm"]])

@@ -18,11 +18,7 @@ LINK_7 = (
 
 
 def document_robot(lib: Library) -> Array:
-    """Parameters π (70,) of the true robot [kg, kg·m, kg·m²].
-
-    Raises:
-        IdentificationError: the library is of another robot.
-    """
+    """Parameters π (70,) of the true robot [kg, kg·m, kg·m²]."""
     if lib.name != ROBOT:
         raise IdentificationError(
             f"expected the robot '{ROBOT}' of the document, got '{lib.name}'; "

@@ -26,17 +26,7 @@ def link_rows(lib: Library) -> NDArray[np.bool_]:
 
 
 def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:
-    """Fit by the descent in NumPy, because the compiled one updates every link.
-
-    Args:
-        problem: initial guess with all links perturbed.
-        truth: (10 n,) true λ.
-        preset: settings of the document.
-        places: every evaluated λ is appended.
-
-    Returns:
-        The fit.
-    """
+    """Fit by the descent in NumPy, because the compiled one updates every link."""
     lib, batch = problem.lib, preset.batch or len(problem.train)
     frozen = link_rows(lib)
     weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)

@@ -96,16 +96,7 @@ class MonteCarloSetup:
 
 
 def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
-    """Samples of the designed motions, best first: training, validation, test.
-
-    Args:
-        lib: the robot.
-        config: of the study.
-        needed: arrays of the excitation study, by name.
-
-    Returns:
-        What all trials share.
-    """
+    """Samples of the designed motions, best first: training, validation, test."""
     pi = document_robot(lib)
     runs = [
         samples_of(ideal(lib, motion, Plant(pi), config.rate_hz), lib)
@@ -122,16 +113,7 @@ def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCar
 
 
 def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]:
-    """Fit all cases and methods of some trials; Adam runs all trials of a case in one C call.
-
-    Args:
-        setup: from `prepare`.
-        numbers: of the trials.
-        threads: number of them.
-
-    Returns:
-        Rows of trials.parquet.
-    """
+    """Fit all cases and methods of some trials; Adam runs all trials of a case in one C call."""
     solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
     rows: list[Row] = []
     for case in setup.config.cases:
@@ -150,16 +132,7 @@ def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]
 
 
 def problem_of(setup: MonteCarloSetup, case: Case, number: int) -> Problem:
-    """Identification problem of one trial of one case.
-
-    Args:
-        setup: from `setup_of`.
-        case: perturbation, noise and training motion.
-        number: of the trial.
-
-    Returns:
-        Perturbed initial guess and noisy samples.
-    """
+    """Identification problem of one trial of one case."""
     config, lib = setup.config, setup.lib
     train, held = setup.train[case.training], setup.held
     if case.noise:

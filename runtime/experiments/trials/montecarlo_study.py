@@ -33,19 +33,7 @@ def monte_carlo(
     views: tuple[View, ...],
     prepare: Callable[[Library, MonteCarloConfig, Arrays], MonteCarloSetup] = setup_of,
 ) -> Study:
-    """Study with the methods of its cases and the motions of the excitation study.
-
-    Args:
-        name: name of its folder.
-        title: displayed title.
-        cases: case → a sentence.
-        finish: (setup, all rows) → curves and facts.
-        views: its tables and figures.
-        prepare: (library, config, arrays of `needs`) → setup.
-
-    Returns:
-        The study.
-    """
+    """Study with the methods of its cases and the motions of the excitation study."""
     used = {method for case in cases for method in case.methods}
     return Study(
         name=name,
@@ -64,16 +52,7 @@ def monte_carlo(
 def final_tables(
     names: tuple[str, str], title: str, cases: Mapping[Case, str]
 ) -> tuple[View, View]:
-    """Views of the final results of every case: distances from the truth, torque errors.
-
-    Args:
-        names: their ids.
-        title: of both.
-        cases: case → a sentence.
-
-    Returns:
-        The two views.
-    """
+    """Views of the final results of every case: distances from the truth, torque errors."""
     columns = tuple(case.name for case in cases)
     distances, torques = names
     return (
@@ -83,15 +62,7 @@ def final_tables(
 
 
 def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
-    """Mean AIRM over the iterations of Adam, of every case.
-
-    Args:
-        setup: from `setup_of`.
-        rows: of all trials.
-
-    Returns:
-        Series of `curves.band`.
-    """
+    """Mean AIRM over the iterations of Adam, of every case."""
     config, series = setup.config, dict[str, Array]()
     for case in config.cases:
         last = config.adam.rule.max_iterations

@@ -17,15 +17,7 @@ ROLES = ("training", "validation", "test")
 
 
 def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
-    """Best designs in the order of `ROLES`.
-
-    Args:
-        lib: the robot.
-        needed: arrays of the excitation study.
-
-    Returns:
-        Trajectories.
-    """
+    """Best designs in the order of `ROLES`."""
     duration = float(needed["duration"])
     return [Trajectory(lib.home, np.array(a), duration) for a in needed["coefficients"]]
 
@@ -38,15 +30,7 @@ def sinusoidal(
     The document states neither a nor b: here a is the default pose and b a share of the largest
     amplitude within the limits of position, velocity and acceleration. φ ~ U(0, 2π) per joint.
 
-    Args:
-        lib: the robot.
-        duration: [s].
-        rate_hz: sample rate [Hz].
-        share: of the largest amplitude [-].
-        seed: of the phases.
-
-    Returns:
-        The motion without torque, and b (n,) [rad].
+    Returns (n,) [rad].
     """
     limits = lib.limits()
     room = np.minimum(limits["upper"] - lib.home, lib.home - limits["lower"])
@@ -68,28 +52,12 @@ def sinusoidal(
 
 
 def condition(lib: Library, samples: Samples) -> float:
-    """Condition number of the column-normalised base regressor of all samples.
-
-    Args:
-        lib: the robot.
-        samples: motion.
-
-    Returns:
-        Condition number [-].
-    """
+    """Condition number of the column-normalised base regressor of all samples."""
     rows = lib.base_regressor(samples.q, samples.dq, samples.ddq)
     return float(np.exp(log_condition(rows.reshape(-1, rows.shape[-1]))[0]))
 
 
 def curves(prefix: str, recording: Recording) -> dict[str, Array]:
-    """Series t, q, dq, ddq and tau of a recording.
-
-    Args:
-        prefix: of their names.
-        recording: with what it has of them.
-
-    Returns:
-        Arrays by `PREFIX_t` and so on.
-    """
+    """Series t, q, dq, ddq and tau of a recording."""
     named = {key: getattr(recording, key) for key in MOTION}
     return {f"{prefix}_{key}": value for key, value in named.items() if value is not None}

@@ -32,14 +32,7 @@ class Scorer:
     def row(self, pi: Array, friction: Array | None = None, unrepaired: float | None = None) -> Row:
         """Metrics of a result: airm, frobenius, torque errors, base error, consistency.
 
-        Args:
-            pi: (10 n,) identified parameters.
-            friction: (N, n) friction torque F φ on the test samples [N·m, N].
-            unrepaired: smallest relative eigenvalue before thin axes were raised; None where
-                nothing was raised.
-
-        Returns:
-            Values by name.
+        pi (10 n,), friction (N, n) [N·m, N].
         """
         lib, test = self.lib, self.test
         predicted = lib.inverse_dynamics(test.q, test.dq, test.ddq, pi)
@@ -74,17 +67,7 @@ class Scorer:
 
 
 def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Scorer:
-    """Scorer at equally spaced configurations of the test trajectory.
-
-    Args:
-        lib: the robot.
-        test: motion and torque that no method has used.
-        pi: (10 n,) true parameters; None where unknown.
-        configurations: number of them.
-
-    Returns:
-        The scorer.
-    """
+    """Scorer at equally spaced configurations of the test trajectory."""
     rows = np.linspace(0, len(test) - 1, configurations).round().astype(int)
     q = np.ascontiguousarray(test.q[rows])
     mass = np.zeros((0, lib.n_joints, lib.n_joints)) if pi is None else lib.mass_matrix(q, pi)
@@ -92,15 +75,7 @@ def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int
 
 
 def per_joint(name: str, values: Array) -> Row:
-    """Metrics `NAME_1` … `NAME_n`.
-
-    Args:
-        name: of the metric.
-        values: (n,).
-
-    Returns:
-        Values by name.
-    """
+    """Metrics `NAME_1` … `NAME_n`."""
     return {f"{name}_{joint}": float(x) for joint, x in enumerate(values, start=1)}
 
 

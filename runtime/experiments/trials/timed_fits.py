@@ -12,36 +12,14 @@ from runtime.estimators.problem import Fit, Problem
 
 
 def stream(seed: int, number: int, which: int) -> np.random.Generator:
-    """Random generator of one trial, independent of all other trials and streams.
-
-    Args:
-        seed: of the study.
-        number: of the trial.
-        which: number of the stream.
-
-    Returns:
-        The generator.
-    """
+    """Random generator of one trial, independent of all other trials and streams."""
     return np.random.default_rng((seed, number, which))
 
 
 def adam_of_all(
     problems: Sequence[Problem], preset: Preset, threads: int, watch: Watch | None = None
 ) -> list[tuple[Fit, float]]:
-    """Fit λ-Adam to all problems in one C call; its time is divided by iterations.
-
-    Args:
-        problems: one per trial.
-        preset: settings of Adam.
-        threads: number of them.
-        watch: called during the descents.
-
-    Returns:
-        Fit and time [s] of each problem.
-
-    Raises:
-        KeyboardInterrupt: the descents were interrupted.
-    """
+    """Fit λ-Adam to all problems in one C call; its time is divided by iterations."""
     start = time.perf_counter()
     fits = fit_many(problems, preset, threads, watch=watch)
     seconds = time.perf_counter() - start
@@ -51,18 +29,7 @@ def adam_of_all(
 
 
 def timed(method: Callable[[Problem], Fit], problem: Problem) -> tuple[Fit, float]:
-    """Fit one method to one problem.
-
-    Args:
-        method: function of the problem.
-        problem: one trial.
-
-    Returns:
-        Fit and time [s].
-
-    Raises:
-        KeyboardInterrupt: the fit was interrupted.
-    """
+    """Fit one method to one problem."""
     start = time.perf_counter()
     fit = method(problem)
     seconds = time.perf_counter() - start

@@ -87,15 +87,7 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
 
 
 def better_beyond_chance(a: Array, b: Array) -> bool:
-    """Whether squared errors a are significantly smaller than b, by a two-sided t-test at `LEVEL`.
-
-    Args:
-        a: (N,) squared errors of one method, (N·m)².
-        b: (N,) squared errors of another on the same samples.
-
-    Returns:
-        True where the difference exceeds chance; False for fewer than six samples.
-    """
+    """Whether squared errors a are significantly smaller than b: two-sided t-test at `LEVEL`."""
     count = min(BLOCKS, len(a) // 2)
     if count < 3:
         return False

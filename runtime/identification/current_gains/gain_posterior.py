@@ -50,12 +50,7 @@ class GainRows:
     def noise(self, z: Array, c: Array) -> Array:
         """Residual RMS of the channels.
 
-        Args:
-            z: links, in standard deviations of the prior, (w,).
-            c: inverse gains, (n,) [A/(N·m)].
-
-        Returns:
-            (n,) [A].
+        z (w,), c (n,) [A/(N·m)] → (n,) [A].
         """
         rest = self.current - c[:, None] * (self.model + self.slopes @ z)
         return np.asarray(np.sqrt(np.sum(rest**2, axis=1) / self.count))
@@ -63,13 +58,7 @@ class GainRows:
     def rest(self, z: Array, c: Array, unit: Array) -> Array:
         """Residuals of channels, prior and masses, over their noise.
 
-        Args:
-            z: links, in standard deviations of the prior, (w,).
-            c: inverse gains, (n,) [A/(N·m)].
-            unit: noise of the channels, (n,) [A].
-
-        Returns:
-            (n r + w + m,).
+        z (w,), c (n,) [A/(N·m)], unit (n,) [A] → (n r + w + m,).
         """
         current = (self.current - c[:, None] * (self.model + self.slopes @ z)) / unit[:, None]
         return np.concatenate([current.ravel(), -z, self.surplus - self.known @ z])
@@ -77,13 +66,7 @@ class GainRows:
     def jacobian(self, z: Array, c: Array, unit: Array) -> Array:
         """Derivative of the fitted values by (z, ln |c|), over the noise.
 
-        Args:
-            z: links, in standard deviations of the prior, (w,).
-            c: inverse gains, (n,) [A/(N·m)].
-            unit: noise of the channels, (n,) [A].
-
-        Returns:
-            (n r + w + m, w + n).
+        z (w,), c (n,) [A/(N·m)], unit (n,) [A] → (n r + w + m, w + n).
         """
         n, r, w = self.slopes.shape
         scale = (c / unit)[:, None]
@@ -100,15 +83,7 @@ class GainRows:
 def gain_rows(base: Array, current: Array, lib: Library, known: Array, kg: Array) -> GainRows:
     """Rows on one triangle per channel.
 
-    Args:
-        base: A_j without friction, (N, n, n_b).
-        current: i_j without friction, (N, n) [A].
-        lib: library of the robot.
-        known: coefficients of weighed masses in π, (m, 10 n).
-        kg: the masses, (m,) [kg].
-
-    Returns:
-        The rows over z.
+    base (N, n, n_b), current (N, n) [A], known (m, 10 n), kg (m,) [kg].
     """
     spread = bodies_of(lib).spread(prior_of(lib, lib.pi0).centre) / np.sqrt(CAD)
     root = np.asarray(block_diag(*spread))
@@ -148,13 +123,7 @@ def most_probable(
     channel j determines (MacKay 2003, Ch. 27). Gauss–Newton on z, with c eliminated (variable
     projection, Kaufman 1975) and with the noise of the present residuals.
 
-    Args:
-        reduced: rows of the channels.
-        z: first guess, (w,); None is the URDF.
-        density: of the noise over its variance.
-
-    Returns:
-        z (w,) and c (n,).
+    z (w,) → (w,).
     """
     w = reduced.width
     z = np.zeros(w) if z is None else z
@@ -200,15 +169,7 @@ def covariance_of_gains(
 ) -> Array:
     """Covariance of ln |c| for a prior of `width` times its spread.
 
-    Args:
-        reduced: rows of the channels.
-        z: most probable z, (w,).
-        c: most probable c, (n,).
-        density: of the noise over its variance.
-        width: factor on the spread of the prior.
-
-    Returns:
-        (n, n).
+    z (w,), c (n,) → (n, n).
     """
     unit = reduced.noise(z, c) * np.sqrt(density)
     J, n = reduced.jacobian(z, c, unit), len(c)

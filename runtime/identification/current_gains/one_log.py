@@ -59,11 +59,7 @@ class Weighed(NamedTuple):
     link: str | None = None
 
     def row(self, lib: Library) -> Array:
-        """Coefficients of the mass in π, (10 n,).
-
-        Raises:
-            IdentificationError: the mass is not positive, or the robot has no such moving link.
-        """
+        """Coefficients of the mass in π, (10 n,)."""
         if not 0 < self.kg < np.inf:
             raise IdentificationError(f"a weighed mass must be above 0 kg, got {self.kg:g}")
         names = [joint.link for joint in lib.manifest.all_joints]
@@ -108,21 +104,7 @@ def current_gains(
     friction: Friction | None = None,
     preparation: Preparation | None = None,
 ) -> CurrentGains:
-    """Estimate the gains of motor currents from one log.
-
-    Args:
-        recording: log as read, with currents [A] in τ.
-        lib: library of the robot.
-        weighed: known masses; none leaves the common factor to the URDF.
-        friction: friction columns; None is viscous, coulomb, offset and rotor.
-        preparation: steps from the log to the rows; None is that of the recipe.
-
-    Returns:
-        Gain of every channel with verdicts.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared, is too short, or shows no link.
-    """
+    """Estimate the gains of motor currents from one log."""
     rows, channels = _rows(recording, lib, friction or Friction(DRIVE), preparation)
     known = np.array([each.row(lib) for each in weighed]).reshape(-1, lib.n_links * N_PARAMETERS)
     kg = np.array([each.kg for each in weighed])

@@ -28,22 +28,7 @@ def with_current_gains(
     preparation: Preparation | None = None,
     splitting: Split | None = None,
 ) -> Recording:
-    """The recording with torques in place of currents with unknown gains.
-
-    Args:
-        recording: log as read; one with known gains is returned as it is.
-        lib: library of the robot.
-        weighed: known masses; none leaves the common factor to the URDF.
-        friction: friction columns; None is viscous, coulomb, offset and rotor.
-        preparation: steps from the log to the rows; None is that of the recipe.
-        splitting: the test part, which the gains must not see; None is that of the recipe.
-
-    Returns:
-        The recording with `gains`.
-
-    Raises:
-        RuntimeFault: the log does not show the links, or cannot be prepared.
-    """
+    """The recording with torques in place of currents with unknown gains."""
     if not recording.has_unknown_gains:
         return recording
     from runtime.identification.current_gains.one_log import current_gains
@@ -65,15 +50,7 @@ def of_gain_one(recording: Recording) -> Recording:
 
 
 def scaled(recording: Recording, gains: CurrentGains) -> Recording:
-    """The recording with torques of given gains.
-
-    Args:
-        recording: with currents in τ.
-        gains: of its channels.
-
-    Returns:
-        The recording with torques [N·m, N], its gains and a sentence of history.
-    """
+    """The recording with torques of given gains."""
     if not recording.has_unknown_gains:
         return recording
     tau, k = recording.required("tau"), gains.gain
@@ -86,19 +63,7 @@ def scaled(recording: Recording, gains: CurrentGains) -> Recording:
 
 
 def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[Recording, Settings]:
-    """Torques in place of motor currents with unknown gains, in all recordings.
-
-    Args:
-        recording: log as read.
-        lib: library of the robot.
-        settings: of the identification.
-
-    Returns:
-        The recording, and the settings with torques in their separate recordings.
-
-    Raises:
-        RuntimeFault: the log does not show the links, or cannot be prepared.
-    """
+    """Torques in place of motor currents with unknown gains, in all recordings."""
     recording = with_current_gains(
         recording,
         lib,

@@ -53,21 +53,7 @@ def identify_drive(
     *,
     progress: Callable[[int, float], None] | None = None,
 ) -> Identification:
-    """Identify a robot together with the delay of its torque and its encoder biases.
-
-    Args:
-        recording: log as read.
-        lib: library of the robot.
-        settings: as for `identify`; the method must be map.
-        request: what is estimated beside the parameters.
-        progress: as for `identify`.
-
-    Returns:
-        The identification at the most probable delay and biases, with `drive`.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
-    """
+    """Identify a robot together with the delay of its torque and its encoder biases."""
     _require(settings, recording)
     recording = independent_joints(recording, lib)
     recording = with_current_gains(

@@ -47,14 +47,7 @@ def feedback_torque(
 ) -> Array | None:
     """The torque c that is subtracted from that of the training rows.
 
-    Args:
-        result: at delay and biases, prepared with accelerations.
-        delay: d, (1,) or (n,) [s].
-        request: what is unknown beside the parameters.
-
-    Returns:
-        (N, n) [N·m, N]; None where the law is no PD law with constant gains, where a test
-        contradicts the model, so that its residual is not noise, or where its loop is unstable.
+    delay (1,) [s] → (N, n) [N·m, N].
     """
     gains = _gains(result.train.law, result.lib.n_joints)
     posterior = result.uncertainty
@@ -102,16 +95,8 @@ def response(
     Second order: every step is taken with the values at its middle, the slope by the trapezoidal
     rule; a delay of less than half a step is none.
 
-    Args:
-        t: instants, (N,) [s].
-        noise: w, (N, n) [N·m, N].
-        inertia: J, (N, n).
-        slope: s, (N, n) [N·m·s/rad, N·s/m].
-        gains: kp [N·m/rad, N/m] and kd, (n,) each.
-        delay: d, (n,) [s].
-
-    Returns:
-        δ, δ̇ and δ̈, (3, N, n); beyond every size where the loop is unstable.
+    t (N,) [s], noise (N, n) [N·m, N], inertia (N, n), slope (N, n) [N·m·s/rad, N·s/m], gains (n,)
+    [N·m/rad, N/m], delay (n,) [s] → (3, N, n).
     """
     (kp, kd), n = gains, noise.shape[1]
     q, v = np.zeros_like(noise), np.zeros_like(noise)

@@ -62,13 +62,7 @@ class LinearisedDrive:
 def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
     """Columns ∂(Y π)/∂q of the encoder biases, by central differences of the exact model.
 
-    Args:
-        lib: library of the robot.
-        samples: N samples with accelerations.
-        pi: π, (10 n,).
-
-    Returns:
-        (N, n, n): entry (i, j) is the change of torque i per rad of joint j.
+    pi (10 n,) → (N, n, n).
     """
     n = lib.n_joints
     columns = np.empty((len(samples), n, n))
@@ -87,13 +81,7 @@ def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Ar
     The predicted torque is differentiated: the noise of the logged one, differentiated, would count
     as information on the delay.
 
-    Args:
-        result: the model, with its training part.
-        samples: of the rows of that part.
-        per_joint: whether every joint has a delay.
-
-    Returns:
-        (N, n, 1), or (N, n, n) with a delay per joint [N·m/s].
+    Returns (N, n, 1) [N·m/s].
     """
     predicted = result.predict_samples(samples)
     t = result.train.t
@@ -120,18 +108,7 @@ def linearised(
 ) -> LinearisedDrive:
     """Newton step of delay and biases, and the standard deviations of all unknowns.
 
-    Args:
-        result: most probable model at the present delay and biases, strictly consistent.
-        samples: training samples there.
-        kappa: trust κ in the URDF.
-        delay_columns: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
-        biases: present b, (n,), or empty where b is not an unknown [rad, m].
-        bias_prior: standard deviation of its prior, which is centred at zero [rad, m].
-        phi_prior: standard deviations of the prior of φ, (n, k), infinite without; None for none.
-        rough: use `ROUGH_ROWS` rows, for a step that others follow.
-
-    Returns:
-        Steps and standard deviations.
+    delay_columns (N, n, m), biases (n,) [rad, m], phi_prior (n, k).
     """
     lib, pi, phi = result.lib, result.pi, result.phi
     n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
@@ -192,17 +169,7 @@ def _blocks(root: Array) -> Array:
 
 
 def _density(rows: Array, triangle: Array, slope: Array, rest: Array) -> float:
-    """S of the residual that the linearised model leaves, from the basis Q = X R⁻¹ of its columns.
-
-    Args:
-        rows: X, weighted, (N, n, p).
-        triangle: R, (p, p).
-        slope: Xᵀ e, (p,).
-        rest: e, weighted, (N, n).
-
-    Returns:
-        The density in units of the weights.
-    """
+    """S of the residual of the linearised model, from the basis Q = X R⁻¹ of its columns."""
     lengths = np.linalg.norm(triangle, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
     _, sizes, turn = np.linalg.svd(triangle / lengths)

@@ -29,18 +29,7 @@ below the rounding of a URDF."""
 
 
 def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
-    """Equations that tie the links of mirrored joints.
-
-    Args:
-        lib: library of the robot.
-        pairs: "left:right" parts of the names of joints.
-
-    Returns:
-        Ten rows per pair.
-
-    Raises:
-        IdentificationError: no joints have such names, or they are not mirrored about a plane.
-    """
+    """Equations that tie the links of mirrored joints."""
     places = mirrored_joints(lib.joint_names, pairs)
     if lib.n_links != lib.n_joints:
         raise IdentificationError(
@@ -66,11 +55,7 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
 def mirror_image(turn: Array) -> Array:
     """Map of the ten parameters of a body under x → Q x.
 
-    Args:
-        turn: Q, orthogonal, (3, 3).
-
-    Returns:
-        (10, 10).
+    turn (3, 3) → (10, 10).
     """
     image = np.zeros((N_PARAMETERS, N_PARAMETERS))
     image[MASS, MASS] = 1.0

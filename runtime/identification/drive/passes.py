@@ -71,12 +71,7 @@ def newton_passes(problem: DriveProblem, delay: Array) -> DrivePoint:
 
     The passes take fewer rows of the low-passed signals until they end, then all rows.
 
-    Args:
-        problem: log and unknowns.
-        delay: first delay, (1,) or (n,) [s].
-
-    Returns:
-        The last point.
+    delay (1,) [s].
     """
     request = problem.request
     bias = np.zeros(problem.lib.n_joints)
@@ -98,16 +93,7 @@ def newton_passes(problem: DriveProblem, delay: Array) -> DrivePoint:
 
 
 def stepped(point: DrivePoint, step: LinearisedDrive, request: DriveRequest) -> DrivePoint:
-    """The point after a step of bounded size.
-
-    Args:
-        point: before the step.
-        step: solution of the linearised problem.
-        request: what is estimated; the rest stays.
-
-    Returns:
-        The point, with the standard deviation of the step.
-    """
+    """The point after a step of bounded size."""
     delay, bias = point.delay, point.bias
     if request.delay:
         delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
@@ -131,13 +117,7 @@ def identification_at(
 ) -> Identification:
     """Identification with known delay and biases.
 
-    Args:
-        problem: log and settings.
-        point: delay and biases.
-        removed: instants (M,) [s] and a torque there that the training rows lose, (M, n) [N·m, N].
-
-    Returns:
-        The identification.
+    removed (M,) [s].
     """
     recording, progress = problem.recording, problem.progress
     moved = recording.replace(q=recording.q + point.bias) if point.bias.any() else recording
@@ -169,14 +149,7 @@ def linearised_at(
 ) -> LinearisedDrive:
     """The step to the minimum of the linearised problem.
 
-    Args:
-        problem: what is estimated, and its priors.
-        result: identification at the present point.
-        bias: present encoder biases, (n,) [rad, m].
-        rough: as for `linearised`.
-
-    Returns:
-        Step and standard deviations.
+    bias (n,) [rad, m].
     """
     request, settings = problem.request, problem.settings
     samples = samples_of(result.train, result.lib)

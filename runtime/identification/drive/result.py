@@ -89,16 +89,7 @@ class DriveFit(NamedTuple):
     def facts(
         self, joints: tuple[str, ...], phi: Array, columns: tuple[str, ...]
     ) -> list[dict[str, Any]]:
-        """`drive` of result.json.
-
-        Args:
-            joints: names of the joints.
-            phi: friction coefficients, (n, k).
-            columns: names of the k columns.
-
-        Returns:
-            One table per joint; None where a column was not fitted or is not determined.
-        """
+        """`drive` of result.json."""
         place = places_of(columns)
         tables, verdicts = [], self.verdicts()
         for j, joint in enumerate(joints):

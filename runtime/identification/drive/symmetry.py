@@ -83,18 +83,7 @@ class MirroredDrive(NamedTuple):
 
 
 def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
-    """Joints whose names differ in one part.
-
-    Args:
-        names: of the joints.
-        pairs: "left:right" parts of names, such as "FL:FR" or "left:right".
-
-    Returns:
-        Places of left and right joint.
-
-    Raises:
-        IdentificationError: a text has another form, or no joint has a mirrored one.
-    """
+    """Joints whose names differ in one part."""
     places = []
     for text in pairs:
         left, mark, right = text.partition(":")
@@ -117,18 +106,7 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
 
 
 def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification:
-    """The result with its sides compared, and a note per pair that disagrees.
-
-    Args:
-        result: with drives.
-        pairs: as for `mirrored_joints`.
-
-    Returns:
-        The result with `symmetric`.
-
-    Raises:
-        IdentificationError: the result has no drives, or no joints are mirrored.
-    """
+    """The result with its sides compared, and a note per pair that disagrees."""
     places = mirrored_joints(result.lib.joint_names, pairs)
     drive = result.drive
     if drive is None:

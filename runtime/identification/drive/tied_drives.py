@@ -36,21 +36,7 @@ def identify_drives(
     *,
     progress: Callable[[int, float], None] | None = None,
 ) -> Identification:
-    """Identify a robot and its drives, first apart and then with those that are tied.
-
-    Args:
-        recording: log as read.
-        lib: library of the robot.
-        settings: as for `identify_drive`.
-        request: what is estimated beside the parameters, and the sides that are tied.
-        progress: as for `identify`.
-
-    Returns:
-        The identification with `drive`.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
-    """
+    """Identify a robot and its drives, first apart and then with those that are tied."""
     pairs, apart = request.tied, replace(request, tied=())
     if not pairs:
         return identify_drive(recording, lib, settings, apart, progress=progress)
@@ -70,16 +56,7 @@ def identify_drives(
 def tied_prior(
     result: Identification, settings: Settings, pairs: tuple[str, ...]
 ) -> tuple[FrictionPrior, tuple[str, ...]]:
-    """Prior of friction that ties mirrored joints.
-
-    Args:
-        result: with drives that are apart.
-        settings: with another prior of friction, or without.
-        pairs: "left:right" parts of names; joints of several pairs form one group.
-
-    Returns:
-        The prior, and the keys of `TIED` whose columns are fitted.
-    """
+    """Prior of friction that ties mirrored joints."""
     columns, phi = result.friction.columns, result.phi
     known = known_friction(settings, columns, result.friction)
     mean = np.zeros_like(phi) if known is None else known.mean.copy()

@@ -26,17 +26,7 @@ def information_of_logs(
 ) -> Array:
     """Information G₀ on β in earlier logs.
 
-    Args:
-        lib: library of the robot.
-        recordings: logs as read, or prepared; each has separate friction coefficients.
-        noise: σ of the torque, (n,) N·m or N.
-        friction: columns where neither the log nor its recipe has any.
-
-    Returns:
-        (n_b, n_b) G₀.
-
-    Raises:
-        RuntimeFault: a log does not fit the robot, or has no sample left.
+    noise (n,) → (n_b, n_b).
     """
     total = np.zeros((len(lib.base_columns),) * 2)
     for recording in recordings:

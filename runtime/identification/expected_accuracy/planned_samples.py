@@ -201,13 +201,6 @@ def repetition(q: Array, rest: Array) -> float:
 
     A motion out and back passes every state twice. Model error has the same sign both times: the
     mean of both has the variance (1 + r)/2 and not 1/2. Noise has r = 0.
-
-    Args:
-        q: positions at equally spaced instants, (N, n) rad or m.
-        rest: weighted residuals, (N, m).
-
-    Returns:
-        r in [0, 1]; 0 where the motion does not come back on its path.
     """
     spans = np.ptp(q, axis=0)
     moving = spans > STILL

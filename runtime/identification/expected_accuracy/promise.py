@@ -71,26 +71,11 @@ class Promise:
     gains: Array
 
     def parts(self, size: Callable[[str, Array], float]) -> dict[str, float]:
-        """Size of every part.
-
-        Args:
-            size: root of the mean square of a function of the unknowns, from the name of a part and
-                its matrix R.
-
-        Returns:
-            Name → size.
-        """
+        """Size of every part."""
         return {name: size(name, root) for name, root in self.roots.items()}
 
     def total(self, size: Callable[[str, Array], float]) -> float:
-        """Root of the sum of squares of all parts.
-
-        Args:
-            size: as for `parts`.
-
-        Returns:
-            The size.
-        """
+        """Root of the sum of squares of all parts."""
         return float(np.linalg.norm(list(self.parts(size).values())))
 
 
@@ -101,19 +86,7 @@ def promise_of(
     error: ModelError,
     payload: bool = False,
 ) -> Promise:
-    """Errors to expect from the log of a session.
-
-    Args:
-        lib: the robot.
-        session: the motions that are recorded.
-        known: noise, rate of independent rows, information of earlier logs, friction columns.
-        error: of the model.
-        payload: the unknowns are the ten of a payload of 1 kg on the last link, from an empty and a
-            loaded run.
-
-    Returns:
-        Errors in parts.
-    """
+    """Errors to expect from the log of a session."""
     count = int(np.clip(known.rate * session.duration, 50, MOST_ROWS))
     t = np.linspace(0.0, session.duration, count)
     q, dq, ddq, _ = session.at(lib, t)

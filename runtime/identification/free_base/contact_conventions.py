@@ -30,16 +30,7 @@ _NEAR = 0.25
 
 
 def require_contact_conventions(lib: Library, motion: FreeBaseMotion, name: str) -> None:
-    """Refuse wrenches under names of other contacts, in other axes, halves or units.
-
-    Args:
-        lib: library of a robot with a free base.
-        motion: prepared rows.
-        name: of the file, for messages.
-
-    Raises:
-        IdentificationError: another convention fits the URDF far better; the message names it.
-    """
+    """Refuse wrenches under names of other contacts, in other axes, halves or units."""
     _require_newtons(lib, motion, name)
     contacts = motion.contacts
     known = np.flatnonzero(~np.isnan(contacts.wrench).any(axis=(1, 2)))
@@ -58,16 +49,7 @@ def require_contact_conventions(lib: Library, motion: FreeBaseMotion, name: str)
 
 
 def require_torque_sign(lib: Library, motion: FreeBaseMotion, name: str) -> None:
-    """Refuse joint torques of the opposite sign, where every wrench was measured.
-
-    Args:
-        lib: library of a robot with a free base.
-        motion: prepared rows.
-        name: of the file, for messages.
-
-    Raises:
-        IdentificationError: the URDF predicts the opposite of the torques.
-    """
+    """Refuse joint torques of the opposite sign, where every wrench was measured."""
     wrench = motion.contacts.wrench
     if motion.tau is None or np.isnan(wrench).any():
         return

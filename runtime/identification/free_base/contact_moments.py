@@ -20,13 +20,7 @@ _MOMENT = slice(3, FREEDOM)
 def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Array:
     """Moments about the contact points that the motion needs, in axes of the links.
 
-    Args:
-        lib: library of a robot with a free base.
-        motion: N prepared instants with C contacts.
-        shares: (N, C) of the vertical force.
-
-    Returns:
-        (N, C, 3) [N·m].
+    shares (N, C) → (N, C, 3) [N·m].
     """
     base = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)
     force = np.einsum("nij,nj->ni", motion.rotation, base[:, _FORCE])

@@ -116,23 +116,7 @@ def identify_free_base(
     prior: PriorFile | None = None,
     trim_s: float = 0.0,
 ) -> FreeBaseIdentification:
-    """Identify π of a robot with a free base.
-
-    Args:
-        recording: motion, contacts and, unless rows are those of the base, torques.
-        lib: library of a robot that was built with --floating.
-        rows: "all", "base" or "joints".
-        cutoff_hz: of the zero-phase low-pass of all signals [Hz]; None filters nothing.
-        share: share of the duration for training; the rest is the test part.
-        prior: inertial prior beyond the URDF.
-        trim_s: rows within this time of either end are left out, where filters swing in [s].
-
-    Returns:
-        Parameters with their covariance, and errors on the test part.
-
-    Raises:
-        RuntimeFault: the robot has a fixed base, or data and choice of rows give no equations.
-    """
+    """Identify π of a robot with a free base."""
     if not lib.manifest.floating:
         raise IdentificationError(
             f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "

@@ -39,14 +39,7 @@ class RowNoise:
     weights: Array
 
     def weighted(self, samples: Samples) -> Samples:
-        """Equations times the roots of their weights.
-
-        Args:
-            samples: N instants of m equations with rows Y_b.
-
-        Returns:
-            Equations of equal variance.
-        """
+        """Equations times the roots of their weights."""
         root = np.sqrt(self.weights)[:, None]
         base = samples.base
         return replace(
@@ -67,16 +60,6 @@ def noise_of(
     """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
 
     A low-pass of f leaves 2 f T independent values of T seconds (Nyquist).
-
-    Args:
-        lib: library of the robot.
-        trained: equations of N instants.
-        sensors: prior of the errors of the sensors; None where there is none.
-        cutoff_hz: of the low-pass [Hz]; None for none.
-        seconds: duration [s].
-
-    Returns:
-        Noise and weights; None where residuals of the fit show the noise.
     """
     samples = trained.samples
     count = float(len(samples))
@@ -92,17 +75,7 @@ def noise_of(
 
 
 def _student(rest: Array, columns: Array, known: Array, independent: float) -> tuple[Array, Array]:
-    """Scale of a residual behind its mean and columns, and weights of the instants.
-
-    Args:
-        rest: (N, m) residual.
-        columns: (N, m, K) of coefficients that are common to the m equations.
-        known: (K,) standard deviations of the coefficients about zero.
-        independent: number of independent instants.
-
-    Returns:
-        σ (m,) of Student's t, and the weights (N,), whose mean is 1.
-    """
+    """Scale of a residual behind its mean and columns, and weights of the instants."""
     count, equations = rest.shape
     means = np.broadcast_to(np.eye(equations), (count, equations, equations))
     # Columns in units of the prior of their coefficients, whose rows count like independent ones.

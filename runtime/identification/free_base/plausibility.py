@@ -26,14 +26,7 @@ _FAR = 3.0
 
 
 def require_prior_of_bodies(prior: PriorFile | None) -> None:
-    """Refuse entries of a prior that describe friction, rotors or noise of joints.
-
-    Args:
-        prior: of --prior; None without one.
-
-    Raises:
-        IdentificationError: names the table.
-    """
+    """Refuse entries of a prior that describe friction, rotors or noise of joints."""
     if prior is None:
         return
     tables = {"armature": prior.armature, "friction": prior.friction, "noise": prior.noise}
@@ -50,12 +43,6 @@ def require_clock(recording: FreeBaseRecording) -> None:
 
     Compared are joint velocities, else the velocity of the base, with the positions; a log
     without them is refused where its rate is too low to differentiate.
-
-    Args:
-        recording: as read.
-
-    Raises:
-        IdentificationError: names the unit and what to do.
     """
     t, name = recording.t, recording.name
     if recording.dq is not None:
@@ -84,16 +71,7 @@ def require_clock(recording: FreeBaseRecording) -> None:
 
 
 def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None:
-    """Refuse joint positions far outside the limits, velocities in degrees, positions in mm.
-
-    Args:
-        lib: library of the robot.
-        motion: prepared rows.
-        name: of the file, for messages.
-
-    Raises:
-        IdentificationError: names the joint or the base and what to do.
-    """
+    """Refuse joint positions far outside the limits, velocities in degrees, positions in mm."""
     fastest = float(np.sqrt(np.mean(np.sum(np.square(motion.ddq[:, :3]), axis=1))))
     if fastest > _FASTEST:
         raise IdentificationError(
@@ -126,14 +104,6 @@ def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None
     """Refuse contact wrenches of the opposite sign, such as forces on the ground.
 
     Compared are the equations of the base, whose right side is that of the wrenches alone.
-
-    Args:
-        lib: library of the robot.
-        rows: equations of the base, or of base and joints with wrenches that are all known.
-        name: of the file, for messages.
-
-    Raises:
-        IdentificationError: the URDF predicts the opposite of the wrenches.
     """
     alone = not any(row in rows.names for row in lib.joint_names)
     complete = rows.samples.equations == len(rows.names) >= FREEDOM
@@ -158,18 +128,7 @@ def notes_on_errors(
     sigma: Array | None,
     joints_are_named: bool = True,
 ) -> tuple[str, ...]:
-    """Notes on rows that the result does not explain, and on sensors far from what was stated.
-
-    Args:
-        rms: of the right side on the test part, (k,).
-        after: RMS errors of the result there, (k,).
-        sensors: their errors by name, (K,).
-        sigma: stated standard deviations of these errors, (K,); None without sensors' errors.
-        joints_are_named: whether the log names the columns of its joints.
-
-    Returns:
-        Sentences.
-    """
+    """Notes on rows that the result does not explain, and on sensors far from what was stated."""
     notes = []
     loaded = rms > 0
     if not loaded.any():

@@ -15,15 +15,7 @@ from runtime.numerics.quantiles import NORMAL_95
 
 
 def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:
-    """JSON-ready facts of result.json.
-
-    Args:
-        result: the identification.
-        command: command line that computed it.
-
-    Returns:
-        Facts by key.
-    """
+    """JSON-ready facts of result.json."""
     total, sigma = result.mass
     vertical = result.vertical
     facts: dict[str, Any] = {
@@ -97,19 +89,7 @@ def _links(result: FreeBaseIdentification) -> list[dict[str, Any]]:
 
 
 def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> dict[str, Any]:
-    """Write result.json into a folder.
-
-    Args:
-        result: the identification.
-        folder: created where it is missing.
-        command: command line that computed it.
-
-    Returns:
-        Facts of the file.
-
-    Raises:
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write result.json into a folder."""
     facts = free_base_facts(result, command)
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with replacing(folder / "result.json") as file:

@@ -51,20 +51,7 @@ class FreeBaseRows:
 
 
 def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
-    """Equations of a motion.
-
-    Args:
-        lib: library of a robot with a free base.
-        motion: N prepared instants.
-        choice: one of `ROWS`.
-
-    Returns:
-        The equations.
-
-    Raises:
-        IdentificationError: torques are missing, a link is unknown, or unknown contact wrenches
-            leave no equation.
-    """
+    """Equations of a motion."""
     if choice not in ROWS:
         raise IdentificationError(f"expected --rows {'|'.join(ROWS)}, got '{choice}'")
     kept = {
@@ -111,18 +98,7 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
 
 
 def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
-    """Jacobians of the contact points in the axes of their wrenches.
-
-    Args:
-        lib: library of a robot with a free base.
-        motion: N prepared instants with C contacts.
-
-    Returns:
-        (N, 6 C, 6 + n), linear and angular velocity of each contact.
-
-    Raises:
-        IdentificationError: a contact is on a link that does not move by itself.
-    """
+    """Jacobians of the contact points in the axes of their wrenches."""
     contacts, count = motion.contacts, len(motion)
     if not contacts.links:
         return np.zeros((count, 0, lib.n_rows))

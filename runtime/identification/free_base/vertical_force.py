@@ -33,17 +33,7 @@ class VerticalForce:
 def vertical_force(
     lib: Library, motion: FreeBaseMotion, pi: Array, phi: Array
 ) -> VerticalForce | None:
-    """Errors of ΣF_z, the vertical component of the forces on the base.
-
-    Args:
-        lib: library of a robot with a free base.
-        motion: N prepared instants.
-        pi: identified π, (10 L,).
-        phi: coefficients of the errors of the sensors, in the first row; see `vertical_sensors`.
-
-    Returns:
-        Errors; None where vertical forces were not all measured, or are zero throughout.
-    """
+    """Errors of ΣF_z, the vertical component of the forces on the base."""
     contacts = motion.contacts
     if not contacts.links:
         return None

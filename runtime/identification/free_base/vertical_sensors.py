@@ -29,13 +29,7 @@ CROSSTALK = ("crosstalk_x", "crosstalk_y")
 def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     """Errors of the C readings per unit of each of the K unknown coefficients.
 
-    Args:
-        lib: library of a robot with a free base.
-        motion: N prepared instants; where errors are stated, with all vertical forces.
-
-    Returns:
-        (N, C, K): o_c of every contact [1], γ [N], c_x and c_y [N·m]; of these, what the log
-        states, and of c what it does not state as 0.
+    Returns (N, C, K) [1].
     """
     contacts = motion.contacts
     count, size = contacts.wrench.shape[:2]
@@ -62,15 +56,7 @@ def error_names(contacts: Contacts) -> tuple[str, ...]:
 
 
 def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
-    """Gaussian prior of the coefficients of `reading_errors`, in the first row of φ.
-
-    Args:
-        contacts: with the standard deviations.
-        shape: of φ, (m, K).
-
-    Returns:
-        Prior of mean 0; None where the log states no error.
-    """
+    """Gaussian prior of the coefficients of `reading_errors`, in the first row of φ."""
     known: list[float] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.

@@ -50,23 +50,7 @@ def parts_of_log(
     is_joined: bool = False,
     rate_hz: float | None = None,
 ) -> dict[str, StreamedPart]:
-    """Divide a streamed log into its parts.
-
-    Args:
-        log: rows in their file.
-        lib: library of the robot.
-        preparation: steps for each part.
-        terms: friction columns.
-        shares: fractions of the duration.
-        is_joined: the training part includes the validation part.
-        rate_hz: rate of the log [Hz]; None for that of its first rows.
-
-    Returns:
-        "train", "validation" and "test" → part; nothing is prepared yet.
-
-    Raises:
-        RecordingError: the log has no clock, or a part holds no row.
-    """
+    """Divide a streamed log into its parts."""
     start = float(log.instants([0], REACH)[0])
     end = float(log.block(max(log.rows - REACH, 0), log.rows).t[-1])
     duration = end - start or 1.0
@@ -111,14 +95,6 @@ def first_row(share_of: Callable[[int], float], count: int, share: float) -> int
 
     The search begins where a uniform clock has that row and doubles its steps from there, since
     every share is read from the file.
-
-    Args:
-        share_of: row → share, not decreasing.
-        count: number of rows.
-        share: bound.
-
-    Returns:
-        Index of the row; `count` where all shares are below the bound.
     """
     place = min(max(int(np.ceil(share * (count - 1))), 0), count - 1)
     is_later = share_of(place) < share

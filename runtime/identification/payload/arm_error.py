@@ -29,17 +29,7 @@ def arm_covariance(
 ) -> Array:  # fmt: skip
     """Covariance of a payload's π that comes from the arm's model.
 
-    Args:
-        lib: library of the robot.
-        model: arm, whose parameters are taken as known in the fit.
-        run: prepared recording with the payload, N rows.
-        columns: Y_k, (N, n, 10).
-        noise: σ_j, (n,) [N·m, N].
-        errors: residual of the fit, (N, n) [N·m, N].
-        payload: C, covariance of the fit at unit weighted noise, (10, 10).
-
-    Returns:
-        (10, 10), in the frame of the link.
+    columns (N, n, 10), noise (n,) [N·m, N], errors (N, n) [N·m, N], payload (10, 10) → (10, 10).
     """
     # R of the arm: block-diagonal root of the prior's spread at its parameters.
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)

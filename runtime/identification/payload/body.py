@@ -83,12 +83,7 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
 def jacobian(bodies: Bodies, pi: Array) -> Array:
     """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π.
 
-    Args:
-        bodies: map from π to the pseudo-inertia of one body.
-        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
-
-    Returns:
-        (10, 10) Jacobian.
+    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (10, 10).
     """
     P, unit = bodies.pseudo_inertia(pi)[0], bodies.basis
     m, h = P[3, 3], P[:3, 3]

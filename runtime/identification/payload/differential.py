@@ -21,17 +21,7 @@ def empty_residual(
 ) -> Array:
     """Interpolate the residual of the empty run at the instants of the loaded one.
 
-    Args:
-        loaded: prepared run with the payload, N samples.
-        empty: prepared run without it, N₀ samples.
-        residual: of the empty run, (N₀, n) N·m or N.
-        names: of the joints.
-
-    Returns:
-        (N, n) residual [N·m, N].
-
-    Raises:
-        IdentificationError: durations or trajectories of the runs differ.
+    Returns (N, n) [N·m, N].
     """
     if abs(empty.duration - loaded.duration) > LENGTH * loaded.duration:
         raise IdentificationError(

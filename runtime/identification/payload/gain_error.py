@@ -18,15 +18,7 @@ def gain_covariance(
 ) -> Array:
     """Covariance of a payload's π by independent errors of the joints' torque gains.
 
-    Args:
-        columns: Y_k, (N, n, 10).
-        torque: τ that the gains act on, (N, n) [N·m, N].
-        noise: σ_j, (n,) [N·m, N].
-        shape: C, covariance of the fit at unit weighted noise, (10, 10).
-        gain_error: s, standard deviation of a gain relative to one.
-
-    Returns:
-        (10, 10), in the frame of the link.
+    columns (N, n, 10), torque (N, n) [N·m, N], noise (n,) [N·m, N], shape (10, 10) → (10, 10).
     """
     rows = (columns - columns.mean(axis=0)) / noise[:, None]
     varying = (torque - torque.mean(axis=0)) / noise

@@ -62,19 +62,7 @@ def posture_error(
     run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array,
     covariance: Array,
 ) -> PostureError | None:  # fmt: skip
-    """Errors that repeat with the position of the joint where they are largest.
-
-    Args:
-        run: prepared recording of n joints, N rows.
-        names: of the joints.
-        rows: weighted columns of the payload, (N, m, 10).
-        errors: weighted residuals, (N, m).
-        shape: A⁻¹, covariance of π at unit noise, prior included, (10, 10).
-        covariance: of π with the noise, (10, 10).
-
-    Returns:
-        The errors; None where no joint shows any.
-    """
+    """Errors that repeat with the position of the joint where they are largest."""
     whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
     worst, largest = None, SIGNIFICANT
     for joint in np.flatnonzero(np.ptp(q, axis=0) > LEAST_TRAVEL):

@@ -9,16 +9,7 @@ _MODEL_ERROR = 0.1
 
 
 def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
-    """How the identification ended.
-
-    Args:
-        body: identified body with its uncertainty.
-        weak: names of values that the prior determines.
-        converged: whether the minimisation converged.
-
-    Returns:
-        One sentence.
-    """
+    """How the identification ended."""
     if not converged:
         return "not converged; check the recording for outliers and the unit of the torque"
     if body.mass < 3 * body.sigma[0]:
@@ -31,18 +22,7 @@ def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
 def notes_of(
     weak: tuple[str, ...], share: float, model: ArmModel, differential: bool, gain_error: float
 ) -> tuple[str, ...]:
-    """Assumptions and limits of the result.
-
-    Args:
-        weak: names of values that the prior determines.
-        share: norm of the residual over that of the payload's torque.
-        model: of the arm.
-        differential: whether a run without the payload was subtracted.
-        gain_error: standard deviation of the torque gains, relative to one.
-
-    Returns:
-        Sentences.
-    """
+    """Assumptions and limits of the result."""
     notes = []
     if gain_error:
         notes.append(

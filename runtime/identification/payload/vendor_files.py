@@ -32,14 +32,7 @@ MM = 1e3
 
 
 def vendor_texts(body: Body) -> dict[str, str]:
-    """Name → content of the files.
-
-    Args:
-        body: payload in the frame of the flange.
-
-    Returns:
-        Texts of four files, 17 significant digits.
-    """
+    """Name → content of the files."""
     m, (x, y, z) = float(body.mass), (float(c) for c in body.com)
     texts = (
         ur_script(body),
@@ -68,11 +61,7 @@ def kuka_load(body: Body) -> str:
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
     """I = R diag(J) Rᵀ with det R = 1, each principal axis assigned to its nearest coordinate axis.
 
-    Args:
-        inertia: about the centre of mass, (3, 3) kg·m².
-
-    Returns:
-        J (3,) kg·m², and R (3, 3).
+    inertia (3, 3) → (3,).
     """
     J, R = np.linalg.eigh(inertia)
     # Of the orders of the axes, the one with the largest |diagonal| has the smallest rotation.
@@ -85,14 +74,7 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
 
 
 def kuka_angles(R: Array) -> tuple[float, float, float]:
-    """A, B, C [rad] of R = Rz(A) Ry(B) Rx(C); at B = ± 90° C is 0.
-
-    Args:
-        R: rotation, (3, 3).
-
-    Returns:
-        Three angles, B in [−π/2, π/2].
-    """
+    """A, B, C [rad] of R = Rz(A) Ry(B) Rx(C); at B = ± 90° C is 0."""
     cosine = float(np.hypot(R[0, 0], R[1, 0]))
     b = float(np.arctan2(-R[2, 0], cosine))
     if cosine < 1e-12:  # rounding of a unit vector: A and C turn about the same axis

@@ -92,23 +92,7 @@ def problem_of(
     friction: Friction | None,
     preparation: Preparation | None,
 ) -> GainProblem:
-    """Check and prepare both recordings.
-
-    Args:
-        empty: run without the payload.
-        loaded: run with the payload.
-        lib: library of the robot.
-        payload: known payload.
-        link: link that carries it; None is that of the payload, else the link of the tip.
-        friction: columns beside the offsets; None is viscous and coulomb.
-        preparation: steps for both recordings; None is that of the recipe.
-
-    Returns:
-        The samples of both runs with the payload.
-
-    Raises:
-        RuntimeFault: the recordings are too short, equal, read differently or of other robots.
-    """
+    """Check and prepare both recordings."""
     mount = _mount(lib, payload, link)
     _require_two_runs(empty, loaded)
     terms = friction or Friction(("viscous", "coulomb"))

@@ -74,16 +74,7 @@ def reduced(blocks: Iterable[Array]) -> Array:
 
 
 def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
-    """Gauss–Newton from the linear solution, with steps halved until the likelihood increases.
-
-    Args:
-        triangle: factor of the rows of each channel, (n, w, w).
-        n_samples: samples of all runs.
-        n_runs: number of runs.
-
-    Returns:
-        The solution with its covariance.
-    """
+    """Gauss–Newton from the linear solution, with steps halved until the likelihood increases."""
     # Below the rows of the offsets, the triangle is that of the centred data.
     rows = triangle[:, n_runs:, n_runs:]
     n, p = len(rows), rows.shape[2] - 2

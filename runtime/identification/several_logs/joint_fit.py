@@ -80,19 +80,7 @@ def read_carried(path: Path, lib: Library) -> Array:
 
 
 def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
-    """Prepare a log and subtract the torque of its known payload.
-
-    Args:
-        log: log as read, with its preparation and payload.
-        lib: library of the robot.
-        terms: friction columns.
-
-    Returns:
-        The prepared recording.
-
-    Raises:
-        RuntimeFault: the log is not of this robot, or a step cannot be taken.
-    """
+    """Prepare a log and subtract the torque of its known payload."""
     bare, preparation = _bare(log, lib)
     return _prepared(bare, preparation, log, lib, terms)
 
@@ -100,21 +88,7 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
 def parts_of(
     log: NamedLog, lib: Library, terms: Friction, shares: Split, is_joined: bool
 ) -> tuple[Recording, Recording, Recording]:
-    """Split a log, prepare its parts and subtract the torque of its known payload.
-
-    Args:
-        log: log as read, with its preparation and payload.
-        lib: library of the robot.
-        terms: friction columns.
-        shares: fractions of the parts.
-        is_joined: the training part includes the validation part.
-
-    Returns:
-        Train, validation and test.
-
-    Raises:
-        RuntimeFault: the log is not of this robot, or a step cannot be taken.
-    """
+    """Split a log, prepare its parts and subtract the torque of its known payload."""
     bare, preparation = _bare(log, lib)
 
     def prepared(part: Recording, steps: Preparation) -> Recording:
@@ -157,19 +131,7 @@ def shared_terms(terms: Friction) -> tuple[str, ...]:
 
 
 def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence[str]) -> Recording:
-    """Join prepared logs, with an offset column for each of `all_names`.
-
-    Args:
-        parts: prepared alike; all with a column `offset`, or none.
-        names: names of their logs.
-        all_names: names of all logs; a log without a part here has a column of zeros.
-
-    Returns:
-        One recording with the rows of all parts.
-
-    Raises:
-        IdentificationError: some of the parts have rows without accelerations and some have not.
-    """
+    """Join prepared logs, with an offset column for each of `all_names`."""
     first = parts[0]
     if any((part.rows is None) != (first.rows is None) for part in parts):
         raise IdentificationError(

@@ -41,16 +41,7 @@ _NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
 
 
 def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Time stamps that do not increase.
-
-    Args:
-        raw: signals as logged.
-        plan: recipe so far.
-
-    Returns:
-        The recipe, with a constant rate where time runs backwards so that the other checks can
-        continue; "time_backwards" as an error.
-    """
+    """Time stamps that do not increase."""
     if "time" not in raw.values:
         return plan, []
     t = raw.values["time"][:, 0]
@@ -81,18 +72,7 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
 def clock(
     recording: Recording, plan: Recipe, raw: Raw, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
-    """Repeated states, dropped samples, jitter and holes.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        raw: signals as logged.
-        lib: library of the robot.
-
-    Returns:
-        The recipe with the preparation that handles them; "repeated_rows", "holes",
-        "dropped_ticks", "jitter" and "restamped".
-    """
+    """Repeated states, dropped samples, jitter and holes."""
     logged = raw.values["position"]
     preparation, findings = _stale(
         recording, plan, lib, logged if len(logged) == len(recording) else None

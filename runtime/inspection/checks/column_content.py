@@ -51,16 +51,7 @@ class Block:
 
 
 def blocks_by_content(values: FloatArray, joints: int) -> tuple[Block, ...]:
-    """Assign the columns of a table to signals.
-
-    Args:
-        values: (N, w) numbers of a file; rows that are not finite are left out.
-        joints: n, number of joints of the robot.
-
-    Returns:
-        Every column in one block, in the order of the file; empty where no positions were
-        recognised.
-    """
+    """Assign the columns of a table to signals."""
     rows = values[np.isfinite(values).all(axis=1)][:MOST_ROWS]
     if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST:
         return ()

@@ -72,15 +72,7 @@ def meaning(title: str) -> Meaning:
 
 
 def by_joint(titles: list[str], names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Titles that contain the names of the joints, such as `arm_1_joint_effort`.
-
-    Args:
-        titles: of the columns of a file.
-        names: of the joints of the robot.
-
-    Returns:
-        Title with "#" in place of the name → titles in the order of the joints, complete ones only.
-    """
+    """Titles that contain the names of the joints, such as `arm_1_joint_effort`."""
     groups: dict[str, dict[str, str]] = {}
     longest_first = sorted(names, key=len, reverse=True)
     for title in titles:

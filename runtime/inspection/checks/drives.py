@@ -31,15 +31,7 @@ LATE = 4.0
 
 
 def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
-    """The torque is that of a control law (trap 4).
-
-    Args:
-        recording: with the source of its torque.
-        plan: recipe, with the law.
-
-    Returns:
-        "commanded_torque".
-    """
+    """The torque is that of a control law (trap 4)."""
     law = plan.law
     if law is None:
         return []
@@ -57,19 +49,7 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
 
 
 def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
-    """Friction columns of the drives: those of the recipe with rotors, else as `identify` chooses.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-        plan: recipe so far.
-
-    Returns:
-        The columns.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared.
-    """
+    """Friction columns of the drives: of the recipe with rotors, else as `identify` chooses."""
     written = plan.friction
     if written is not None and ROTOR.name in written.columns:
         return written
@@ -82,19 +62,6 @@ def delay(
     """Delay of a commanded torque behind its stamp (trap 2).
 
     Measured: profile of the loss over the delay, with the links of the URDF and free drives.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-        plan: recipe so far.
-        terms: friction columns of the drives.
-
-    Returns:
-        The recipe with the delay, and "delay" with profile and interval; without a value where
-        the loss is flat.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared, or is too short.
     """
     seen = recorded_delay(recording, lib, plan.preparation, terms)
     profile, value = seen.profile, seen.delay_s
@@ -153,18 +120,6 @@ def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> 
 
     Measured: share of the torque that the links of the URDF leave, alone, with friction and with
     rotor inertia as well.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-        plan: recipe, with the delay.
-        terms: friction columns that are proposed.
-
-    Returns:
-        "rotor" where the links leave more than `DOMINANT` and the drives explain `REMOVED` of it.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared.
     """
     shares = _shares(recording, lib, plan.preparation)
     if shares is None or shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:

@@ -24,20 +24,7 @@ _NO_CLOCK = Time(rate_hz=1.0)
 def draft(
     place: Path, names: tuple[str, ...], rate_hz: float | None = None
 ) -> tuple[Recipe | None, list[Finding]]:
-    """Draft a recipe from names and shapes.
-
-    Args:
-        place: a file or a folder.
-        names: names of the joints of the robot.
-        rate_hz: rate of a log without a clock [Hz].
-
-    Returns:
-        The recipe, None where the file follows the default convention, and findings on what is
-        missing or not used.
-
-    Raises:
-        RecordingError: no positions, or no file that holds numbers.
-    """
+    """Draft a recipe from names and shapes."""
     if place.is_file() and not has_titles(place):
         return None, []
     plan = _by_convention(place)

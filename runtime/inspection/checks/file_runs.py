@@ -9,14 +9,7 @@ _NUMBER = re.compile(r"\d+(?=\D*$)")
 
 
 def run_of(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:
-    """Place of the first part, with `{run}` for the number in which the files differ.
-
-    Args:
-        parts: places of one signal, with `where` and `measured`.
-
-    Returns:
-        The place for a recipe, and the run that it reads; "" where there are no runs.
-    """
+    """Place of the first part, with `{run}` for the number in which the files differ."""
     where = dict(parts[0]["where"])
     files = [str(part["where"]["file"]) for part in parts if part["measured"]]
     match = _NUMBER.search(str(where["file"]))
@@ -27,15 +20,7 @@ def run_of(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:
 
 
 def several_runs(parts: list[dict[str, Any]], run: str) -> Finding:
-    """Which of the runs of a folder is read, and how to read the others.
-
-    Args:
-        parts: places of one signal in files of several runs.
-        run: the one that is read.
-
-    Returns:
-        "several_runs".
-    """
+    """Which of the runs of a folder is read, and how to read the others."""
     files = [str(part["where"]["file"]) for part in parts if part["measured"]]
     names = sorted({_NUMBER.findall(name)[0] for name in files}, key=int)
     sentence = (

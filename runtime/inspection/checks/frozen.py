@@ -23,14 +23,6 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
     moves.
 
     Measured: the step of q after the interval, or the motion that the other signals show.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe that leaves these intervals out, and "frozen".
     """
     if len(recording) < LEAST_ROWS:
         return plan, []

@@ -21,16 +21,7 @@ ALONE = 0.5
 
 
 def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Finding]:
-    """Residual torques of two neighbours that follow the speed of each other.
-
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
-        terms: friction columns of the fit; columns of coupled motors end the check.
-
-    Returns:
-        "gear_coupling" for the neighbours with the largest shares.
-    """
+    """Residual torques of two neighbours that follow the speed of each other."""
     s, lib = torque_rows.samples, torque_rows.lib
     if any(name.startswith("motor_") for name in terms.columns):
         return []

@@ -54,14 +54,6 @@ def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding
 
     Measured: slope on the gravity torque and sign of friction; else the residual of consistent
     bodies for two signs of τ and three of gravity.
-
-    Args:
-        torque_rows: prepared rows.
-        plan: recipe so far.
-
-    Returns:
-        The recipe, with the sign of τ reversed where that is the cause; "torque_sign" or
-        "gravity" where another case leaves less than `MUCH` of the residual.
     """
     evidence_of_joints = torque_evidence(torque_rows)
     if evidence_of_joints.gravity_is_against and evidence_of_joints.friction_sign:

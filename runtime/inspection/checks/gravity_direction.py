@@ -38,15 +38,7 @@ _SMALLEST = np.radians(1.0)
 
 
 def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
-    """Base on a wall or tilted: gravity off the model's direction fits much better.
-
-    Args:
-        torque_rows: prepared rows.
-        evidence: of the fits so far, JSON-ready.
-
-    Returns:
-        "gravity" with the fitted vector and the build option that uses it.
-    """
+    """Base on a wall or tilted: gravity off the model's direction fits much better."""
     lib, s = torque_rows.lib, torque_rows.samples
     few = s.rows(slice(None, None, max(1, len(s) // FEW)))
     still = np.zeros_like(few.q)
@@ -75,16 +67,7 @@ def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
 
 
 def build_command(lib: Library, suffix: str, gravity: Array) -> str:
-    """Command that builds the same arm with another gravity.
-
-    Args:
-        lib: library of the arm.
-        suffix: of its new name.
-        gravity: in the frame of the base, (3,) m/s².
-
-    Returns:
-        The command, and which other options it needs.
-    """
+    """Command that builds the same arm with another gravity."""
     name = f"{lib.name}_{suffix}"
     urdf = lib.folder / f"{lib.name}.urdf"
     return (

@@ -24,16 +24,7 @@ the order is changed."""
 
 
 def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Order of the joints that fits limits and gravity torque much better than the present one.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe with the order for every signal, and "joint_order" where it changed.
-    """
+    """Order of the joints that fits limits and gravity torque much better than the present one."""
     n = lib.n_joints
     beyond = beyond_limits(recording.q, lib)
     fits = float(np.diag(beyond).max()) <= BEYOND

@@ -27,14 +27,7 @@ FEWEST = 100
 
 
 def lost_rows(recording: Recording) -> list[Finding]:
-    """Steps of q that took two periods by the velocities, on a clock of constant rate.
-
-    Args:
-        recording: read with the plan.
-
-    Returns:
-        "restamped" where rows are missing though the stamps are even.
-    """
+    """Steps of q that took two periods by the velocities, on a clock of constant rate."""
     if len(recording) < FEWEST:
         return []
     step, even = _even_steps(recording)
@@ -69,14 +62,6 @@ def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> li
     A logger at the rate of the robot that is not in step with it repeats as many states as it
     skips. More skipped ticks, under a clock of constant rate, are rows that were lost before it
     was made.
-
-    Args:
-        recording: read with the plan.
-        repeated: rows that repeat the state before.
-        skipped: ticks without a row on the clock rebuilt from Δq = v Δt.
-
-    Returns:
-        "restamped" where rows are missing though the stamps are even.
     """
     step, even = _even_steps(recording)
     gaps = np.round(np.diff(recording.t)[~even] / step) - 1.0

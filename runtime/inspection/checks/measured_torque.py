@@ -25,14 +25,7 @@ _DIFFERENCES = 4
 def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list[Finding]:
     """A torque that fits a model better than a measurement can.
 
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
-        raw_tau: (N, n) torque before any filter [N·m, N].
-
-    Returns:
-        "not_measured" below `PERFECT`, below `SILENT` and `GOOD` together, or below `FRICTIONLESS`
-        and `FITTED` together.
+    raw_tau (N, n) [N·m, N].
     """
     tau = torque_rows.samples.tau
     _, rest = least_squares(matrix, tau.ravel())

@@ -30,16 +30,7 @@ def fit_rows(torque_rows: TorqueRows) -> Array:
 
 
 def unexplained(torque_rows: TorqueRows, matrix: Array, *, has_gains: bool = True) -> list[Finding]:
-    """A torque that no parameters of this robot explain.
-
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `fit_rows`.
-        has_gains: False for currents with unknown gains, where each joint is fitted alone.
-
-    Returns:
-        "unexplained" where the residual exceeds `STRANGE` of the torque.
-    """
+    """A torque that no parameters of this robot explain."""
     tau = torque_rows.samples.tau
     if has_gains:
         _, rest = least_squares(matrix, tau.ravel())
@@ -152,16 +143,7 @@ def one_run(duration_s: float) -> Finding:
 
 
 def inflation_of(matrix: Array, errors: Array, weights: Array) -> float:
-    """Variance inflation N / N_eff of the errors of a fit.
-
-    Args:
-        matrix: columns of the fit, (N n, p).
-        errors: residual, (N, n).
-        weights: of the joints, (n,).
-
-    Returns:
-        N / N_eff.
-    """
+    """Variance inflation N / N_eff of the errors of a fit."""
     scale = np.sqrt(weights)
     rows = matrix.reshape(*errors.shape, -1) * scale[:, None]
     return coloured_noise_of_rows(rows, errors * scale).inflation

@@ -26,17 +26,7 @@ GAINED = 0.2
 def velocity_pairs(
     recording: Recording, plan: Recipe, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
-    """Order and sign of dq, by the correlation with the derivative of q.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe with corrected order and signs of the velocities; "velocity_order" and
-        "velocity_sign" where they changed.
-    """
+    """Order and sign of dq, by the correlation with the derivative of q."""
     from scipy.optimize import linear_sum_assignment
 
     if recording.dq is None or plan.velocity is None or len(recording) < 10:
@@ -86,15 +76,7 @@ def velocity_pairs(
 
 
 def constant_velocity(recording: Recording, lib: Library) -> list[Finding]:
-    """Velocities that keep one value although their joint moves: nobody measured them.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-
-    Returns:
-        "velocity_constant".
-    """
+    """Velocities that keep one value although their joint moves: nobody measured them."""
     if recording.dq is None:
         return []
     travel = np.ptp(unwrap(recording.q)[0], axis=0)
@@ -126,12 +108,7 @@ def wraps(recording: Recording) -> list[Finding]:
 def correlation(a: Array, b: Array) -> Array:
     """Pearson's correlation of each column of a with each column of b.
 
-    Args:
-        a: (N, m).
-        b: (N, k).
-
-    Returns:
-        (m, k) correlations in [−1, 1]; 0 for a constant column.
+    a (N, m), b (N, k) → (m, k) [−1, 1].
     """
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)

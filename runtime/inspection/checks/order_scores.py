@@ -17,12 +17,7 @@ ROWS = 60
 def beyond_limits(q: Array, lib: Library) -> Array:
     """Distance by which each column exceeds the limits of each joint.
 
-    Args:
-        q: (N, n) positions in the order of the log [rad, m].
-        lib: library of the robot.
-
-    Returns:
-        (columns, joints) largest excess [rad, m]; 0 within the limits.
+    q (N, n) [rad, m] → (columns, joints) [rad, m].
     """
     limits = lib.limits()
     low, high = q.min(axis=0)[:, None], q.max(axis=0)[:, None]
@@ -34,14 +29,7 @@ def beyond_limits(q: Array, lib: Library) -> Array:
 def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
     """E of several orders of the joints.
 
-    Args:
-        q: (N, n) positions in the order of the log [rad, m].
-        tau: (N, n) torques in any unit.
-        orders: (P, n) permutations of the columns.
-        lib: library of the robot.
-
-    Returns:
-        (P,) E in [0, 1]; 0 is a torque proportional to the gravity torque.
+    q (N, n) [rad, m], tau (N, n), orders (P, n) → (P,) [0, 1].
     """
     placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)
@@ -58,16 +46,7 @@ def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) ->
 
 
 def _with_springs(measured: Array, model: Array, springs: Array) -> Array:
-    """E of torques that springs of unknown stiffness explain as well.
-
-    Args:
-        measured: (P, N n) torques in P orders.
-        model: (P N, n) gravity torque, and that of known springs and curves.
-        springs: (P N, n, s) torques of the springs for k = 1.
-
-    Returns:
-        (P,) share of the torque outside of the span of the columns.
-    """
+    """E of torques that springs of unknown stiffness explain as well."""
     columns = np.concatenate([model[..., None], springs], axis=2)
     columns = columns.reshape(*measured.shape, -1)
     errors = []

@@ -28,13 +28,6 @@ def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
 
     Measured: test of the gains against each other, which needs no URDF, and the slope of τ on the
     torque of the URDF.
-
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
-
-    Returns:
-        "torque_gain" where the test is significant and the slope differs by more than `OFF`.
     """
     lib, s = torque_rows.lib, torque_rows.samples
     _, rest = least_squares(matrix, s.tau.ravel())
@@ -65,15 +58,7 @@ def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
 
 
 def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
-    """Bodies of the URDF that are far from those of the log.
-
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
-
-    Returns:
-        "other_robot" where the mismatch exceeds `OTHER`.
-    """
+    """Bodies of the URDF that are far from those of the log."""
     s, lib = torque_rows.samples, torque_rows.lib
     tau, friction = s.tau.ravel(), torque_rows.friction_rows()
     urdf = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0).ravel()

@@ -43,16 +43,7 @@ _NAMES = {"q": "position", "dq": "velocity", "tau": "torque"}
 
 
 def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Outliers of positions, velocities and torques.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe that leaves these rows out, and "outliers".
-    """
+    """Outliers of positions, velocities and torques."""
     if len(recording) < FEWEST:
         return plan, []
     signals = {key: getattr(recording, key) for key in _NAMES}

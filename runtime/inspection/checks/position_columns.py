@@ -29,15 +29,7 @@ GOOD, GAINED = 0.7, 0.15
 
 
 def position_columns(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Sign and order of the positions and velocities, by the torque of the URDF.
-
-    Args:
-        torque_rows: prepared rows.
-        plan: recipe so far.
-
-    Returns:
-        The recipe with corrected positions and velocities; "position_sign" or "position_order".
-    """
+    """Sign and order of the positions and velocities, by the torque of the URDF."""
     n, names = torque_rows.lib.n_joints, torque_rows.lib.joint_names
     still = np.arange(n)
     present = _share(torque_rows, still, np.ones(n))

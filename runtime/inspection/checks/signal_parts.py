@@ -17,15 +17,7 @@ Group = dict[str, list[dict]]
 
 
 def signal_parts(place: Path, names: tuple[str, ...]) -> Group:
-    """Parts of a log by the kind of signal that they may be.
-
-    Args:
-        place: a file or a folder.
-        names: names of the joints of the robot.
-
-    Returns:
-        Kind of signal → descriptions of the parts, measured ones first.
-    """
+    """Parts of a log by the kind of signal that they may be."""
     signals: Group = defaultdict(list)
     files = [place]
     if place.is_dir():

@@ -33,14 +33,6 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
 
     Measured: rows in runs of `FLAT_ROWS` equal extreme torques while the arm moves; peak torque
     over the limit of effort; share of the rows within `AT_END` of the end of the range.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot, with its limits.
-
-    Returns:
-        "saturation" as a warning above `FLAT_SHARE`, as information above `NEAR_LIMIT`; "at_stop"
-        above `STOP_SHARE`.
     """
     findings, names = [], lib.joint_names
     moving = moving_joints(recording, lib)
@@ -96,13 +88,6 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
     """Joints that do not move in the whole log.
 
     Measured: travel of every joint, below `still_travels` by noise and vibration alone.
-
-    Args:
-        recording: in SI units.
-        lib: library of the robot.
-
-    Returns:
-        "still_joints", a warning where fewer than half of the joints move.
     """
     still = np.flatnonzero(np.ptp(recording.q, axis=0) < still_travels(lib))
     if not still.size:
@@ -129,15 +114,6 @@ def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
 
     Measured: share of the rows in which every joint is slower than `rest_speeds`. There the
     friction torque lies anywhere between its bounds, and the sign of dq is noise.
-
-    Args:
-        recording: in SI units.
-        plan: recipe; with rest_speed it already drops these rows.
-        lib: library of the robot.
-
-    Returns:
-        "rest" above `REST_SHARE`, as information where the recipe drops the rows; none where
-        no joint moves at all, which `still_joints` states.
     """
     still = ~moving_joints(recording, lib).any(axis=1)
     share, spans = float(still.mean()), rest_spans(recording, lib)
@@ -168,13 +144,7 @@ def rest_spans(
 ) -> list[tuple[float, float]]:
     """Intervals of rest.
 
-    Args:
-        recording: in SI units.
-        lib: library of the robot.
-        least_s: shortest interval [s].
-
-    Returns:
-        (from, to) of every interval [s].
+    Returns (from, to) [s].
     """
     still = ~moving_joints(recording, lib).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
@@ -187,13 +157,6 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
     """Joints whose relative torque error misleads (trap 13).
 
     Measured: RMS torque of every joint over that of the most loaded one.
-
-    Args:
-        recording: in SI units.
-        lib: library of the robot.
-
-    Returns:
-        "little_torque" below `LITTLE`.
     """
     if recording.tau is None:
         return []
@@ -215,15 +178,7 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
 
 
 def moving_joints(recording: Recording, lib: Library) -> Array:
-    """Whether each joint is faster than its `rest_speeds`, row by row.
-
-    Args:
-        recording: in SI units.
-        lib: library of the robot.
-
-    Returns:
-        (N, n).
-    """
+    """Whether each joint is faster than its `rest_speeds`, row by row."""
     slowest = rest_speeds(lib)
     if recording.dq is not None:
         return np.asarray(np.abs(recording.dq) >= slowest)

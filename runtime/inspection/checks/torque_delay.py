@@ -39,19 +39,7 @@ the error of the friction model."""
 def delay(
     torque_rows: TorqueRows, matrix: Array, plan: Recipe, *, has_gains: bool = True
 ) -> list[Finding]:
-    """Delay of τ behind q.
-
-    Args:
-        torque_rows: prepared rows.
-        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
-        plan: recipe so far, with the cut-off.
-        has_gains: False for currents with unknown gains, where each joint is fitted alone.
-
-    Returns:
-        "delay" with profile and interval, without a value where the profile has no minimum; before
-        it "time_shift" where the delay explains `LATE_GAIN` of the squared residual, is significant
-        and exceeds 0.3 samples.
-    """
+    """Delay of τ behind q."""
     whole = torque_rows.whole
     period = 1.0 / (plan.preparation.cutoff_hz or 5.0)
     reach = max(min(LONGEST, SHARE * whole.duration), 0.25 * period)
@@ -158,11 +146,7 @@ class _Search:
 
 
 def _basis(rows: Array) -> Array:
-    """Orthonormal basis of W, (N m, rank), so that a shifted torque costs one product.
-
-    Args:
-        rows: equations of m joints, (N, m, p).
-    """
+    """Orthonormal basis of W, (N m, rank), so that a shifted torque costs one product."""
     flat = rows.reshape(-1, rows.shape[2])
     left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
     return np.asarray(left[:, sizes > 1e-9 * sizes[0]])

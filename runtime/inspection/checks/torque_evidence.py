@@ -60,14 +60,7 @@ class TorqueEvidence:
 
 
 def torque_evidence(torque_rows: TorqueRows) -> TorqueEvidence:
-    """Regress τ of every joint on gravity torque, inertial torque and friction.
-
-    Args:
-        torque_rows: prepared rows.
-
-    Returns:
-        Slopes, correlations and friction power.
-    """
+    """Regress τ of every joint on gravity torque, inertial torque and friction."""
     inertial, falls = torque_rows.model_torque()
     speeds, tau = torque_rows.samples.dq, torque_rows.samples.tau
     columns = [_joint(falls[:, j], inertial[:, j], speeds[:, j], tau[:, j]) for j in _all(tau)]

@@ -60,20 +60,7 @@ class TorqueRows:
 def torque_rows_of(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction
 ) -> TorqueRows:
-    """Prepare a recording for the checks of its torque.
-
-    Args:
-        recording: in SI units and the order of the model.
-        lib: library of the robot.
-        preparation: with a filter; decimation and removal of rest are left out.
-        terms: friction columns.
-
-    Returns:
-        The rows.
-
-    Raises:
-        RuntimeFault: the recording cannot be prepared, or is too short or too slow.
-    """
+    """Prepare a recording for the checks of its torque."""
     bare = recording.replace(columns=None, column_names=(), motors=None)
     usual = replace(preparation, rate_hz=None, rest_speed=None, regressor="acceleration")
     whole = prepare(bare, usual, terms, lib=lib)
@@ -96,13 +83,6 @@ def _without_springs(samples: Samples, lib: Library) -> Samples:
     """Samples less the torque of springs of unknown stiffness, τ − S k.
 
     k is that of least squares over [β; φ; k]; the checks compare the rest with the URDF's links.
-
-    Args:
-        samples: known curves and springs are subtracted already.
-        lib: library of the robot.
-
-    Returns:
-        The samples.
     """
     springs = lib.spring_columns(samples.q)
     take = slice(None, None, max(1, len(samples) // ROWS))
@@ -116,16 +96,7 @@ def _without_springs(samples: Samples, lib: Library) -> Samples:
 
 
 def rough(recording: Recording, preparation: Preparation) -> Preparation:
-    """Preparation with a low-pass for the checks, where the recipe has no filter.
-
-    Args:
-        recording: in SI units.
-        preparation: of the recipe.
-
-    Returns:
-        The preparation itself if it has a filter, else one with a cut-off of `ROUGH_HZ` or
-        `SHARE` of the rate.
-    """
+    """Preparation with a low-pass for the checks, where the recipe has no filter."""
     if preparation.filter != "none":
         return preparation
     grid = preparation.max_gap_s
@@ -144,13 +115,7 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
 def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
     """Least squares with normalised columns.
 
-    Args:
-        matrix: (m, p).
-        target: (m,) or (m, k).
-
-    Returns:
-        The solution of least length in normalised columns, (p,) or (p, k), and the residual
-        target − matrix x.
+    matrix (m, p), target (m,) → (p,).
     """
     lengths = np.linalg.norm(matrix, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)

@@ -33,13 +33,6 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
     """Order of the columns of τ.
 
     Measured: share of each column of τ that the model's torque of each joint explains.
-
-    Args:
-        torque_rows: prepared rows.
-        plan: recipe so far.
-
-    Returns:
-        The recipe with the order of the torque, and "torque_order" where it changed.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -80,16 +73,7 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
 
 
 def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Unit and gains of τ, from the slopes of the joints that gravity or inertia load.
-
-    Args:
-        torque_rows: prepared rows.
-        plan: recipe so far.
-
-    Returns:
-        The recipe with the unit or proposed gains, and "torque_unit" where the slopes are outside
-        `USUAL` or differ by a factor of 4.
-    """
+    """Unit and gains of τ, from the slopes of the joints that gravity or inertia load."""
     slopes, is_used = slopes_to_model(torque_rows)
     if plan.torque is None or not is_used.any():
         return plan, []
@@ -140,13 +124,6 @@ def joint_signs(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fin
 
     Measured: sign of the slope of τ on the model's torque. Where every joint that gravity loads has
     the opposite sign, `gravity` decides between the sign of τ and the direction of gravity.
-
-    Args:
-        torque_rows: prepared rows.
-        plan: recipe so far.
-
-    Returns:
-        The recipe with corrected signs, and "torque_sign" where they changed.
     """
     slopes, is_used = slopes_to_model(torque_rows)
     against = np.flatnonzero(is_used & (slopes < 0))

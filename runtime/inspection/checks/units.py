@@ -30,17 +30,7 @@ _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
 
 
 def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Unit of q by the limits of the joints, then units of dq and t by the slope s.
-
-    Args:
-        recording: read with the plan.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe with corrected units; "position_unit", "position_range", "velocity_unit",
-        "velocity_scale", "time_unit" or "missing_clock".
-    """
+    """Unit of q by the limits of the joints, then units of dq and t by the slope s."""
     findings: list[Finding] = []
     factor = _position_factor(recording.q, lib)
     doubt = ""
@@ -245,13 +235,7 @@ def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
 def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
     """E of `runtime.inspection.checks.joint_order` in the present order of the joints.
 
-    Args:
-        q: (N, n) positions [rad, m].
-        tau: (N, n) torques in any unit.
-        lib: library of the robot.
-
-    Returns:
-        E in [0, 1].
+    q (N, n) [rad, m], tau (N, n).
     """
     take = np.linspace(0, len(q) - 1, ROWS).astype(int)
     return float(mismatches(q[take], tau[take], np.arange(lib.n_joints)[None], lib)[0])

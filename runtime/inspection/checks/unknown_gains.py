@@ -12,15 +12,7 @@ from runtime.recording.reader import Raw
 
 
 def with_gain_one(raw: Raw, plan: Recipe) -> tuple[Raw, Recipe]:
-    """The log with currents counted as torques of gain 1.
-
-    Args:
-        raw: files with their recipe.
-        plan: recipe so far.
-
-    Returns:
-        Both with gain 1 where the gains are unknown.
-    """
+    """The log with currents counted as torques of gain 1."""
 
     def known(recipe: Recipe) -> Recipe:
         if recipe.torque is None or not recipe.has_unknown_gains:
@@ -32,15 +24,7 @@ def with_gain_one(raw: Raw, plan: Recipe) -> tuple[Raw, Recipe]:
 
 
 def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]]:
-    """The recipe without gains, and "current_gains" in place of the finding on the unit.
-
-    Args:
-        plan: recipe with the gains of the checks.
-        findings: of the checks.
-
-    Returns:
-        Recipe and findings.
-    """
+    """The recipe without gains, and "current_gains" in place of the finding on the unit."""
     seen = next((each for each in findings if each.kind == "torque_unit"), None)
     rest = [each for each in findings if each.kind != "torque_unit"]
     sentence = (

@@ -31,15 +31,6 @@ def velocity_filter(
     """Velocities that are a first-order filter of the differences of q.
 
     Measured: least squares of dq_k on dq_{k−1} and the last difference quotient of q.
-
-    Args:
-        recording: in SI units.
-        plan: recipe so far.
-        lib: library of the robot.
-
-    Returns:
-        The recipe without the velocities, and "velocity_filtered", where every moving joint is
-        reproduced to `EXACT` by a filter of gain 1.
     """
     if recording.dq is None or plan.velocity is None or len(recording) < FEWEST or plan.law:
         return plan, []
@@ -78,15 +69,7 @@ def velocity_filter(
 
 
 def _filter(dq: Array, slope: Array) -> tuple[float, float, float]:
-    """a, b/(1 − a), and the residual over that of two past values of dq.
-
-    Args:
-        dq: (N,) rad/s or m/s.
-        slope: (N − 1,) difference quotients of q.
-
-    Returns:
-        The two coefficients of the filter, and the ratio of residuals.
-    """
+    """a, b/(1 − a), and the residual over that of two past values of dq."""
     target = dq[2:]
     fitted = np.column_stack([dq[1:-1], slope[1:]])
     past = np.column_stack([dq[1:-1], dq[:-2]])

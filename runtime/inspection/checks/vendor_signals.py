@@ -152,15 +152,7 @@ SIGNALS = (
 
 
 def vendor_signal(plan: Recipe, lib: Library) -> VendorSignal | None:
-    """The record of the torque column.
-
-    Args:
-        plan: recipe with the torque.
-        lib: library of the robot, whose name and joints count where a title is not specific.
-
-    Returns:
-        The record; None for names that are not known.
-    """
+    """The record of the torque column."""
     if plan.torque is None:
         return None
     signal = plan.torque
@@ -175,31 +167,14 @@ def vendor_signal(plan: Recipe, lib: Library) -> VendorSignal | None:
 
 
 def plain_title(title: str) -> str:
-    """Title in lower case without prefix, unit, suffix and index.
-
-    Args:
-        title: name of a column, array or file, such as "robot.tau_J[3] [N*m]".
-
-    Returns:
-        The name of the signal, "tau_j".
-    """
+    """Title in lower case without prefix, unit, suffix and index."""
     bare = re.sub(r"\s*[\[(][^\])]*[\])]", "", title.strip())
     bare = re.split(r"[/.\s]", re.sub(r"\.(csv|txt|npz|npy|gz|mat)$", "", bare))[-1]
     return re.sub(r"[_\-]*\d*$", "", bare).lower()
 
 
 def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe, list[Finding]]:
-    """Meaning of the torque column of a known maker.
-
-    Args:
-        plan: recipe so far.
-        lib: library of the robot.
-        is_drafted: whether the unit is a guess that the record may correct.
-
-    Returns:
-        The recipe, with unit A or mA without gain for a current whose unit is a guess, and
-        "vendor_signal".
-    """
+    """Meaning of the torque column of a known maker."""
     known = vendor_signal(plan, lib)
     if known is None or plan.torque is None:
         return plan, []

@@ -32,16 +32,7 @@ def alternate(
 ) -> tuple[Array, Array]:
     """Alternate each unit's maximum a posteriori with the centre of the units that count.
 
-    Args:
-        lib: library of the robot.
-        urdf: prior of the centre.
-        data: A (U, n_b, n_b) and b (U, n_b) of all units, in units of their noise.
-        counted: units that count for the centre, (U,).
-        kappas: κ of the units and κ_0 of the URDF.
-        centre: first centre, (10 n,).
-
-    Returns:
-        π of every unit, (U, 10 n), and the centre, (10 n,); all strictly consistent.
+    data (U, n_b, n_b), counted (U,), centre (10 n,) → (U, 10 n).
     """
     bodies, (kappa, kappa_0) = urdf.bodies, kappas
     of_urdf = bodies.pseudo_inertia(urdf.centre)
@@ -73,14 +64,7 @@ def centre_of(pseudo: Array, urdf: Array, kappa: float, kappa_0: float) -> Array
     X = L W Lᵀ this is κ_0 W² + (κ U − κ_0) W = L⁻¹ (κ Σ P_u) L⁻ᵀ, a quadratic equation of each
     eigenvalue.
 
-    Args:
-        pseudo: P_u of every unit and link, (U, n, 4, 4), ≻ 0.
-        urdf: P of the URDF, (n, 4, 4), ≻ 0.
-        kappa: κ of the units.
-        kappa_0: κ_0 of the URDF.
-
-    Returns:
-        X of every link, (n, 4, 4), ≻ 0.
+    pseudo (U, n, 4, 4), urdf (n, 4, 4) → (n, 4, 4).
     """
     lower = np.linalg.cholesky(urdf)
     inverse = np.linalg.inv(lower)

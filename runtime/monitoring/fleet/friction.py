@@ -42,16 +42,7 @@ class FleetFriction:
 
 
 def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFriction:
-    """Friction of a type from its units.
-
-    Args:
-        lib: library of the robot.
-        units: of the fleet.
-        fit: their inertias; units that stand out do not count.
-
-    Returns:
-        Mean and spread per joint and column.
-    """
+    """Friction of a type from its units."""
     columns = common_columns(units)
     shape = (lib.n_joints, len(columns))
     beta = fit.pi @ lib.base_matrix.T
@@ -74,15 +65,7 @@ def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFri
 
 
 def random_effects(values: Array, variance: Array) -> tuple[float, float]:
-    """Mean of values with a spread of their own, and the standard deviation of a further one.
-
-    Args:
-        values: estimates, (U,).
-        variance: of the estimates, (U,), above 0.
-
-    Returns:
-        μ and √(τ² + var μ), in units of the values.
-    """
+    """Mean of values with a spread of their own, and the standard deviation of a further one."""
     largest = np.ptp(values) + np.sqrt(variance.max())
     smallest = 1e-3 * np.sqrt(variance.min())
     tau = np.concatenate([[0.0], np.geomspace(min(smallest, largest), largest, GRID)])

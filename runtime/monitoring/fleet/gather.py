@@ -46,17 +46,7 @@ class _Sent:
 
 
 def statistics_files(folder: Path) -> list[Path]:
-    """Files of compressed statistics in a folder and the folders below it, by name.
-
-    Args:
-        folder: to search.
-
-    Returns:
-        Paths, sorted.
-
-    Raises:
-        IdentificationError: there is no such folder, no such file in it, or too many.
-    """
+    """Files of compressed statistics in a folder and the folders below it, by name."""
     if not folder.is_dir():
         raise IdentificationError(
             f"expected a folder with the statistics of a fleet, got '{folder}'; give the folder "
@@ -76,15 +66,7 @@ def statistics_files(folder: Path) -> list[Path]:
 
 
 def names_of(files: Sequence[Path], folder: Path) -> list[str]:
-    """Names of units: the folder of statistics.npz, else the name of the file.
-
-    Args:
-        files: of the units.
-        folder: of the fleet.
-
-    Returns:
-        Names relative to the folder, all different.
-    """
+    """Names of units: the folder of statistics.npz, else the name of the file."""
     places = [path.relative_to(folder) for path in files]
     return [
         (
@@ -104,22 +86,7 @@ def gather(
     scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Unit]:
-    """Units of a fleet, by name.
-
-    Args:
-        lib: library of the robot.
-        folder: of the statistics files.
-        parts: folder of finished parts, made where it is missing.
-        scheduler: address of a dask cluster whose workers see the folder; None computes here.
-        progress: called with the number of units that are done, and of all units.
-
-    Returns:
-        The units.
-
-    Raises:
-        IdentificationError: a file is damaged or of another robot, or as `on_cluster`.
-        RuntimeFault: a part cannot be written.
-    """
+    """Units of a fleet, by name."""
     files = statistics_files(folder)
     named = list(zip(files, names_of(files, folder), strict=True))
     pieces = [tuple(named[k : k + PART]) for k in range(0, len(named), PART)]
@@ -139,11 +106,7 @@ def gather(
 
 
 def remove_parts(parts: Path) -> None:
-    """Remove the finished parts of a fleet whose prior is written.
-
-    Args:
-        parts: their folder.
-    """
+    """Remove the finished parts of a fleet whose prior is written."""
     for path in parts.glob("part-*.npz"):
         path.unlink(missing_ok=True)
     if parts.is_dir() and not any(parts.iterdir()):

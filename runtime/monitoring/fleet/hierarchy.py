@@ -82,19 +82,7 @@ class FleetFit:
 
 
 def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> FleetFit:
-    """Centre, spread and units of a fleet.
-
-    Args:
-        lib: library of the robot.
-        units: at least `LEAST`.
-        kappa_0: trust in the URDF as the centre of the type.
-
-    Returns:
-        The hierarchical prior; units that stand out do not count for it.
-
-    Raises:
-        IdentificationError: too few units.
-    """
+    """Centre, spread and units of a fleet."""
     if len(units) < LEAST:
         raise IdentificationError(
             f"expected statistics of at least {LEAST} units, got {len(units)}; identify more units "

@@ -16,13 +16,7 @@ from runtime.monitoring.fleet.unit import Unit
 def fit_noise(units: Sequence[Unit], fit: FleetFit) -> NoiseFloor | None:
     """Usual noise of the units of a type.
 
-    Args:
-        units: of the fleet.
-        fit: their inertias; units that stand out do not count.
-
-    Returns:
-        Medians over the units of the standard deviations, (n,) [N·m, N], and of N / N_eff; None
-        where fewer than three units state their noise.
+    Returns (n,) [N·m, N].
     """
     pairs = zip(units, fit.stands_out, strict=True)
     counted = [unit for unit, is_out in pairs if not is_out and np.isfinite(unit.noise).all()]

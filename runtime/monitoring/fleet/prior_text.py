@@ -25,18 +25,7 @@ def prior_text(
     friction: FleetFriction,
     noise: NoiseFloor | None = None,
 ) -> str:
-    """TOML text of a fleet's prior.
-
-    Args:
-        lib: library of the robot.
-        names: of the units.
-        fit: inertias of the type.
-        friction: of the type.
-        noise: of the units; None where it is not known.
-
-    Returns:
-        Text, numbers with all digits.
-    """
+    """TOML text of a fleet's prior."""
     out = [name for name, flag in zip(names, fit.stands_out, strict=True) if flag]
     low, high = fit.interval
     lines = [
@@ -82,16 +71,7 @@ def prior_text(
 
 
 def write_prior(path: Path, text: str, lib: Library) -> None:
-    """Write a prior as a whole or not at all, and read it again.
-
-    Args:
-        path: TOML file.
-        text: its content.
-        lib: library of the robot.
-
-    Raises:
-        RuntimeFault: the place cannot be written.
-    """
+    """Write a prior as a whole or not at all, and read it again."""
     with replacing(path) as file:
         file.write(text.encode())
     known = read_prior(path, lib)

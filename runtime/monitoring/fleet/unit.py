@@ -45,16 +45,7 @@ class Unit:
 
 
 def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
-    """Eliminate friction from the statistics of one unit.
-
-    Args:
-        known: statistics of the unit.
-        lib: library of the robot.
-        name: of the unit in the fleet.
-
-    Returns:
-        Rows over β in units of their noise, and the friction that follows from β.
-    """
+    """Eliminate friction from the statistics of one unit."""
     base = lib.base_matrix
     over_beta = replace(known.statistics, base_matrix=np.eye(len(base)))
     data, elimination = reduce(over_beta, lib.n_joints)

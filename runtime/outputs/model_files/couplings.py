@@ -4,14 +4,7 @@ from runtime.library.manifest import Manifest
 
 
 def couplings(manifest: Manifest) -> dict[str, tuple[dict[str, float], float]]:
-    """Dependent joint → its masters with their factors, and its offset [rad, m].
-
-    Args:
-        manifest: of the robot; its closed loops are no couplings.
-
-    Returns:
-        x = Σ f x_m + o by name.
-    """
+    """Dependent joint → its masters with their factors, and its offset [rad, m]."""
     coupling = manifest.coupling
     if coupling is None:
         return {}

@@ -40,17 +40,7 @@ class Drives(NamedTuple):
 
 
 def drives_of(facts: Mapping[str, Any]) -> Drives | None:
-    """Drives of a result.json.
-
-    Args:
-        facts: content of the file.
-
-    Returns:
-        The drives; None where the result has none.
-
-    Raises:
-        ExportError: their numbers do not belong to its joints.
-    """
+    """Drives of a result.json."""
     tables, joints = facts.get("drive"), tuple(map(str, facts["joints"]))
     if not tables:
         return None

@@ -61,15 +61,7 @@ EXPORT_FORMATS = Registry(
 
 
 def save(path: Path, written: str | Mapping[str, str]) -> None:
-    """Write what `ExportFormat.write` returned; every file appears complete or not at all.
-
-    Args:
-        path: of the file, or of the folder.
-        written: text, or texts by their path in the folder.
-
-    Raises:
-        RuntimeFault: the place cannot be written.
-    """
+    """Write what `ExportFormat.write` returned; every file appears complete or not at all."""
     texts = {"": written} if isinstance(written, str) else written
     for place, text in texts.items():
         with replacing(path / place) as file:

@@ -35,16 +35,7 @@ class LinkBodies(NamedTuple):
 def divide_bodies(lib: Library, pi: Array, tree: Tree) -> LinkBodies:
     """Divide π into bodies of links, so that those of links fixed to each other add up to π.
 
-    Args:
-        lib: the robot.
-        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
-        tree: URDF with the published inertias.
-
-    Returns:
-        The bodies.
-
-    Raises:
-        ExportError: a mass is not positive, so that the centre of mass is undefined.
+    pi (10 n,) [kg, kg·m, kg·m²].
     """
     bodies: dict[str, RigidBody] = {}
     fixed: dict[str, dict[str, RigidBody]] = {name: {} for name in lib.link_names}

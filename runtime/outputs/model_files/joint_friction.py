@@ -54,16 +54,7 @@ class JointFriction(NamedTuple):
 def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> JointFriction:
     """Joint friction of simulators from identified coefficients.
 
-    Args:
-        lib: the robot.
-        terms: the fitted columns; None for none.
-        phi: (n, k) coefficients [N·m or N per unit of the column].
-
-    Returns:
-        Damping, dry friction and rotor inertia per joint.
-
-    Raises:
-        ExportError: the shape of φ differs from joints × columns, or a number is not finite.
+    phi (n, k) [N·m or N per unit of the column].
     """
     n = lib.n_joints
     unknown = (None,) * n

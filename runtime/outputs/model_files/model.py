@@ -110,12 +110,7 @@ def make_model(
 
 
 def require_no_coupling(model: IdentifiedModel, kind: str) -> None:
-    """Raise ExportError where joints follow others, which a format cannot state here.
-
-    Args:
-        model: the robot.
-        kind: name of the format, for the message.
-    """
+    """Raise ExportError where joints follow others, which a format cannot state here."""
     facts = model.lib.manifest
     if facts.coupling is not None or facts.loops:
         others = "mjcf or usd" if facts.loops else "urdf or mjcf"
@@ -155,11 +150,7 @@ def xml_comment(lines: tuple[str, ...]) -> str:
 
 
 def require_loop_frames(model: IdentifiedModel) -> None:
-    """Raise ExportError where the robot was built before its manifest held the frames of loops.
-
-    Args:
-        model: the robot.
-    """
+    """Raise ExportError where the robot was built before its manifest held the frames of loops."""
     manifest = model.lib.manifest
     if manifest.loops and not manifest.loop_joints:
         raise ExportError(

@@ -16,19 +16,7 @@ TOLERANCE = 1e-9
 
 
 def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install: str) -> str:
-    """Compare what an engine read with π, damping, dry friction and rotor inertia of the model.
-
-    Args:
-        model: what was written.
-        reloaded: what the engine read; None where the engine is not installed.
-        install: how to install the engine.
-
-    Returns:
-        One sentence: verified, or not checked because the engine is missing.
-
-    Raises:
-        ExportError: torques or joint friction differ.
-    """
+    """Compare what an engine read with π, damping, dry friction and rotor inertia of the model."""
     if reloaded is None:
         return unchecked(install)
     lib = model.lib
@@ -55,27 +43,13 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
 def torque_difference(tau: Array, expected: Array) -> float:
     """Largest difference of two torque arrays (N, n) over the largest expected torque [-].
 
-    Args:
-        tau: (N, n) torques of the reloaded file [N·m, N].
-        expected: (N, n) torques of the library [N·m, N].
-
-    Returns:
-        max |τ − τ_expected| / max |τ_expected|.
+    tau (N, n) [N·m, N], expected (N, n) [N·m, N].
     """
     return float(np.abs(tau - expected).max() / np.abs(expected).max())
 
 
 def verified(engine: str, difference: float, states: int = STATES) -> str:
-    """Sentence on a file that passed the check.
-
-    Args:
-        engine: name and version of the program that read the file.
-        difference: `torque_difference` [-].
-        states: number of random states.
-
-    Returns:
-        The sentence that `export` prints.
-    """
+    """Sentence on a file that passed the check."""
     return (
         f"verified: reloaded by {engine}, torques agree to {difference:.1e} of the largest torque "
         f"at {states} random states"

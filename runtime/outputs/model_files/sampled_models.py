@@ -29,16 +29,7 @@ TABLE, ARRAYS = "samples.json", "samples.npz"
 
 
 def sample_paths(folder: Path, count: int, kinds: Sequence[str]) -> list[Path]:
-    """Files that `write_samples` writes.
-
-    Args:
-        folder: of the files.
-        count: number of draws.
-        kinds: names of formats.
-
-    Returns:
-        Table, arrays, and one path per draw and format.
-    """
+    """Files that `write_samples` writes."""
     models = [_path(folder, k, kind) for k in range(count) for kind in kinds]
     return [folder / TABLE, folder / ARRAYS, *models]
 
@@ -46,22 +37,7 @@ def sample_paths(folder: Path, count: int, kinds: Sequence[str]) -> list[Path]:
 def write_samples(
     lib: Library, saved: SavedResult, draws: Draws, kinds: Sequence[str], folder: Path, seed: int
 ) -> dict[str, Any]:
-    """Write the model files of draws, samples.npz with π and φ, and samples.json with factors.
-
-    Args:
-        lib: the robot.
-        saved: the result that the draws belong to.
-        draws: of its posterior.
-        kinds: names of formats that hold inertia.
-        folder: created where it is missing.
-        seed: of the draws.
-
-    Returns:
-        What samples.json contains.
-
-    Raises:
-        ExportError: a file does not give the torques of its draw when it is reloaded.
-    """
+    """Write the model files of draws, samples.npz with π and φ, and samples.json with factors."""
     tree = read_tree(lib)
     sentences: dict[str, str] = {}
     for k, (pi, phi) in enumerate(zip(draws.pi, draws.phi, strict=True)):
@@ -103,17 +79,7 @@ def write_samples(
 
 
 def factors(lib: Library, saved: SavedResult, draws: Draws) -> dict[str, list[Any]]:
-    """Values of draws relative to the result, one row per draw.
-
-    Args:
-        lib: the robot.
-        saved: the result.
-        draws: of its posterior.
-
-    Returns:
-        `mass` [-] and `com_shift` [m] per link; `damping`, `friction` and `armature` [-] per joint
-        where the result has them, null where its value is 0.
-    """
+    """Values of draws relative to the result, one row per draw."""
     bodies = draws.pi.reshape(len(draws.pi), -1, links(saved.pi).shape[1])
     table: dict[str, list[Any]] = {
         "mass": (mass(bodies) / mass(links(saved.pi))).tolist(),

@@ -12,27 +12,13 @@ HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
 def document_text(tree: Tree, comment: str = "") -> str:
-    """Text of a URDF file.
-
-    Args:
-        tree: the document.
-        comment: XML comment behind the declaration.
-
-    Returns:
-        The text, indented by two blanks.
-    """
+    """Text of a URDF file."""
     indent(tree.root, space="  ")
     return HEAD + comment + tostring(tree.root, "unicode") + "\n"
 
 
 def set_inertial(tree: Tree, link: str, body: RigidBody | None) -> None:
-    """Replace the <inertial> of a link.
-
-    Args:
-        tree: the document; changed in place.
-        link: name of the link.
-        body: the new body; None removes the <inertial>.
-    """
+    """Replace the <inertial> of a link."""
     element = tree.links[link]
     old = element.findall("inertial")
     place = list(element).index(old[0]) if old else 0
@@ -43,14 +29,7 @@ def set_inertial(tree: Tree, link: str, body: RigidBody | None) -> None:
 
 
 def set_friction(tree: Tree, joint: str, damping: float | None, friction: float | None) -> None:
-    """Write the <dynamics> of a joint.
-
-    Args:
-        tree: the document; changed in place.
-        joint: name of the joint.
-        damping: [N·m·s/rad, N·s/m]; None leaves the published value.
-        friction: dry friction [N·m, N]; None leaves the published value.
-    """
+    """Write the <dynamics> of a joint."""
     element = next(x for x in tree.root.findall("joint") if x.get("name") == joint)
     for key, value in (("damping", damping), ("friction", friction)):
         if value is not None:

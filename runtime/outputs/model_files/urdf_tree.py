@@ -106,18 +106,7 @@ class Tree(NamedTuple):
 
 
 def read_tree(lib: Library, text: str | None = None) -> Tree:
-    """Tree of the URDF of a library, or of another text of the same robot.
-
-    Args:
-        lib: the robot.
-        text: a URDF; None for that of the library.
-
-    Returns:
-        The tree.
-
-    Raises:
-        ExportError: the URDF is damaged, lacks a link or is not a tree.
-    """
+    """Tree of the URDF of a library, or of another text of the same robot."""
     root = _parse(lib, lib.urdf() if text is None else text)
     links = {link.get("name", ""): link for link in root.findall("link")}
     missing = sorted(set(lib.link_names) - set(links))
@@ -199,18 +188,7 @@ def _numbers(text: str, what: str) -> Array:
 
 
 def number(text: str, what: str) -> float:
-    """Number of the URDF.
-
-    Args:
-        text: of an attribute.
-        what: the attribute, for the message.
-
-    Returns:
-        The number.
-
-    Raises:
-        ExportError: the text is not a number.
-    """
+    """Number of the URDF."""
     try:
         return float(text)
     except ValueError:

@@ -13,15 +13,7 @@ _DASHES = ("-", "--", ":")
 
 
 def draw_growth(growth: Growth, path: Path) -> None:
-    """Write two panels over time: σ of every mass, and σ of the worst base parameter.
-
-    Args:
-        growth: standard deviations of a motion over recording time.
-        path: .png, .pdf or .svg file to write.
-
-    Raises:
-        RecordingError: another suffix.
-    """
+    """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
     suffix = picture_format(path)
     with blank((10.0, 4.6), settings(), dpi=130) as figure:
         masses, worst = figure.subplots(1, 2, sharex=True)

@@ -83,11 +83,7 @@ class MethodComparison:
 
 
 def read_methods(folder: Path) -> MethodComparison | None:
-    """Read the comparison of a folder; None where the folder has none.
-
-    Raises:
-        RuntimeFault: the file is damaged, or of another format.
-    """
+    """Read the comparison of a folder; None where the folder has none."""
     path = folder / NAME
     if not path.exists():
         return None

@@ -21,15 +21,6 @@ def thinned(
     """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
     A pause becomes a gap in the line, unless there are too many.
-
-    Args:
-        t: (N,) abscissa.
-        y: (N,) values.
-        most: largest number of points.
-        gaps: `pauses(t)`, for several curves over one abscissa; None computes it.
-
-    Returns:
-        Abscissa and values of the kept points, with NaN at gaps.
     """
     if gaps is None:
         gaps = pauses(t)

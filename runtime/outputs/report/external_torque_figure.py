@@ -14,17 +14,7 @@ from runtime.outputs.report.style import BLUE, GREY, VERMILION, blank, settings
 def draw_external_torque(
     observation: Observation, names: tuple[str, ...], units: tuple[str, ...], path: Path
 ) -> None:
-    """Write a figure with one panel per joint: r, its thresholds, contacts shaded.
-
-    Args:
-        observation: external torque of a log.
-        names: of the n joints.
-        units: of their torques.
-        path: .png, .pdf or .svg file to write.
-
-    Raises:
-        RecordingError: another suffix.
-    """
+    """Write a figure with one panel per joint: r, its thresholds, contacts shaded."""
     suffix, t = picture_format(path), observation.t
     rows = np.arange(0, len(t), max(1, len(t) // POINTS))
     with blank((10.0, 1.2 + 1.1 * len(names)), settings(), dpi=110) as figure:

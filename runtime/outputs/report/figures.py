@@ -17,16 +17,7 @@ POINTS = 6000
 
 
 def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
-    """Training and validation loss over iterations, on a logarithmic axis.
-
-    Args:
-        iteration: (K,) numbers.
-        training: (K,) loss; NaN where it was not evaluated.
-        validation: (K,) loss; NaN where it was not evaluated.
-
-    Returns:
-        The <svg> element.
-    """
+    """Training and validation loss over iterations, on a logarithmic axis."""
     with page_figure(height=2.6) as figure:
         axis = figure.subplots()
         most = POINTS
@@ -60,15 +51,7 @@ def method_bars(
 ) -> Markup:
     """One panel per joint with a bar of the RMS torque error per method.
 
-    Args:
-        joints: n names.
-        units: n units of torque.
-        methods: m names.
-        rms: (m, n) errors [N·m, N]; a bar of more than three medians is cut and marked by →.
-        good: whether each of the m results is physically consistent, which sets its colour.
-
-    Returns:
-        The <svg> element.
+    rms (m, n) [N·m, N].
     """
     m, n = rms.shape
     columns = min(n, 4)

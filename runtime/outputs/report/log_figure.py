@@ -19,11 +19,7 @@ _GAP = 10.0
 
 
 def picture_format(path: Path) -> str:
-    """Image format of a file name: png, pdf or svg.
-
-    Raises:
-        RecordingError: the suffix is not one of `FORMATS`.
-    """
+    """Image format of a file name: png, pdf or svg."""
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in FORMATS:
         raise RecordingError(
@@ -36,13 +32,7 @@ def picture_format(path: Path) -> str:
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
     """Write a figure of a recording with one panel per signal; rests and gaps are shaded.
 
-    Args:
-        recording: a log.
-        path: .png, .pdf or .svg file to write.
-        rest: (from, to) of the rests [s].
-
-    Raises:
-        RecordingError: another suffix.
+    rest (from, to) [s].
     """
     suffix = picture_format(path)
     signals = {"q [rad or m]": recording.q, "dq": recording.dq, "τ [N·m or N]": recording.tau}

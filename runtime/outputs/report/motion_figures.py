@@ -45,18 +45,7 @@ _WIDE = 1000.0
 
 
 def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
-    """Write the figures of a motion as PNG files, each complete or not at all.
-
-    Args:
-        profile: the motion with its limits and its certificate.
-        path: first file; the others get a suffix to its stem.
-
-    Returns:
-        The files.
-
-    Raises:
-        RuntimeFault: a file cannot be written.
-    """
+    """Write the figures of a motion as PNG files, each complete or not at all."""
     n = len(profile.joints)
     drawings = (
         ((15.0, 1.6 + 1.2 * n), draw_motion),
@@ -73,25 +62,13 @@ def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
 
 
 def picture_paths(path: Path) -> tuple[Path, ...]:
-    """Files that `write_pictures` writes.
-
-    Args:
-        path: first file.
-
-    Returns:
-        Motion, velocity over position, and space.
-    """
+    """Files that `write_pictures` writes."""
     suffixes = "", "-speed", "-space"
     return tuple(path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in suffixes)
 
 
 def draw_motion(figure: Figure, profile: MotionProfile) -> None:
-    """Draw one row per joint: q, dq, ddq, torque and use of limits over time.
-
-    Args:
-        figure: a blank figure.
-        profile: the motion with its limits.
-    """
+    """Draw one row per joint: q, dq, ddq, torque and use of limits over time."""
     kinds = (*PER_SECOND, "torque")
     rows = figure.subplots(len(profile.joints), len(kinds) + 1, sharex=True, squeeze=False)
     for j, row in enumerate(rows):
@@ -158,12 +135,7 @@ def _shares(axis: Axes, profile: MotionProfile, joint: int) -> None:
 
 
 def draw_speed(figure: Figure, profile: MotionProfile) -> None:
-    """Draw one panel per joint: dq over q, and the velocity limits at each position.
-
-    Args:
-        figure: a blank figure.
-        profile: the motion with its limits.
-    """
+    """Draw one panel per joint: dq over q, and the velocity limits at each position."""
     n = len(profile.joints)
     down = -(-n // _ACROSS)
     panels = figure.subplots(down, _ACROSS, squeeze=False).ravel()

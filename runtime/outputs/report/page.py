@@ -21,18 +21,7 @@ from runtime.outputs.report.layout import Page, Section
 
 
 def write_page(page: Page, path: Path) -> Path:
-    """Write a page, complete or not at all.
-
-    Args:
-        page: what is shown.
-        path: file to write.
-
-    Returns:
-        The path.
-
-    Raises:
-        RuntimeFault: the file cannot be written.
-    """
+    """Write a page, complete or not at all."""
     with replacing(path) as file:
         file.write(render(page).encode("utf-8", "replace"))
     return path

@@ -53,16 +53,7 @@ class Panel:
 
 
 def figure(name: str, height: float, parts: Sequence[str]) -> Markup:
-    """<svg> element of the page width.
-
-    Args:
-        name: what the figure shows, for readers who do not see it.
-        height: of the figure [pt].
-        parts: elements as text.
-
-    Returns:
-        The element.
-    """
+    """<svg> element of the page width."""
     head = (
         f'<svg viewBox="0 0 {WIDTH:g} {height:g}" role="img" aria-label="{escape(name)}" '
         f'font-size="{FONT:g}" font-family="DejaVu Sans, sans-serif">'
@@ -71,15 +62,7 @@ def figure(name: str, height: float, parts: Sequence[str]) -> Markup:
 
 
 def span(values: Sequence[Array], margin: float = 0.05) -> tuple[float, float]:
-    """Smallest and largest value of all arrays, moved apart by a share of their distance.
-
-    Args:
-        values: arrays of any shape; not empty.
-        margin: share that is added on either side.
-
-    Returns:
-        The two ends; they differ.
-    """
+    """Smallest and largest value of all arrays, moved apart by a share of their distance."""
     low = min(float(np.min(a)) for a in values)
     high = max(float(np.max(a)) for a in values)
     if not high > low:
@@ -90,15 +73,7 @@ def span(values: Sequence[Array], margin: float = 0.05) -> tuple[float, float]:
 
 
 def ticks(ends: tuple[float, float], most: int) -> tuple[Array, list[str]]:
-    """Multiples of 1, 2, 2.5 or 5 times a power of ten between two ends, with their labels.
-
-    Args:
-        ends: smallest and largest value.
-        most: largest number of intervals between ticks.
-
-    Returns:
-        Positions, and one label per position.
-    """
+    """Multiples of 1, 2, 2.5 or 5 times a power of ten between two ends, with their labels."""
     low, high = ends
     raw = (high - low) / most
     power = 10.0 ** np.floor(np.log10(raw))
@@ -113,18 +88,7 @@ def ticks(ends: tuple[float, float], most: int) -> tuple[Array, list[str]]:
 
 
 def axes(panel: Panel, title: str, u_ticks: int, v_ticks: int, u_label: str | None) -> list[str]:
-    """Grid, left and lower edge, labels of both scales and title of a panel.
-
-    Args:
-        panel: the panel.
-        title: text above it.
-        u_ticks: largest number of intervals of the abscissa.
-        v_ticks: largest number of intervals of the ordinate; 0 draws none.
-        u_label: text below the abscissa; None also leaves out its numbers.
-
-    Returns:
-        The elements.
-    """
+    """Grid, left and lower edge, labels of both scales and title of a panel."""
     right, bottom = panel.left + panel.width, panel.top + panel.height
     at, names = ticks(panel.u, u_ticks)
     grid = [f"M{x:.2f} {panel.top:.2f}V{bottom:.2f}" for x in panel.x(at)]
@@ -146,18 +110,7 @@ def axes(panel: Panel, title: str, u_ticks: int, v_ticks: int, u_label: str | No
 def curve(
     panel: Panel, t: Array, y: Array, colour: str, gaps: NDArray[np.intp] | None = None
 ) -> str:
-    """Line through samples, reduced to the smallest and largest value of each pixel.
-
-    Args:
-        panel: where it is drawn.
-        t: (N,) abscissa.
-        y: (N,) values within the scale of the panel.
-        colour: name of a CSS variable.
-        gaps: `pauses(t)`, for several curves over one abscissa; None computes it.
-
-    Returns:
-        The element.
-    """
+    """Line through samples, reduced to the smallest and largest value of each pixel."""
     u, v = thinned(t, y, round(2 * PIXELS * panel.width), gaps)
     points = np.column_stack([panel.x(u), panel.y(v)])
     pieces = np.split(points, np.flatnonzero(np.isnan(u)))
@@ -167,16 +120,7 @@ def curve(
 
 
 def stroke(path: str, colour: str, width: float) -> str:
-    """Path element.
-
-    Args:
-        path: commands of the path.
-        colour: name of a CSS variable.
-        width: of the line [pt].
-
-    Returns:
-        The element.
-    """
+    """Path element."""
     return (
         f'<path d="{path}" style="fill: none; stroke: var({colour}); stroke-width: {width:g}; '
         'stroke-linejoin: round"/>'
@@ -184,18 +128,7 @@ def stroke(path: str, colour: str, width: float) -> str:
 
 
 def bar(left: float, top: float, width: float, height: float, colour: str) -> str:
-    """Filled rectangle.
-
-    Args:
-        left: left edge [pt].
-        top: upper edge [pt].
-        width: extent to the right [pt].
-        height: extent downwards [pt].
-        colour: name of a CSS variable.
-
-    Returns:
-        The element.
-    """
+    """Filled rectangle."""
     return (
         f'<rect x="{left:.2f}" y="{top:.2f}" width="{width:.2f}" height="{height:.2f}" '
         f'style="fill: var({colour})"/>'
@@ -203,17 +136,7 @@ def bar(left: float, top: float, width: float, height: float, colour: str) -> st
 
 
 def text(words: str, x: float, y: float, anchor: str = "start") -> str:
-    """Text element.
-
-    Args:
-        words: escaped here.
-        x: position of the anchor [pt].
-        y: base line [pt].
-        anchor: start, middle or end of the text.
-
-    Returns:
-        The element.
-    """
+    """Text element."""
     return (
         f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" style="fill: var(--ink)">'
         f"{escape(words)}</text>"

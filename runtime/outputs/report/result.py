@@ -131,11 +131,7 @@ class Result:
 
 
 def read_result(folder: Path) -> Result:
-    """Read a result folder.
-
-    Raises:
-        RuntimeFault: a file is missing or damaged, or of another format.
-    """
+    """Read a result folder."""
     path = folder / "result.json"
     try:
         raw = read_facts(path)

@@ -49,16 +49,7 @@ def torques(
 ) -> Markup:
     """Torque (left) and measured − predicted (right) of each joint over the test split.
 
-    Args:
-        joints: n names.
-        units: n units of torque.
-        t: (N,) time [s].
-        measured: (N, n) torques [N·m, N].
-        before: (N, n) torques predicted by the URDF [N·m, N].
-        after: (N, n) torques predicted by the identified parameters [N·m, N].
-
-    Returns:
-        The <svg> element.
+    t (N,) [s], measured (N, n) [N·m, N], before (N, n) [N·m, N], after (N, n) [N·m, N].
     """
     n, time = len(joints), span([t], margin=0.0)
     both = WIDTH - _EDGE - _MIDDLE - 8.0
@@ -85,14 +76,7 @@ def mass_change(
 ) -> Markup:
     """Bars of m_after − m_before per link, labelled with the two masses and σ of the second.
 
-    Args:
-        links: n names.
-        before: (n,) masses of the URDF [kg].
-        after: (n,) identified masses [kg].
-        sigma: (n,) standard deviations of the identified masses [kg]; None where unknown.
-
-    Returns:
-        The <svg> element.
+    before (n,) [kg], after (n,) [kg], sigma (n,) [kg].
     """
     n, pitch, top = len(links), 20.0, 8.0
     change = np.nan_to_num(after - before)

@@ -41,19 +41,7 @@ class SeveralLogs:
 
 
 def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLogs | None:
-    """Read the entry `sessions` of result.json.
-
-    Args:
-        raw: the entry; None for a result of one log.
-        n_links: number of links.
-
-    Returns:
-        Agreement of the logs; None where the entry is empty.
-
-    Raises:
-        KeyError: a key is missing.
-        TypeError, ValueError: a value has another form.
-    """
+    """Read the entry `sessions` of result.json."""
     if not raw:
         return None
     keys = ("before_overall", "after_overall", "own_offset_overall", "alone_overall")
@@ -70,15 +58,7 @@ def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLog
 
 
 def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tuple[Section, ...]:
-    """Tables of the leave-one-log-out errors and of the repeatability.
-
-    Args:
-        several_logs: agreement of the logs.
-        links: names of the links.
-
-    Returns:
-        Two sections.
-    """
+    """Tables of the leave-one-log-out errors and of the repeatability."""
     held = ReportTable(
         (
             "log",

@@ -10,30 +10,12 @@ Row = tuple[str, str, str, str, str, str]
 
 
 def read_sides(raw: Any) -> tuple[Row, ...]:
-    """Rows of the entry `symmetric` of result.json.
-
-    Args:
-        raw: the entry; None for a result without it.
-
-    Returns:
-        One row per pair and quantity.
-
-    Raises:
-        KeyError: a key is missing.
-        TypeError, ValueError: a value has another form.
-    """
+    """Rows of the entry `symmetric` of result.json."""
     return tuple(_row(each) for each in raw or ())
 
 
 def sides_section(rows: tuple[Row, ...]) -> tuple[Section, ...]:
-    """The section; none without rows.
-
-    Args:
-        rows: as `read_sides` returns them.
-
-    Returns:
-        At most one section.
-    """
+    """The section; none without rows."""
     if not rows:
         return ()
     return (

@@ -16,16 +16,7 @@ CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:
-    """Matplotlib settings; names of joints are text, not mathematics.
-
-    Args:
-        ink: colour of text.
-        line: colour of axes.
-        grid: colour of the grid.
-
-    Returns:
-        Values of rcParams.
-    """
+    """Matplotlib settings; names of joints are text, not mathematics."""
     return {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
@@ -57,15 +48,6 @@ def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, An
 def blank(
     size: tuple[float, float], rules: Mapping[str, Any], dpi: float = 100
 ) -> Iterator[Figure]:
-    """Blank figure without pyplot and without the settings of the user.
-
-    Args:
-        size: width and height [inch].
-        rules: from `settings`.
-        dpi: pixels per inch.
-
-    Yields:
-        The figure, to be drawn and saved within the block.
-    """
+    """Blank figure without pyplot and without the settings of the user."""
     with style.context(["default", dict(rules)]):
         yield Figure(figsize=size, layout="constrained", dpi=dpi)

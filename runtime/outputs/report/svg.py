@@ -59,15 +59,7 @@ def page_figure(height: float) -> Iterator[Figure]:
 
 
 def svg(figure: Figure, name: str) -> Markup:
-    """<svg> element with page colours, short numbers and unique ids.
-
-    Args:
-        figure: what matplotlib drew.
-        name: of the figure, the prefix of its ids.
-
-    Returns:
-        The element.
-    """
+    """<svg> element with page colours, short numbers and unique ids."""
     buffer = io.StringIO()
     layout = figure.get_layout_engine()
     if layout is not None:  # once; savefig would draw everything once more for it

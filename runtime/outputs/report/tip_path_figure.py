@@ -27,12 +27,7 @@ TITLES = {
 
 
 def draw_space(figure: Figure, profile: MotionProfile) -> None:
-    """Draw the path of the tip with table and box, and one panel of distances per kind.
-
-    Args:
-        figure: a blank figure.
-        profile: the motion with its distances.
-    """
+    """Draw the path of the tip with table and box, and one panel of distances per kind."""
     kinds = list(dict.fromkeys(gap.kind for gap in profile.gaps)) or ["self-collision"]
     left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15), squeeze=False)[0]
     _path(left.add_subplot(projection="3d"), profile)

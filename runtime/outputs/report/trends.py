@@ -28,18 +28,7 @@ GLOSSARY = (
 
 
 def write_trends(history: Path, out: Path) -> Path:
-    """Write the page of a history.
-
-    Args:
-        history: file of `watch --history`.
-        out: HTML file to write.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        RuntimeFault: the history is damaged or empty, or the page cannot be written.
-    """
+    """Write the page of a history."""
     return write_page(_page(trends_of(read_history(history)), history.name), out)
 
 

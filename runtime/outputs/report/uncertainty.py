@@ -58,19 +58,7 @@ class ResultUncertainty:
 def read_uncertainty(
     raw: Mapping[str, Any] | None, joints: int, links: int
 ) -> ResultUncertainty | None:
-    """Read the entry `uncertainty` of result.json.
-
-    Args:
-        raw: the entry; None in results without it.
-        joints: number of joints.
-        links: number of links.
-
-    Returns:
-        The uncertainty; None where the entry is empty.
-
-    Raises:
-        ValueError: a list has another length.
-    """
+    """Read the entry `uncertainty` of result.json."""
     if not raw:
         return None
     noise, band, white = (
@@ -123,16 +111,7 @@ def _named(verdicts: tuple[str, ...], word: str) -> str:
 def uncertainty_sections(
     s: ResultUncertainty, joints: tuple[str, ...], links: tuple[str, ...]
 ) -> tuple[Section, ...]:
-    """Tables of the σ of the links and of the residuals.
-
-    Args:
-        s: uncertainty of a result.
-        joints: n names.
-        links: n names.
-
-    Returns:
-        Two sections; the first names the parameters of every link by their verdict.
-    """
+    """Tables of the σ of the links and of the residuals."""
     words = ("identified", "prior-dominated", "unobservable")
     of_links = tuple(
         (

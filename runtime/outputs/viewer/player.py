@@ -66,14 +66,7 @@ class Player:
 def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
     """HTML table with one row per joint: q, dq and τ as shares of their limits.
 
-    Args:
-        lib: the robot.
-        q: (n,) positions [rad, m].
-        dq: (n,) velocities [rad/s, m/s]; None where unknown.
-        tau: (n,) torques [N·m, N]; None where unknown.
-
-    Returns:
-        The table.
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], tau (n,) [N·m, N].
     """
     lines = []
     for j, joint in enumerate(lib.manifest.joints):

@@ -17,11 +17,7 @@ FRAME_S = 0.04
 
 
 def viewer_library() -> Any:
-    """Import viser.
-
-    Raises:
-        RuntimeFault: viser is not installed.
-    """
+    """Import viser."""
     try:
         import viser
     except ImportError:

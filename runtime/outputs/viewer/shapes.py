@@ -48,11 +48,7 @@ class Look:
 
 
 def geometry_library() -> Any:
-    """Import trimesh, which viser depends on.
-
-    Raises:
-        RuntimeFault: trimesh is not installed.
-    """
+    """Import trimesh, which viser depends on."""
     try:
         import trimesh
     except ImportError:

@@ -43,15 +43,7 @@ class BagReader(LogReader):
         return Recipe(time=Time(unit="s", layout="bag"), joints=log.names, **signals)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Field of JointState that a part of the recipe means.
-
-        Args:
-            kind: "time", "position", "velocity" or "torque".
-            part: its key, or "" for the field of this kind.
-
-        Returns:
-            (N, n) numbers, or (N, 1) seconds from the first message.
-        """
+        """Field of JointState that a part of the recipe means."""
         return self._messages().table(_field(kind, part), self.raw.name)
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:

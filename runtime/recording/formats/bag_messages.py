@@ -37,18 +37,7 @@ class Message(NamedTuple):
 
 
 def messages(path: Path, notes: list[str]) -> Iterator[Message]:
-    """Yield all JointState messages of a file or bag folder, in the order of the file.
-
-    Args:
-        path: .mcap, .bag, .db3, or a folder with metadata.yaml.
-        notes: receives sentences about the file.
-
-    Returns:
-        Messages with instants in ns.
-
-    Raises:
-        RecordingError: there is no such file, or it is damaged.
-    """
+    """Yield all JointState messages of a file or bag folder, in the order of the file."""
     source = _of_mcap if path.suffix.lower() == ".mcap" else _of_rosbag
     try:
         for message in source(path, notes):

@@ -30,19 +30,7 @@ def most_of(size: int) -> int:
 
 
 def decompressed(data: bytes, codec: str, most: int) -> bytes:
-    """Content of a piece in zstd, lz4 or bz2, or its first `most` + 1 bytes.
-
-    Args:
-        data: compressed bytes.
-        codec: "zstd", "lz4" or "bz2".
-        most: decompression limit [bytes].
-
-    Returns:
-        Decompressed bytes, more than `most` of them only where the limit is exceeded.
-
-    Raises:
-        ValueError: the codec is another one.
-    """
+    """Content of a piece in zstd, lz4 or bz2, or its first `most` + 1 bytes."""
     if codec == "zstd":
         zstd = imported("backports.zstd", "compressed bags and MCAP files")
         content = zstd.ZstdDecompressor().decompress(data, max_length=most + 1)
@@ -58,18 +46,7 @@ def decompressed(data: bytes, codec: str, most: int) -> bytes:
 
 @contextmanager
 def opened(path: Path, reader: Any) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:
-    """Open a reader of rosbags that decompresses within bounds.
-
-    Args:
-        path: file or folder of the bag.
-        reader: of rosbags, not open yet.
-
-    Returns:
-        The open reader, and the function that decompresses its messages.
-
-    Raises:
-        ValueError: a file of the bag exceeds the decompression limit.
-    """
+    """Open a reader of rosbags that decompresses within bounds."""
     if path.is_dir():
         _require_flat(text_of(path / "metadata.yaml"))
     for packed in path.glob("*.zstd"):
@@ -118,11 +95,7 @@ def _require_modest(path: Path) -> None:
 
 
 def modest(message: bytes) -> bytes:
-    """The message itself.
-
-    Raises:
-        ValueError: it is longer than `LARGEST_MESSAGE`.
-    """
+    """The message itself."""
     if len(message) > LARGEST_MESSAGE:
         raise ValueError(f"a message has {len(message)} bytes")
     return message

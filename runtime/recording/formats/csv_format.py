@@ -95,15 +95,7 @@ class FlatReader(TextReader):
     rows = LogReader.rows
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Numbers of the file, `width` per sample.
-
-        Args:
-            kind: of signal; not used.
-            part: its width.
-
-        Returns:
-            Table of (N, width) numbers.
-        """
+        """Numbers of the file, `width` per sample."""
         del kind
         return flat_table(self.text(), part.width, self.raw.name)
 

@@ -30,16 +30,7 @@ _FOLDS = tuple(
 
 
 def decimals(text: bytes, separator: bytes) -> FloatArray | None:
-    """Numbers of cells, each to the last bit as by `float`.
-
-    Args:
-        text: cells between separators.
-        separator: one character.
-
-    Returns:
-        (N,); None where a cell is not a number of digits, signs, point and exponent, or where many
-        are not digits around a point, at most `DIGITS` on each side.
-    """
+    """Numbers of cells, each to the last bit as by `float`."""
     padded = bytes(8) + text + separator
     characters = np.frombuffer(padded, np.uint8)[8:]
     marks = np.flatnonzero((characters == separator[0]) | (characters == _POINT))
@@ -75,16 +66,7 @@ def decimals(text: bytes, separator: bytes) -> FloatArray | None:
 def _numbers(
     padded: bytes, places: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> tuple[NDArray[np.uint64], NDArray[np.bool_]]:
-    """Whole numbers that the digits in front of each place write.
-
-    Args:
-        padded: text behind eight bytes.
-        places: (2, N) index in the text behind the last digit.
-        counts: (2, N) number of digits, 1 to 8.
-
-    Returns:
-        (2, N), and (N,) whether all of these characters are digits.
-    """
+    """Whole numbers that the digits in front of each place write."""
     # A word at every byte; the first character is in the lowest byte of its word.
     words = np.ndarray(len(padded) - 7, "<u8", padded, strides=(1,))
     digits = words.take(places).astype(np.uint64, copy=False)

@@ -28,25 +28,11 @@ class Digests(Mapping[str, str]):
         self._entries: dict[str, str | _Hashing] = {}
 
     def of_bytes(self, name: str, data: bytes) -> None:
-        """Hash bytes that are in memory.
-
-        Args:
-            name: of the file.
-            data: its content.
-        """
+        """Hash bytes that are in memory."""
         self._entries[name] = hashlib.sha256(data).hexdigest()
 
     def of_file(self, name: str, path: Path) -> None:
-        """Hash a file, a large one in a thread of its own.
-
-        Args:
-            name: of the file.
-            path: where it lies.
-
-        Raises:
-            RecordingError: it cannot be opened, or is not a regular file. What happens to it later
-                is raised where the digest is needed.
-        """
+        """Hash a file, a large one in a thread of its own."""
         with reading(path):
             small = require_file(path).stat().st_size <= SMALL
             hashing = _Hashing(path, path.open("rb"))

@@ -44,29 +44,12 @@ class HdfLog:
             self._list(file, "")
 
     def table(self, key: str) -> LogTable:
-        """One array as rows, one per sample.
-
-        Raises:
-            RecordingError: there is no such array, it is no matrix of real numbers, or it leads to
-                another file.
-        """
+        """One array as rows, one per sample."""
         rows = self.read(key, 0, None)
         return LogTable(rows, np.arange(len(rows), dtype=np.int64))
 
     def read(self, key: str, start: int, stop: int | None) -> FloatArray:
-        """Rows of one array.
-
-        Args:
-            key: path of the array.
-            start: first row.
-            stop: one past the last row; None for all.
-
-        Returns:
-            (rows, m) numbers in the units of the file.
-
-        Raises:
-            RecordingError: as for `table`.
-        """
+        """Rows of one array."""
         shape = self.shape(key)
         with self._opened() as file:
             array = file[key]
@@ -81,11 +64,7 @@ class HdfLog:
         return np.asarray(values, dtype=np.float64).reshape(len(values), -1)
 
     def shape(self, key: str) -> tuple[int, ...]:
-        """Shape of one array, (rows, columns) or (rows,).
-
-        Raises:
-            RecordingError: there is no such array, or it is no matrix of real numbers.
-        """
+        """Shape of one array, (rows, columns) or (rows,)."""
         if key in self.links:
             raise RecordingError(
                 f"{self.path.name}: {key!r} is a link, which may lead to another file and is not "
@@ -197,15 +176,7 @@ class HdfRows:
         self.count = common_count(log.path, (log.shape(key)[0] for key in self._kinds.values()))
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m).
-        """
+        """Rows start … stop of every kind of signal."""
         return {kind: self._log.read(key, start, stop) for kind, key in self._kinds.items()}
 
 

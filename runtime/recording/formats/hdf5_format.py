@@ -30,15 +30,7 @@ class HdfReader(LogReader):
         return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Array with the key of a part.
-
-        Args:
-            kind: of signal; not used.
-            part: its key, a path inside the file.
-
-        Returns:
-            Table of (N, m) numbers.
-        """
+        """Array with the key of a part."""
         del kind
         return self._log().table(part.key)
 

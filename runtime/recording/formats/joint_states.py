@@ -41,32 +41,13 @@ class JointLog:
     def table(self, key: str, name: str) -> LogTable:
         """One field of the messages, or the time from the first message on.
 
-        Args:
-            key: "position", "velocity" or "effort"; "" for the time.
-            name: of the log, for messages.
-
-        Returns:
-            Table of (N, n) numbers, or (N, 1) [s].
-
-        Raises:
-            RecordingError: no message has this field.
+        Returns (N, n) [s].
         """
         values = self.rows({"": key}, name).read(0, self.count)[""]
         return LogTable(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
 
     def rows(self, kinds: Mapping[str, str], name: str) -> "MessageRows":
-        """Rows of several fields.
-
-        Args:
-            kinds: kind of signal → field, "" for the time.
-            name: of the log, for messages.
-
-        Returns:
-            Source of rows.
-
-        Raises:
-            RecordingError: no message has one of the fields.
-        """
+        """Rows of several fields."""
         for key in kinds.values():
             if key and key not in self.fields:
                 raise RecordingError(
@@ -99,34 +80,14 @@ class MessageRows:
     count: int
 
     def read(self, start: int, stop: int) -> dict[str, NDArray[np.float64]]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m).
-        """
+        """Rows start … stop of every kind of signal."""
         rows = self.spool.read(start * self.width, (stop - start) * self.width)
         table = rows.reshape(-1, self.width)
         return {kind: table[:, place] for kind, place in self.places.items()}
 
 
 def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointLog:
-    """Merged joint states of one topic of a bag, by default with all joints that the messages name.
-
-    Args:
-        path: file or folder of the bag.
-        topic: name of the topic; needed only where several topics contain the joints.
-        wanted: names of joints, in the order of the columns.
-
-    Returns:
-        Names, fields and rows.
-
-    Raises:
-        RecordingError: the topic is ambiguous, or joints are missing.
-    """
+    """Merged joint states of one topic of a bag, by default of all joints it names."""
     notes: list[str] = []
     topics: dict[str, Topic] = {}
     spool = Spool(path.name)

@@ -44,15 +44,7 @@ class LerobotReader(LogReader):
         )
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Numbers of one feature, of all episodes one after the other.
-
-        Args:
-            kind: of signal.
-            part: feature as key, and names or indices of its numbers as columns.
-
-        Returns:
-            Table of (N, m) numbers.
-        """
+        """Numbers of one feature, of all episodes one after the other."""
         feature = part.key or _FEATURES.get(kind, "")
         if feature not in self._info():
             raise RecordingError(
@@ -115,14 +107,7 @@ class LerobotReader(LogReader):
         return np.concatenate(parts)
 
     def _joined(self, stamps: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
-        """Times of the episodes, each beginning `PAUSE_S` after the end of the one before.
-
-        Args:
-            stamps: times within the episodes, (N, 1) s.
-
-        Returns:
-            (N, 1) s, and a sentence where there are several episodes.
-        """
+        """Times of the episodes, each beginning `PAUSE_S` after the end of the one before."""
         episodes = self._column("episode_index")
         common_count(self.raw.path, (len(stamps), len(episodes)))
         steps = np.diff(episodes[:, 0])

@@ -65,22 +65,14 @@ class RawFile:
     _data: bytes | None = None
 
     def data(self) -> bytes:
-        """Content of the file.
-
-        Raises:
-            RecordingError: it cannot be read, or is not a regular file.
-        """
+        """Content of the file."""
         if self._data is None:
             self._data = raw_bytes(self.path)
             self.sha256.of_bytes(self.name, self._data)
         return self._data
 
     def hashed(self) -> Path:
-        """Path of a file that is not held; it is hashed piece by piece, a large one meanwhile.
-
-        Raises:
-            RecordingError: it cannot be read, or is not a regular file.
-        """
+        """Path of a file that is not held; it is hashed piece by piece, a large one meanwhile."""
         path = self.path
         with reading(path):
             inside = [each for each in path.iterdir() if not each.is_dir()] if path.is_dir() else []
@@ -207,10 +199,6 @@ class LogFormat:
 
 
 def raw_bytes(path: Path) -> bytes:
-    """Content of a file.
-
-    Raises:
-        RecordingError: it cannot be read, or is not a regular file.
-    """
+    """Content of a file."""
     with reading(path):
         return require_file(path).read_bytes()

@@ -114,13 +114,7 @@ def merged(
 ) -> Iterator[tuple[Ticks, FloatArray]]:
     """Yield pieces of ticks and fields of some joints; NaN where no message has a value.
 
-    Args:
-        publishers: of one topic.
-        names: of the n joints, in the order of the columns.
-        by_stamp: sort by the stamps of the messages instead of the instants of logging.
-
-    Returns:
-        Ticks (k,) [ns] and fields (k, 3 n).
+    Returns (k,) [ns].
     """
     if len(publishers) == 1:
         columns = _columns(publishers[0].names, names)[1]

@@ -19,18 +19,7 @@ _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
-    """All arrays of an NPZ; nothing in it is unpickled.
-
-    Args:
-        data: bytes of the archive.
-        name: of the file, for messages.
-
-    Returns:
-        key → array.
-
-    Raises:
-        RecordingError: it is truncated, not an NPZ, or holds Python objects.
-    """
+    """All arrays of an NPZ; nothing in it is unpickled."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -72,20 +61,7 @@ def _require_text(array: NDArray) -> None:
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:
-    """One array of an NPZ as rows, one per sample.
-
-    Args:
-        arrays: of the archive.
-        key: of the array.
-        name: of the file, for messages.
-
-    Returns:
-        Table of (N, m) numbers.
-
-    Raises:
-        RecordingError: there is no such array, it does not hold real numbers, or has more than two
-            axes.
-    """
+    """One array of an NPZ as rows, one per sample."""
     if key not in arrays:
         raise RecordingError(
             f"{name} is expected to hold the array {key!r}, but holds "
@@ -145,15 +121,7 @@ class NpzRows:
         self.count = common_count(path, (array.rows for array in self._arrays.values()))
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m).
-        """
+        """Rows start … stop of every kind of signal."""
         return {kind: self._slice(array, start, stop) for kind, array in self._arrays.items()}
 
     def _slice(self, array: _Array, start: int, stop: int) -> FloatArray:

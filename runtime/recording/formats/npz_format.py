@@ -42,15 +42,7 @@ class NpzReader(LogReader):
         return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Array with the key of a part.
-
-        Args:
-            kind: of signal; not used.
-            part: its key.
-
-        Returns:
-            Table of (N, m) numbers.
-        """
+        """Array with the key of a part."""
         del kind
         return npz_table(self._content(), part.key, self.raw.name)
 

@@ -7,18 +7,7 @@ from runtime.errors import RecordingError
 
 
 def imported(module: str, kind: str) -> ModuleType:
-    """Module of the extra `logs`.
-
-    Args:
-        module: its name.
-        kind: what it reads or writes, for the message.
-
-    Returns:
-        The imported module.
-
-    Raises:
-        RecordingError: it is not installed.
-    """
+    """Module of the extra `logs`."""
     try:
         return importlib.import_module(module)
     except ImportError:

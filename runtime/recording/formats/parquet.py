@@ -65,30 +65,14 @@ class ParquetLog:
         return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
 
     def table(self, columns: tuple[str, ...]) -> LogTable:
-        """All rows of some columns, side by side; lists give several numbers each.
-
-        Raises:
-            RecordingError: no such column, no numbers, or a damaged page.
-        """
+        """All rows of some columns, side by side; lists give several numbers each."""
         values = self.joined([batch.blocks(columns) for batch in self.batches(columns)])
         if len(values) != self.rows:
             raise self._other_rows()
         return LogTable(values, np.arange(self.rows, dtype=np.int64))
 
     def joined(self, parts: list[list[FloatArray]], by_columns: bool = False) -> FloatArray:
-        """Columns side by side and batches below each other; every number is copied once.
-
-        Args:
-            parts: for every batch its blocks (N, m), column by column.
-            by_columns: columns of one number are laid out one after the other, as they are decoded,
-                and read-only, so that a recording holds them without a copy.
-
-        Returns:
-            (Σ N, Σ m).
-
-        Raises:
-            RecordingError: a column of lists has another width in another batch.
-        """
+        """Columns side by side and batches below each other; every number is copied once."""
         widths = [block.shape[1] for block in parts[0]]
         shape = sum(len(blocks[0]) for blocks in parts), sum(widths)
         by_columns = by_columns and max(widths) == 1
@@ -115,18 +99,7 @@ class ParquetLog:
         )
 
     def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
-        """Yield batches of rows, beginning with the first row of a row group.
-
-        Args:
-            columns: names.
-            first_row: first row of a row group.
-
-        Returns:
-            Batches with the columns.
-
-        Raises:
-            RecordingError: as for `table`.
-        """
+        """Yield batches of rows, beginning with the first row of a row group."""
         self._require(columns)
         with _sentences(self.name):
             groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
@@ -173,23 +146,11 @@ class Batch:
         return int(self.cells.num_rows)
 
     def rows(self, start: int, stop: int) -> "Batch":
-        """Rows start … stop, which are not copied.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            A part of the batch.
-        """
+        """Rows start … stop, which are not copied."""
         return Batch(self.cells.slice(start, stop - start), self.name)
 
     def blocks(self, columns: tuple[str, ...]) -> list[FloatArray]:
-        """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN.
-
-        Raises:
-            RecordingError: lists of several lengths, or a damaged page.
-        """
+        """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN."""
         types = imported("pyarrow.types", "Parquet")
         with _sentences(self.name):
             return [self._block(column, types) for column in columns]
@@ -209,11 +170,7 @@ class Batch:
 
 
 def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
-    """Metadata of a small table, and its rows.
-
-    Raises:
-        RecordingError: it is not Parquet, damaged, or larger than `MOST_CELLS`.
-    """
+    """Metadata of a small table, and its rows."""
     pq = imported("pyarrow.parquet", "Parquet")
     with (
         _sentences(path.name),
@@ -227,13 +184,7 @@ def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
 
 
 def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:
-    """Write columns of doubles under their titles.
-
-    Args:
-        titles: m names.
-        values: (N, m).
-        file: open for writing.
-    """
+    """Write columns of doubles under their titles."""
     pa = imported("pyarrow", "Parquet")
     pq = imported("pyarrow.parquet", "Parquet")
     table = pa.table({title: values[:, i] for i, title in enumerate(titles)})
@@ -241,19 +192,7 @@ def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> Non
 
 
 def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Columns that a recipe means: by name, by index, or one column of lists by its key.
-
-    Args:
-        columns: names or indices, () for none.
-        key: of a column of lists, "" for none.
-        names: of all columns of the file.
-
-    Returns:
-        Names of the columns.
-
-    Raises:
-        RecordingError: an index is beyond the last column, or neither columns nor a key is stated.
-    """
+    """Columns that a recipe means: by name, by index, or one column of lists by its key."""
     if columns and columns != ("",):
         if any(isinstance(c, int) and not 0 <= c < len(names) for c in columns):
             raise RecordingError(

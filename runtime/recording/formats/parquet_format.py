@@ -42,15 +42,7 @@ class ParquetReader(LogReader):
         return columns_convention(list(titles), "parquet", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
-        """Columns that a part of the recipe names.
-
-        Args:
-            kind: of signal; not used.
-            part: columns by name or index, or the key of a column of lists.
-
-        Returns:
-            Table of (N, m) numbers.
-        """
+        """Columns that a part of the recipe names."""
         del kind
         with closing(ParquetLog(self.raw.hashed())) as log:
             return log.table(parquet_columns(part.columns, part.key, log.columns))

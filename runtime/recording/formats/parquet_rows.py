@@ -20,15 +20,7 @@ class ParquetRows:
         self._batches = log.batches(self._columns, 0)
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m), column by column where a column holds one number per row.
-        """
+        """Rows start … stop of every kind of signal."""
         group = self._log.group_start(start)
         if start < self._first or group > self._next:
             self._held.clear()

@@ -26,14 +26,7 @@ LINES = 512
 
 
 def plain_numbers(text: str) -> FloatArray | None:
-    """Numbers of lines with one number each.
-
-    Args:
-        text: lines as `splitlines` divides them.
-
-    Returns:
-        (N,); None where a line is something else.
-    """
+    """Numbers of lines with one number each."""
     parsed = _parsed(text.removesuffix("\n"), "\n")
     if parsed is not None:
         return parsed
@@ -51,15 +44,7 @@ def plain_numbers(text: str) -> FloatArray | None:
 
 
 def _parsed(text: str, separator: str) -> FloatArray | None:
-    """Cells in pieces, to the bit as by `float` in half of its time.
-
-    Args:
-        text: cells between separators.
-        separator: one character.
-
-    Returns:
-        (N,); None where a cell is not a number for these parsers.
-    """
+    """Cells in pieces, to the bit as by `float` in half of its time."""
     data, mark = text.encode(errors="replace"), separator.encode()
     pieces, start = [], 0
     while start <= len(data):
@@ -94,18 +79,7 @@ def _by_numpy(text: bytes, separator: bytes) -> FloatArray | None:
 def plain_rows(
     text: str, lines: Iterator[str], separator: str, width: int, picks: Sequence[int]
 ) -> FloatArray | None:
-    """Chosen columns of a text of numbers.
-
-    Args:
-        text: rows without a header.
-        lines: of the same text.
-        separator: of cells.
-        width: number of cells of every line.
-        picks: indices of the columns.
-
-    Returns:
-        (N, len(picks)); None where a line has another width or a cell is not a number.
-    """
+    """Chosen columns of a text of numbers."""
     if "_" in text:
         return None
     if len(text) >= LONG and (parsed := _by_pyarrow(text, separator, width, picks)) is not None:

@@ -26,11 +26,7 @@ class Spool:
         self.size = 0
 
     def append(self, values: FloatArray) -> int:
-        """Append numbers and return the place of the first of them.
-
-        Raises:
-            RecordingError: there is no space on the disk.
-        """
+        """Append numbers and return the place of the first of them."""
         start = self.size
         try:
             self._file.seek(8 * start)
@@ -44,14 +40,6 @@ class Spool:
         return start
 
     def read(self, start: int, count: int) -> FloatArray:
-        """Numbers from a place on.
-
-        Args:
-            start: place of the first.
-            count: how many.
-
-        Returns:
-            (count,).
-        """
+        """Numbers from a place on."""
         self._file.seek(8 * start)
         return np.frombuffer(self._file.read(8 * count), dtype=np.float64)

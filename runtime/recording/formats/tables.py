@@ -34,18 +34,7 @@ class LogTable:
 
 
 def common_count(path: Path, counts: Iterable[int]) -> int:
-    """Number of rows of all signals of a file.
-
-    Args:
-        path: the file.
-        counts: number of rows of each signal.
-
-    Returns:
-        The number; 0 without signals.
-
-    Raises:
-        RecordingError: the numbers differ.
-    """
+    """Number of rows of all signals of a file."""
     different = sorted(set(counts))
     if len(different) > 1:
         raise RecordingError(

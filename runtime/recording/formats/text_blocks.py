@@ -65,15 +65,7 @@ def lines_of(text: str) -> Iterator[str]:
 
 
 def behind(text: str, count: int) -> int:
-    """Place behind the first lines of a text.
-
-    Args:
-        text: of the file.
-        count: number of lines.
-
-    Returns:
-        Index of a character.
-    """
+    """Place behind the first lines of a text."""
     start = 0
     for piece in _pieces(text, 0, PIECE):
         ends = [len(line) for line in piece.splitlines(keepends=True)[:count]]
@@ -84,17 +76,7 @@ def behind(text: str, count: int) -> int:
 
 
 def row_blocks(text: str, start: int, line: int, form: RowForm) -> Iterator[RowBlock]:
-    """Rows of a text in their order.
-
-    Args:
-        text: of the file.
-        start: place of the first row.
-        line: its line, counted from 1.
-        form: of the rows.
-
-    Yields:
-        Blocks of rows; together all lines from the start.
-    """
+    """Rows of a text in their order."""
     for piece in _pieces(text, start, BLOCK):
         for block in _blocks(piece, line, form):
             line += block.count
@@ -141,15 +123,7 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
 
 
 def flat_numbers(text: str, start: int) -> FloatArray:
-    """Numbers of a text with one per line.
-
-    Args:
-        text: of the file.
-        start: place of the first number.
-
-    Returns:
-        (N,); NaN for a line that is no number.
-    """
+    """Numbers of a text with one per line."""
     return np.concatenate([_flat(piece) for piece in _pieces(text, start, BLOCK)])
 
 
@@ -171,28 +145,12 @@ def _pieces(text: str, start: int, size: int) -> Iterator[str]:
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without blanks and quotes.
-
-    Args:
-        line: one row.
-        separator: None for blanks.
-
-    Returns:
-        Texts.
-    """
+    """Cells of a line without blanks and quotes."""
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
 
 def number_in(cell: str, separator: str | None) -> float:
-    """The number in a cell, or NaN.
-
-    Args:
-        cell: text without blanks around it.
-        separator: of cells; where it is not the comma, a comma is a decimal mark.
-
-    Returns:
-        The number.
-    """
+    """The number in a cell, or NaN."""
     if "," in cell and separator != ",":
         cell = cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else ""
     if "_" in cell:

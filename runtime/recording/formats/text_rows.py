@@ -17,11 +17,7 @@ PIECE = 2**23
 
 
 def head_of_text(path: Path) -> str:
-    """Whole lines of the first piece of a text.
-
-    Raises:
-        RecordingError: it is not UTF-8 text.
-    """
+    """Whole lines of the first piece of a text."""
     return next(_pieces(path), "")
 
 
@@ -45,15 +41,7 @@ class CsvRows:
         self.count = self._spool.size // self._width
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            kind → (stop − start, m).
-        """
+        """Rows start … stop of every kind of signal."""
         count = (stop - start) * self._width
         values = self._spool.read(start * self._width, count).reshape(-1, self._width)
         return {kind: values[:, place] for kind, place in self._places.items()}

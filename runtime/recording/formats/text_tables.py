@@ -30,18 +30,7 @@ GZIP = b"\x1f\x8b"
 
 
 def decode(data: bytes, name: str) -> str:
-    """Text of a log.
-
-    Args:
-        data: bytes of the file.
-        name: of the file, for messages.
-
-    Returns:
-        The text without a byte-order mark.
-
-    Raises:
-        RecordingError: it is empty, or not UTF-8 text.
-    """
+    """Text of a log."""
     if data.startswith(GZIP):
         data = _expanded(data, name)
     if not data.strip():
@@ -59,18 +48,7 @@ def decode(data: bytes, name: str) -> str:
 
 
 def _expanded(data: bytes, name: str) -> bytes:
-    """Content of gzip data; a small file may expand to gigabytes, so its size is limited.
-
-    Args:
-        data: compressed bytes.
-        name: of the file, for messages.
-
-    Returns:
-        The first member's content.
-
-    Raises:
-        RecordingError: the data are cut short or damaged, or exceed the decompression limit.
-    """
+    """Content of gzip data; a small file may expand to gigabytes, so its size is limited."""
     most = EXPANSION * len(data) + SLACK
     stream = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)  # 16: a gzip header
     try:
@@ -97,20 +75,7 @@ def cells_of(line: str) -> tuple[list[str], str | None]:
 
 
 def find_header(lines: Iterable[str], wanted: tuple[str, ...], name: str) -> int:
-    """Index of the first line whose cells contain all wanted names.
-
-    Args:
-        lines: of the text.
-        wanted: names of columns.
-        name: of the file, for messages.
-
-    Returns:
-        Index of the line, counted from 0.
-
-    Raises:
-        RecordingError: there is no such line; the message names the columns that the best line
-            lacks.
-    """
+    """Index of the first line whose cells contain all wanted names."""
     best: tuple[int, list[str]] = (0, list(wanted))
     first = ""
     for index, line in enumerate(lines):
@@ -141,18 +106,6 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
     Lines before the header are skipped, repeated headers and comments (#) omitted. A row with
     another number of cells, or a cell that is not a number, is NaN. Where the separator is not the
     comma, a comma inside a number is its decimal mark.
-
-    Args:
-        text: of the file.
-        columns: names or indices.
-        name: of the file, for messages.
-
-    Returns:
-        Table of (N, m) numbers.
-
-    Raises:
-        RecordingError: there is no header, no such column, or the rows have another width than the
-            header.
     """
     names = tuple(column for column in columns if isinstance(column, str))
     if names:
@@ -185,19 +138,7 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
 
 
 def flat_table(text: str, width: int, name: str) -> LogTable:
-    """Table of a text with one number per line; a bad line keeps its place as NaN.
-
-    Args:
-        text: of the file.
-        width: numbers per sample.
-        name: of the file, for messages.
-
-    Returns:
-        Table of (N, width) numbers.
-
-    Raises:
-        RecordingError: no line is a number.
-    """
+    """Table of a text with one number per line; a bad line keeps its place as NaN."""
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
     numbers = flat_numbers(text, behind(text, first))

@@ -8,20 +8,7 @@ from runtime.recording.recording import FloatArray
 
 
 def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:
-    """A word of a choice; the first where the file has none.
-
-    Args:
-        arrays: by key.
-        key: of the word.
-        name: of the file, for messages.
-        known: words of the choice.
-
-    Returns:
-        The word.
-
-    Raises:
-        RecordingError: it is not one of the choice.
-    """
+    """A word of a choice; the first where the file has none."""
     value = np.asarray(arrays.get(key, known[0]))
     value = value.reshape(()) if value.size == 1 else value
     word = str(_texts(value))
@@ -33,15 +20,7 @@ def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, .
 
 
 def names_of(arrays: dict[str, NDArray], key: str) -> tuple[str, ...]:
-    """Names of an array of texts or of bytes, which HDF5 and older NumPy write.
-
-    Args:
-        arrays: by key.
-        key: of the names.
-
-    Returns:
-        The names; none where the file has no such array.
-    """
+    """Names of an array of texts or of bytes, which HDF5 and older NumPy write."""
     return tuple(map(str, _texts(np.atleast_1d(arrays.get(key, np.array([], dtype=str))))))
 
 
@@ -57,21 +36,7 @@ def numbers_of(
     shape: tuple[int | str, ...],
     finite: bool = True,
 ) -> FloatArray:
-    """Numbers of a shape, in which a text is any size.
-
-    Args:
-        arrays: by key.
-        key: of the numbers.
-        name: of the file, for messages.
-        shape: expected.
-        finite: whether NaN is refused; infinite values always are.
-
-    Returns:
-        The numbers.
-
-    Raises:
-        RecordingError: missing, of another shape or type, or not finite.
-    """
+    """Numbers of a shape, in which a text is any size."""
     if key not in arrays:
         raise RecordingError(f"{name} has no array {key}; save it with numpy.savez({key}=…)")
     array = arrays[key]

@@ -16,19 +16,7 @@ _KINDS, _AXES = ("surface", "point"), ("link", "world")
 
 
 def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
-    """Contacts that arrays of a log hold.
-
-    Args:
-        arrays: by key.
-        name: of the file, for messages.
-        count: N instants.
-
-    Returns:
-        The contacts; none where no array states one.
-
-    Raises:
-        RecordingError: an array is missing, has another shape or contradicts another.
-    """
+    """Contacts that arrays of a log hold."""
     links = names_of(arrays, "contact_links")
     size = len(links)
     given = sorted(key for key in arrays if key.startswith("contact_"))
@@ -120,22 +108,7 @@ def _of_sensors(
     wanted: str,
     zero: bool = True,
 ) -> FloatArray | None:
-    """Property of the sensors of the vertical forces; None where the log does not state it.
-
-    Args:
-        arrays: by key.
-        key: of the property.
-        name: of the file, for messages.
-        shape: expected.
-        wanted: what is expected, for messages.
-        zero: whether 0 is allowed.
-
-    Returns:
-        The numbers.
-
-    Raises:
-        RecordingError: a number is out of range, or vertical forces are missing.
-    """
+    """Property of the sensors of the vertical forces; None where the log does not state it."""
     if key not in arrays:
         return None
     values = numbers_of(arrays, key, name, shape)
@@ -145,16 +118,7 @@ def _of_sensors(
 
 
 def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], name: str) -> None:
-    """Refuse inverted flags, which state no contact where the sensors read a load.
-
-    Args:
-        force: (N, C, 3) measured forces [N]; NaN where a component was not measured.
-        touching: (N, C) what the flags state.
-        name: of the file, for messages.
-
-    Raises:
-        RecordingError: the forces without contact are more than twice those with it.
-    """
+    """Refuse inverted flags, which state no contact where the sensors read a load."""
     size = np.sqrt(np.nansum(np.square(force), axis=2))
     lifted, loaded = (_rms(size[part]) for part in (~touching, touching))
     if lifted > _LIFTED * max(loaded, 1.0):

@@ -16,16 +16,7 @@ _EULER = ("base_position", "base_rpy")
 def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
     """Rotation and position of the base.
 
-    Args:
-        arrays: by key.
-        name: of the file, for messages.
-        count: N instants.
-
-    Returns:
-        R of the base in the world, (N, 3, 3), and its origin, (N, 3) [m].
-
-    Raises:
-        RecordingError: missing, no rotation, or two statements that differ.
+    Returns (N, 3, 3) [m].
     """
     missing = [key for key in _EULER if key not in arrays]
     if "base_pose" not in arrays:

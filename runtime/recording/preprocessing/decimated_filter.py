@@ -22,18 +22,7 @@ from runtime.recording.recording import FloatArray
 
 
 def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
-    """Filtered, differentiated, trimmed and decimated recording.
-
-    Args:
-        recording: at its full rate, with the columns that need the filter.
-        preparation: a Butterworth filter and a rate.
-
-    Returns:
-        None where the ratio of the rates is not an integer.
-
-    Raises:
-        RecordingError: a step cannot be taken.
-    """
+    """Filtered, differentiated, trimmed and decimated recording."""
     cutoff, rate = preparation.cutoff_hz, preparation.rate_hz
     if cutoff is None or rate is None:
         return None

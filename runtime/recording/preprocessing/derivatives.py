@@ -41,13 +41,7 @@ def slopes(t: FloatArray, values: FloatArray, rows: NDArray[np.int64] | None = N
 
     The middle one is the row itself, or next to an edge the neighbour inside.
 
-    Args:
-        t: (N,) s, in segments of three rows or more.
-        values: (N, m).
-        rows: (M,) indices of the rows that are needed; None for all.
-
-    Returns:
-        (M, m) per s.
+    t (N,), values (N, m), rows (M,) → (M, m).
     """
     hole = holes(t)
     centre = np.arange(len(t))

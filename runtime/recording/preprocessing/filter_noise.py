@@ -15,15 +15,7 @@ from runtime.recording.settings import Preparation
 
 
 def filter_inflation(steps: Preparation, rate_hz: float) -> float:
-    """N / N_eff of white noise after the low-pass filter of a prepared recording.
-
-    Args:
-        steps: of the preparation.
-        rate_hz: f_s, rate of the prepared rows [Hz].
-
-    Returns:
-        f_s / 2B, at least 1; 1 without a Butterworth filter of the torque.
-    """
+    """N / N_eff of white noise after the low-pass filter of a prepared recording."""
     if steps.filter != "butterworth" or not steps.cutoff_hz or steps.regressor != "acceleration":
         return 1.0
     half = 1 / (2 * steps.order)

@@ -50,19 +50,7 @@ def is_filtered(history: Iterable[str]) -> bool:
 
 
 def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:
-    """Butterworth low-pass for the clock of a recording.
-
-    Args:
-        recording: on a uniform clock.
-        cutoff_hz: cut-off [Hz].
-        order: of the filter; it is applied forwards and backwards.
-
-    Returns:
-        Second-order sections with the rows that they need.
-
-    Raises:
-        RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
-    """
+    """Butterworth low-pass for the clock of a recording."""
     step = uniform_step(recording, "low-pass")
     if not 0.0 < cutoff_hz * step < 0.499:
         raise RecordingError(
@@ -111,18 +99,7 @@ def low_passed(
     rows: NDArray[np.int64],
     period: int = 1,
 ) -> dict[str, FloatArray]:
-    """Selected rows of every signal, filtered segment by segment.
-
-    Args:
-        recording: without segments that are too short.
-        design: the low-pass.
-        only: names of the signals.
-        rows: (M,) indices of the rows, ascending.
-        period: as for `zero_phase`.
-
-    Returns:
-        name → (M, …).
-    """
+    """Selected rows of every signal, filtered segment by segment."""
     present = {k: v for k in only if (v := getattr(recording, k)) is not None}
     flat = [values.reshape(len(recording), -1) for values in present.values()]
     parts = []
@@ -143,28 +120,12 @@ def low_passed(
 
 
 def low_pass_sentence(cutoff_hz: float, order: int) -> str:
-    """Sentence of the history about a low-pass.
-
-    Args:
-        cutoff_hz: cut-off [Hz].
-        order: of the filter.
-
-    Returns:
-        The sentence.
-    """
+    """Sentence of the history about a low-pass."""
     return f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
 
 
 def without_short(recording: Recording, minimum: int) -> Recording:
-    """The recording without segments that hold fewer samples than a step needs.
-
-    Args:
-        recording: the data.
-        minimum: number of samples.
-
-    Returns:
-        The remaining segments.
-    """
+    """The recording without segments that hold fewer samples than a step needs."""
     edges = np.flatnonzero(np.concatenate([[True], holes(recording.t), [True]]))
     lengths = np.diff(edges)
     short = lengths < minimum

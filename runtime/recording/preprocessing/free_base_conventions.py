@@ -25,15 +25,7 @@ def require_twist(
 ) -> None:
     """Refuse a twist in another convention.
 
-    Args:
-        given: (N, 6) of the log.
-        expected: (N, 6) from the pose.
-        turn: (N, 3, 3) R of the base in the world.
-        t: (N,) [s].
-        name: of the file, for messages.
-
-    Raises:
-        RecordingError: names the convention and what to do.
+    given (N, 6), expected (N, 6), turn (N, 3, 3), t (N,) [s].
     """
     linear, angular = expected[:, :3], expected[:, 3:]
     reordered = "has a quaternion w, x, y, z, expected x, y, z, w; reorder its columns"
@@ -59,18 +51,7 @@ def require_twist(
 def require_acceleration(
     given: FloatArray, expected: FloatArray, twist: FloatArray, turn: FloatArray, name: str
 ) -> None:
-    """Refuse an acceleration in another convention.
-
-    Args:
-        given: (N, 6) of the log.
-        expected: (N, 6) from twist or pose.
-        twist: (N, 6) of the base.
-        turn: (N, 3, 3) R of the base in the world.
-        name: of the file, for messages.
-
-    Raises:
-        RecordingError: names the convention and what to do.
-    """
+    """Refuse an acceleration in another convention."""
     linear, angular = expected[:, :3], expected[:, 3:]
     swapped = "holds the other half, expected v̇, then ω̇; swap the halves"
     origin = linear + np.cross(twist[:, 3:], twist[:, :3])

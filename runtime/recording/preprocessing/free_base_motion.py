@@ -78,20 +78,7 @@ class FreeBaseMotion:
 def motion_of(
     recording: FreeBaseRecording, joints: tuple[str, ...], cutoff_hz: float | None = None
 ) -> FreeBaseMotion:
-    """Filter and differentiate a recording.
-
-    Args:
-        recording: as read.
-        joints: names of the n joints of the robot; joints of the file beyond them are left out.
-        cutoff_hz: of the low-pass [Hz]; None filters nothing.
-
-    Returns:
-        Motion at the instants of the recording, or of a uniform clock of the same rate.
-
-    Raises:
-        RecordingError: a joint is missing, the low-pass does not fit the clock, or twist or
-            acceleration of the base are in another convention.
-    """
+    """Filter and differentiate a recording."""
     from scipy.spatial.transform import Rotation
 
     places = _places(recording, joints)
@@ -177,17 +164,7 @@ def motion_of(
 
 
 def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> FloatArray:
-    """Signals with the lag of the contacts' sensors in those that these do not measure.
-
-    Args:
-        contacts: of the recording.
-        whole: N rows on a uniform clock; motion first, torques last, forces between.
-        moved: number of columns of motion.
-        torques: number of columns of torques.
-
-    Returns:
-        (N, m).
-    """
+    """Signals with the lag of the contacts' sensors in those that these do not measure."""
     if contacts.cutoff_hz is None:
         return whole.q
     others = np.r_[:moved, whole.q.shape[1] - torques : whole.q.shape[1]]
@@ -221,17 +198,7 @@ def _unknown_between(t: FloatArray, unknown: BoolArray, grid: FloatArray) -> Boo
 def _low_pass_of_forces(
     t: FloatArray, forces: FloatArray, unknown: BoolArray, cutoff_hz: float
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Low-pass of torques and wrenches between changes of what is unknown.
-
-    Args:
-        t: (N,) uniform clock, maybe with holes [s].
-        forces: (N, k).
-        unknown: (N, 6 C).
-        cutoff_hz: of the low-pass [Hz].
-
-    Returns:
-        Filtered rows, and their places; short pieces are left out.
-    """
+    """Low-pass of torques and wrenches between changes of what is unknown."""
     changed = np.concatenate([[False], (unknown[1:] != unknown[:-1]).any(axis=1)])
     # A clock that stands still for ten steps at every change has a hole there for the filter.
     clock = t + 10.0 * np.median(np.diff(t)) * np.cumsum(changed)

@@ -20,13 +20,7 @@ SHAPE = 6.0
 def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Signals at other times, by a windowed sinc over the rows around them.
 
-    Args:
-        at: times [s], (M,).
-        t: times of the rows, which increase [s], (N,).
-        values: signals, (N, n).
-
-    Returns:
-        Signals at these times, (M, n); beyond the ends the nearest row counts.
+    at (M,) [s], t (N,) [s], values (N, n) → (M, n).
     """
     row = np.interp(at, t, np.arange(len(t), dtype=float))
     first = np.floor(row).astype(np.int64)

@@ -33,13 +33,6 @@ def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Rec
     """The recording with the q and dq for momentum and energy, and without ddq.
 
     A missing dq is the derivative of the cubic spline through the smoothed q, exact to h⁴.
-
-    Args:
-        recording: on a uniform clock.
-        smooth: filters q and dq where they need it.
-
-    Returns:
-        The recording with q and dq.
     """
     data = without_short(recording.replace(ddq=None), 4)
     uniform_step(data, "go without accelerations")
@@ -57,18 +50,6 @@ def balanced(
 ) -> Recording:
     """Averaged torque S τ, or S dq∘τ for power, with its friction columns; the rows are not
     computed yet.
-
-    Args:
-        recording: with dq and τ, from `moved`.
-        friction: terms whose columns are added.
-        lib: library of the robot.
-        power: balance of power instead of momentum.
-
-    Returns:
-        The inner instants of every segment.
-
-    Raises:
-        RecordingError: there is no τ.
     """
     if recording.tau is None:
         raise RecordingError("rows without accelerations expect τ, but there is none; log it")
@@ -97,14 +78,6 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
 
     The regressor is evaluated anew for each group of columns, because the whole would exceed the
     memory.
-
-    Args:
-        recording: with dq, from `moved`.
-        lib: library of the robot.
-        power: balance of power instead of momentum.
-
-    Returns:
-        (N, m, columns) of each group.
     """
     joints = 1 if power else lib.n_joints
     width = max(1, HELD // (len(recording) * joints))
@@ -120,16 +93,7 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
 
 
 def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> FloatArray:
-    """(D P − S R) β at the inner instants, (N, n).
-
-    Args:
-        recording: with dq, from `moved`.
-        lib: library of the robot.
-        beta: (n_b,) base parameters.
-
-    Returns:
-        One row per inner instant.
-    """
+    """(D P − S R) β at the inner instants, (N, n)."""
     step, torques = 1.0 / recording.rate_hz, []
     for part in segments(recording.t):
         for start in range(part.start, part.stop - 2, CHUNK):

@@ -58,16 +58,7 @@ def split(
 
 
 def rows_between(t: FloatArray, first: float, last: float) -> slice:
-    """Rows of the part [first, last) of the duration; with last = 1 the last row belongs to it.
-
-    Args:
-        t: (N,) s.
-        first: fraction of the duration.
-        last: fraction of the duration.
-
-    Returns:
-        The rows.
-    """
+    """Rows of the part [first, last) of the duration; with last = 1 the last row belongs to it."""
     share = (t - t[0]) / (float(t[-1] - t[0]) or 1.0)
     start, stop = (int(np.searchsorted(share, edge)) for edge in (first, last))
     return slice(start, len(t) if last == 1.0 else stop)
@@ -146,16 +137,7 @@ def prepared_parts(
 def span_of_part(
     ends: tuple[float, float], share: tuple[float, float], preparation: Preparation
 ) -> tuple[float, float]:
-    """First and last instant of the prepared rows of a part.
-
-    Args:
-        ends: first and last instant of the recording [s].
-        share: fractions of the duration.
-        preparation: of the part, from `for_part`.
-
-    Returns:
-        The instants [s].
-    """
+    """First and last instant of the prepared rows of a part."""
     duration = ends[1] - ends[0]
     low, high = (ends[0] + each * duration for each in share)
     edge, gap = preparation.trim_s or 0.0, guard_gap(preparation, high - low)
@@ -163,30 +145,14 @@ def span_of_part(
 
 
 def validation_start(shares: Split, span: tuple[float, float]) -> float:
-    """First instant of the validation part within the training part that includes it.
-
-    Args:
-        shares: fractions of the duration.
-        span: first and last instant of the prepared rows of both [s].
-
-    Returns:
-        The instant [s], which divides the span in the ratio of the shares.
-    """
+    """First instant of the validation part within the training part that includes it."""
     first, last = shares.joined()
     share = (shares.validation[0] - first) / (last - first)
     return span[0] + (share - ROUNDING) * (span[1] - span[0])
 
 
 def for_part(preparation: Preparation, seconds: float) -> Preparation:
-    """The preparation of a part, whose trimmed ends leave half of it at least.
-
-    Args:
-        preparation: of the log.
-        seconds: duration of the part [s].
-
-    Returns:
-        The preparation, with a shorter trim_s where the part is short.
-    """
+    """The preparation of a part, whose trimmed ends leave half of it at least."""
     most = LARGEST_SHARE * seconds
     if preparation.trim_s is None or preparation.trim_s <= most:
         return preparation
@@ -194,16 +160,7 @@ def for_part(preparation: Preparation, seconds: float) -> Preparation:
 
 
 def guard_gap(preparation: Preparation, seconds: float) -> float:
-    """Time next to another part in which rows are dropped.
-
-    Args:
-        preparation: of the part.
-        seconds: duration of the part [s].
-
-    Returns:
-        Gap [s]: 1 / f_c or the window of the filter, a quarter of the part at most. 0 without a
-        filter, or where the preparation trims the ends itself.
-    """
+    """Time next to another part in which rows are dropped."""
     if preparation.filter == "none" or preparation.trim_s is not None:
         return 0.0
     gap = preparation.window_s or 0.0

@@ -33,18 +33,7 @@ def segments(t: FloatArray) -> list[slice]:
 
 
 def uniform_step(recording: Recording, purpose: str) -> float:
-    """Time step of a recording whose segments are uniform to 1 %.
-
-    Args:
-        recording: the data.
-        purpose: verb for the message, such as "decimate".
-
-    Returns:
-        Step [s].
-
-    Raises:
-        RecordingError: the steps are not uniform, so that filters and decimation are not defined.
-    """
+    """Time step of a recording whose segments are uniform to 1 %."""
     step = 1.0 / recording.rate_hz
     steps = np.diff(recording.t)
     ends = np.array([steps.min(), steps.max()])

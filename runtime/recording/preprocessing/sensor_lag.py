@@ -18,16 +18,7 @@ from runtime.recording.recording import FloatArray, Recording
 def lagged(recording: Recording, values: FloatArray, cutoff_hz: float) -> FloatArray:
     """First-order low-pass of signals, from rest at the start of every segment.
 
-    Args:
-        recording: for its clock of N rows, which is uniform between holes.
-        values: (N, m) signals of any unit.
-        cutoff_hz: f, cut-off of the low-pass [Hz].
-
-    Returns:
-        (N, m) signals behind the low-pass.
-
-    Raises:
-        RecordingError: the cut-off is not below half the rate.
+    values (N, m) → (N, m).
     """
     step = uniform_step(recording, "delay")
     if not cutoff_hz * step < 0.499:

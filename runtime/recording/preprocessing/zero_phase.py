@@ -35,16 +35,7 @@ def zero_phase(
 ) -> list[FloatArray]:
     """Selected rows of `sosfiltfilt(sections, signal, axis=0, padlen=padding)` of every signal.
 
-    Args:
-        sections: of a low-pass, (s, 6).
-        signals: (N, m) each, of any widths m.
-        padding: rows of odd extension at either end, between 1 and N − 1.
-        rows: (M,) indices, ascending.
-        period: distance after which the pattern of rows repeats; only the computing time depends
-            on it.
-
-    Returns:
-        (M, m) each.
+    sections (s, 6), signals (N, m), rows (M,) → (M, m).
     """
     # Blocks whose length is a multiple of the period have the same pattern of needed rows.
     length = DENSE if period == 1 else period * -(-LENGTH // period)

@@ -68,19 +68,7 @@ class ControlLaw:
                 raise RecordingError("[torque] gear expects numbers above 0, got 0; correct it")
 
     def parts(self, position: "Signal", velocity: "Signal | None") -> dict[str, "Signal"]:
-        """Signals of the law that have a row per instant.
-
-        Args:
-            position: measured positions; desired ones lie beside them.
-            velocity: measured velocities, likewise.
-
-        Returns:
-            Kind ("desired_position", "desired_velocity", "feed_forward", or a key of `NUMBERS`) →
-            place in the files.
-
-        Raises:
-            RecordingError: desired velocities without measured ones.
-        """
+        """Signals of the law that have a row per instant."""
         parts = {"desired_position": _beside(position, self.q_des)}
         if velocity is None and (self.dq_des or self.needs_velocity):
             raise RecordingError(

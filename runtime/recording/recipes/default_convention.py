@@ -20,19 +20,7 @@ KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torqu
 
 
 def columns_convention(titles: list[str], layout: str, name: str) -> Recipe:
-    """Recipe of a table with the columns t, q1 … qn [, dq1 …] [, ddq1 …] [, tau1 …].
-
-    Args:
-        titles: of all columns; q1 is among them.
-        layout: name of the log format.
-        name: of the file, for messages.
-
-    Returns:
-        Recipe with the time and every signal that has columns.
-
-    Raises:
-        RecordingError: the joints are not numbered 1 … n in every signal.
-    """
+    """Recipe of a table with the columns t, q1 … qn [, dq1 …] [, ddq1 …] [, tau1 …]."""
     matches = [re.fullmatch(r"(q|dq|ddq|tau)([0-9]{1,4})", title) for title in titles]
     numbers: dict[str, list[int]] = {key: [] for key in KINDS}
     for match in matches:
@@ -61,14 +49,6 @@ def arrays_convention(present: Container[str], layout: str, prefix: str = "") ->
 
     Without tau, the arrays q_des, kp and kd [, dq_des] [, tau_ff] [, effort_limit] give the torque
     of a PD law.
-
-    Args:
-        present: names of all arrays.
-        layout: name of the log format.
-        prefix: of the names, such as "log/" for the arrays of a group.
-
-    Returns:
-        Recipe with the time and every signal that has an array.
     """
     signals: dict[str, Any] = {
         KINDS[key]: Signal(unit=UNITS[key], layout=layout, key=prefix + key)

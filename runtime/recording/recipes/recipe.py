@@ -111,11 +111,7 @@ class Signal:
             )
 
     def check_unit(self, kind: str) -> None:
-        """Require a unit of this kind of signal; amperes without a gain have unknown gains.
-
-        Raises:
-            RecordingError: the unit is another.
-        """
+        """Require a unit of this kind of signal; amperes without a gain have unknown gains."""
         units = (self.unit,) if isinstance(self.unit, str) else self.unit
         for unit in units:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))

@@ -58,11 +58,7 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
 
 
 def recipe_from_table(table: dict[str, Any]) -> Recipe:
-    """Recipe from the nested dictionary of a TOML file.
-
-    Raises:
-        RecordingError: an unknown key, a wrong type, or a value out of range.
-    """
+    """Recipe from the nested dictionary of a TOML file."""
     table = dict(table)
     gear = table.pop("gear", None)
     torque = table.get("torque")

@@ -19,15 +19,7 @@ _NOT_READ = "are not read; if they are such a signal"
 
 
 def unread_columns(titles: Iterable[str], name: str) -> tuple[str, ...]:
-    """Sentence on numbered columns, one per joint, that are not read.
-
-    Args:
-        titles: of all columns.
-        name: of the file.
-
-    Returns:
-        The sentence; none where dq and tau are read, or no columns are left.
-    """
+    """Sentence on numbered columns, one per joint, that are not read."""
     groups: dict[str, dict[int, str]] = {}
     for title in titles:
         if match := _NUMBERED.fullmatch(title):
@@ -45,16 +37,7 @@ def unread_columns(titles: Iterable[str], name: str) -> tuple[str, ...]:
 def unread_arrays(
     shapes: Mapping[str, tuple[int, ...]], plan: Recipe, name: str
 ) -> tuple[str, ...]:
-    """Sentence on arrays of the shape of q that are not read.
-
-    Args:
-        shapes: of all arrays of numbers, by name.
-        plan: recipe of the convention.
-        name: of the file.
-
-    Returns:
-        The sentence; none where dq and tau are read, or no such array is left.
-    """
+    """Sentence on arrays of the shape of q that are not read."""
     signals, law = plan.signals(), plan.of_law()
     time = () if plan.time is None else (plan.time,)
     taken = {part.key for part in (*signals.values(), *law.values(), *time)}

@@ -32,21 +32,7 @@ SPECK_KG = 1e-9
 def robot_from_mjcf(
     path: Path, has_gravity: bool, note: Callable[[str], None]
 ) -> tuple[str, Mechanism]:
-    """URDF of an MJCF file.
-
-    Args:
-        path: the file; it may include others.
-        has_gravity: whether the build states the gravity, so that another one needs no note.
-        note: receives sentences on what of the file a build does not take.
-
-    Returns:
-        Text of the URDF, couplings of its joint equalities, loops of `connect` and `weld`, and
-        springs of joints and tendons.
-
-    Raises:
-        BuildError: MuJoCo is not installed or rejects the file, or it has joints or equalities
-            without a counterpart.
-    """
+    """URDF of an MJCF file."""
     try:
         import mujoco
     except ImportError:

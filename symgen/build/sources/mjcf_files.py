@@ -23,14 +23,7 @@ _NAMED = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*
 
 
 def require_bounded_files(path: Path) -> None:
-    """Refuse an MJCF file that names pipes, devices or files of hundreds of megabytes.
-
-    Args:
-        path: the file.
-
-    Raises:
-        BuildError: as above, or it names too many.
-    """
+    """Refuse an MJCF file that names pipes, devices or files of hundreds of megabytes."""
     folders, names, known = set[Path](), set[str](), set[Path]()
     pending = [path]
     while pending:
@@ -60,11 +53,7 @@ def _named_in(text: str) -> tuple[set[str], set[str]]:
 
 
 def _is_bounded(path: Path, asset: Path) -> bool:
-    """Whether a file exists.
-
-    Raises:
-        BuildError: it is a pipe or a device, or too large.
-    """
+    """Whether a file exists."""
     try:
         status = asset.stat()
     except (OSError, ValueError):  # MuJoCo names what it does not find

@@ -19,21 +19,7 @@ from symgen.errors import BuildError
 def loop_of_equality(
     mujoco: Any, model: Any, k: int, names: list[str], shifts: dict[int, np.ndarray]
 ) -> Loop:
-    """Loop joint of an equality.
-
-    Args:
-        mujoco: the package.
-        model: compiled model.
-        k: index of the equality.
-        names: link of each body.
-        shifts: body → origin of its link in the frame of the body [m].
-
-    Returns:
-        The loop joint.
-
-    Raises:
-        BuildError: the equality is neither `connect` nor `weld`.
-    """
+    """Loop joint of an equality."""
     kind, data = int(model.eq_type[k]), np.array(model.eq_data[k])
     kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "spherical", int(mujoco.mjtEq.mjEQ_WELD): "fixed"}
     if kind not in kinds:

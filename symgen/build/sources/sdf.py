@@ -30,19 +30,7 @@ _ENDLESS = 1e15
 
 
 def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
-    """URDF of an SDF file.
-
-    Args:
-        text: the file.
-        where: its name, for messages.
-
-    Returns:
-        Text of the URDF, couplings of mimics, springs and loop joints.
-
-    Raises:
-        BuildError: not an SDF with one model, or a joint without a counterpart.
-        UrdfError: an attribute is not a number.
-    """
+    """URDF of an SDF file."""
     model = _model(text, where)
     frames = Frames(model, where)
     joints = [*model.findall("joint"), *model.findall("loop_joint")]

@@ -36,18 +36,7 @@ class Frames:
                 }.get(tag, (element.findtext("child") or "").strip())
 
     def of(self, name: str, pending: tuple[str, ...] = ()) -> pinocchio.SE3:
-        """Pose of a frame in the model.
-
-        Args:
-            name: link, joint or frame, or `__model__`.
-            pending: names that wait for this one.
-
-        Returns:
-            The pose.
-
-        Raises:
-            BuildError: unknown name, or frames that refer to each other.
-        """
+        """Pose of a frame in the model."""
         if name in {_MODEL, "world"}:
             return pinocchio.SE3.Identity()
         if name not in self._elements:
@@ -66,14 +55,7 @@ class Frames:
         return self.of(base, (*pending, name)) * pose_of(element, name)
 
     def axis(self, joint: Element) -> np.ndarray:
-        """Axis of a joint in the joint's frame.
-
-        Args:
-            joint: its element.
-
-        Returns:
-            (3,) direction.
-        """
+        """Axis of a joint in the joint's frame."""
         name = joint.get("name", "")
         node = joint.find("axis/xyz")
         text = "0 0 1" if node is None or not node.text else node.text
@@ -88,15 +70,7 @@ class Frames:
 
 
 def pose_of(element: Element, name: str) -> pinocchio.SE3:
-    """Pose that an element states in its <pose>, x y z and roll pitch yaw.
-
-    Args:
-        element: link, joint, frame or inertial.
-        name: for messages.
-
-    Returns:
-        The pose, the identity without <pose>.
-    """
+    """Pose that an element states in its <pose>, x y z and roll pitch yaw."""
     node = element.find("pose")
     if node is None or not (node.text or "").strip():
         return pinocchio.SE3.Identity()

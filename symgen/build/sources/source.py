@@ -87,11 +87,7 @@ def read_source(
 
 
 def urdf_text(path: Path) -> str:
-    """Text of a file of UTF-8.
-
-    Raises:
-        BuildError: the file cannot be read.
-    """
+    """Text of a file of UTF-8."""
     try:
         return text_of(path)
     except UnicodeDecodeError as error:

@@ -25,21 +25,7 @@ _SAME = 1e-12
 def springs_of_mjcf(
     mujoco: Any, model: Any, names: list[str], shifts: dict[int, np.ndarray]
 ) -> tuple[Spring, ...]:
-    """Springs of joints and tendons.
-
-    Args:
-        mujoco: the package.
-        model: compiled model.
-        names: link of each body.
-        shifts: body → origin of its link in the frame of the body [m].
-
-    Returns:
-        Springs with τ = k (x − rest) ∂x/∂q.
-
-    Raises:
-        BuildError: a spring with slack, over pulleys or more than two sites, not linear, or of
-            negative stiffness.
-    """
+    """Springs of joints and tendons."""
     springs = []
     for k in range(model.njnt):
         if model.jnt_type[k] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
@@ -58,18 +44,7 @@ def springs_of_mjcf(
 
 
 def spring_of_sdf(joint: Element) -> tuple[Spring, ...]:
-    """Spring of a joint of SDF; none without stiffness.
-
-    Args:
-        joint: the element.
-
-    Returns:
-        The spring.
-
-    Raises:
-        BuildError: the stiffness is negative.
-        UrdfError: an entry is not a number.
-    """
+    """Spring of a joint of SDF; none without stiffness."""
     name, axis = joint.get("name", ""), joint.find("axis")
     if axis is None:
         return ()
@@ -83,15 +58,7 @@ def spring_of_sdf(joint: Element) -> tuple[Spring, ...]:
 
 
 def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spring, ...]:
-    """Springs of a mechanism file, and those of the robot file that these do not replace.
-
-    Args:
-        of_file: springs of the robot file.
-        stated: springs of the mechanism file.
-
-    Returns:
-        All of them, those of the mechanism file first; each name once.
-    """
+    """Springs of a mechanism file, and those of the robot file that these do not replace."""
     between, joints = {s.name for s in stated if not s.of}, [s.of.keys() for s in stated if s.of]
     springs, names = list(stated), {s.name for s in stated}
     for spring in of_file:

@@ -19,18 +19,7 @@ SECONDS = 60
 
 
 def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:
-    """Read the arrays of a header.
-
-    Args:
-        text: the header.
-        names: shapes by C name.
-
-    Returns:
-        Arrays by C name; None where no compiler is installed.
-
-    Raises:
-        Unreadable: the compiler refuses the header; the text is its first message.
-    """
+    """Read the arrays of a header."""
     compiler = find_compiler()
     if compiler is None:
         return None

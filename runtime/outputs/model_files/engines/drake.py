@@ -12,18 +12,7 @@ INSTALL = "pip install 'symgen[export]'"
 
 
 def reload(text: str, lib: Library) -> Reloaded | None:
-    """Read an SDF by libsdformat and Drake.
-
-    Args:
-        text: the file.
-        lib: the robot.
-
-    Returns:
-        What they read; None where they are not installed.
-
-    Raises:
-        Unreadable: one of them refuses the file, or its joints differ from the library's.
-    """
+    """Read an SDF by libsdformat and Drake."""
     try:
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import MultibodyPlant

@@ -26,19 +26,7 @@ CLOSED, RANK = 1e-8, 1e-6
 
 
 def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
-    """Read an MJCF by MuJoCo.
-
-    Args:
-        text: the file.
-        lib: the robot.
-        count: number of random states of the torques.
-
-    Returns:
-        What MuJoCo read; None where it is not installed.
-
-    Raises:
-        Unreadable: MuJoCo refuses the file, or its joints differ from the library's.
-    """
+    """Read an MJCF by MuJoCo."""
     try:
         import mujoco
     except ImportError:

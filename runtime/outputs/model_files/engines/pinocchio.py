@@ -16,19 +16,7 @@ INSTALL = "pip install pin"
 
 
 def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
-    """Read a URDF by pinocchio.
-
-    Args:
-        text: the file.
-        lib: the robot.
-        count: number of random states of the torques.
-
-    Returns:
-        What pinocchio read; None where it is not installed.
-
-    Raises:
-        Unreadable: pinocchio refuses the file, or its joints differ from the library's.
-    """
+    """Read a URDF by pinocchio."""
     pinocchio = _pinocchio()
     if pinocchio is None:
         return None

@@ -33,16 +33,7 @@ class ReloadedStage:
     stage: Any
 
     def place_error(self, name: str, placement: Array, axis: Array | None) -> float:
-        """Largest difference of the placement of a joint, and of its axis.
-
-        Args:
-            name: of the joint.
-            placement: expected T (4, 4) from the child's frame to the parent's at q = 0.
-            axis: expected axis in the child's frame (3,); None for a fixed joint.
-
-        Returns:
-            Difference [m, 1]; infinite where the joint is missing.
-        """
+        """Largest difference of the placement of a joint, and of its axis."""
         prim = self.joints.get(name)
         if prim is None:
             return np.inf
@@ -53,32 +44,14 @@ class ReloadedStage:
         return error
 
     def loop_error(self, name: str, frames: tuple[Array, Array]) -> float:
-        """Largest difference of the two frames of a loop joint.
-
-        Args:
-            name: of the loop.
-            frames: expected T (4, 4) in the frames of both links.
-
-        Returns:
-            Difference [m, 1]; infinite where the joint is missing or part of the articulation.
-        """
+        """Largest difference of the two frames of a loop joint."""
         prim = self.joints.get(name)
         if prim is None or not prim.GetAttribute("physics:excludeFromArticulation").Get():
             return np.inf
         return max(float(np.abs(_frame(prim, k) - frames[k]).max()) for k in (0, 1))
 
     def follows(self, name: str, master: str, factor: float, offset: float) -> bool:
-        """Whether a joint follows another, x = f x_m + o, in single precision.
-
-        Args:
-            name: of the joint.
-            master: joint that it follows.
-            factor: f.
-            offset: o [rad, m].
-
-        Returns:
-            False where one of them differs.
-        """
+        """Whether a joint follows another, x = f x_m + o, in single precision."""
         prim, key = self.joints[name], "physxMimicJoint:rotX"
         gearing = prim.GetAttribute(f"{key}:gearing").Get()
         shift = prim.GetAttribute(f"{key}:offset").Get()
@@ -90,16 +63,7 @@ class ReloadedStage:
         return bool(target == self.joints[master].GetPath() and error <= limit)
 
     def holds(self, name: str, quantity: str, value: float) -> bool:
-        """Whether a joint has a value for MuJoCo in double and for PhysX in single precision.
-
-        Args:
-            name: of the joint.
-            quantity: "damping", "friction" or "armature".
-            value: expected, SI units.
-
-        Returns:
-            False where one of them differs.
-        """
+        """Whether a joint has a value for MuJoCo in double and for PhysX in single precision."""
         prim = self.joints[name]
         is_angular = prim.GetTypeName() == "PhysicsRevoluteJoint"
         axis = f"physxJointAxis:{'angular' if is_angular else 'linear'}"
@@ -114,18 +78,7 @@ class ReloadedStage:
 
 
 def reload(text: str, model: IdentifiedModel) -> ReloadedStage | None:
-    """Read a stage.
-
-    Args:
-        text: the file (.usda).
-        model: the robot; its tree says which links are fixed to each other.
-
-    Returns:
-        What usd-core read; None where it is not installed.
-
-    Raises:
-        Unreadable: usd-core refuses the file, or links of the robot are missing.
-    """
+    """Read a stage."""
     try:
         from pxr import Sdf, Tf, Usd
     except ImportError:

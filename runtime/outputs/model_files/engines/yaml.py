@@ -17,19 +17,7 @@ ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
 def urdf_with_inertials(text: str, lib: Library, urdf: str) -> str | None:
-    """Replace all inertials of a URDF by those of inertials.yaml.
-
-    Args:
-        text: inertials.yaml.
-        lib: the robot.
-        urdf: its URDF.
-
-    Returns:
-        The changed URDF; None where PyYAML is not installed.
-
-    Raises:
-        Unreadable: the file is not YAML of this layout.
-    """
+    """Replace all inertials of a URDF by those of inertials.yaml."""
 
     def apply(table: dict[str, Any]) -> str:
         tree = read_tree(lib, urdf)
@@ -44,19 +32,7 @@ def urdf_with_inertials(text: str, lib: Library, urdf: str) -> str | None:
 
 
 def urdf_with_friction(text: str, lib: Library, urdf: str) -> str | None:
-    """Replace damping and dry friction of a URDF by those of dynamics.yaml.
-
-    Args:
-        text: dynamics.yaml.
-        lib: the robot.
-        urdf: its URDF.
-
-    Returns:
-        The changed URDF; None where PyYAML is not installed.
-
-    Raises:
-        Unreadable: the file is not YAML of this layout.
-    """
+    """Replace damping and dry friction of a URDF by those of dynamics.yaml."""
 
     def apply(table: dict[str, Any]) -> str:
         tree = read_tree(lib, urdf)
@@ -71,11 +47,7 @@ def urdf_with_friction(text: str, lib: Library, urdf: str) -> str | None:
 
 
 def tables_of(text: str) -> dict[str, Any] | None:
-    """Tables of a YAML file; None where PyYAML is not installed.
-
-    Raises:
-        Unreadable: the file is not YAML of tables.
-    """
+    """Tables of a YAML file; None where PyYAML is not installed."""
     try:
         import yaml
     except ImportError:

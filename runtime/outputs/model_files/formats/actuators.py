@@ -30,11 +30,7 @@ Values = tuple[float | None, ...]
 
 
 def actuators_text(model: IdentifiedModel) -> str:
-    """actuators.yaml of the drives.
-
-    Raises:
-        ExportError: the result has no drives.
-    """
+    """actuators.yaml of the drives."""
     drives = model.drives
     if drives is None:
         raise ExportError(
@@ -65,19 +61,7 @@ def actuators_text(model: IdentifiedModel) -> str:
 
 
 def check_actuators(model: IdentifiedModel, text: str) -> str:
-    """Read actuators.yaml again and compare every number.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: a number differs.
-        Unreadable: the file is not YAML of this layout.
-    """
+    """Read actuators.yaml again and compare every number."""
     tables = yaml.tables_of(text)
     if tables is None:
         return unchecked(yaml.INSTALL)

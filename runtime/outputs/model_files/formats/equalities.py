@@ -20,11 +20,7 @@ LEVER = 0.1
 
 
 def require_equalities(model: IdentifiedModel) -> None:
-    """Raise ExportError where an equality of MuJoCo cannot state a loop joint.
-
-    Args:
-        model: the robot.
-    """
+    """Raise ExportError where an equality of MuJoCo cannot state a loop joint."""
     require_loop_frames(model)
     manifest = model.lib.manifest
     for name, joint in zip(manifest.loops, manifest.loop_joints, strict=False):
@@ -36,12 +32,7 @@ def require_equalities(model: IdentifiedModel) -> None:
 
 
 def add_equalities(model: IdentifiedModel, root: Element) -> None:
-    """Add equalities, tendons and sites to a document.
-
-    Args:
-        model: the robot.
-        root: element <mujoco> with all bodies.
-    """
+    """Add equalities, tendons and sites to a document."""
     manifest = model.lib.manifest
     if manifest.coupling is None and not manifest.loops:
         return

@@ -26,19 +26,7 @@ def friction_text(model: IdentifiedModel) -> str:
 
 
 def check_friction(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF into which the friction of the file was put.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: the torques or the friction differ.
-        Unreadable: the file is not YAML of this layout.
-    """
+    """Reload a URDF into which the friction of the file was put."""
     urdf = yaml.urdf_with_friction(text, model.lib, urdf_text(model))
     if urdf is None:
         return unchecked(yaml.INSTALL)

@@ -53,19 +53,7 @@ def gravity_text(model: IdentifiedModel) -> str:
 
 
 def check_gravity(model: IdentifiedModel, text: str) -> str:
-    """Compile the header; its π must equal the identified one bit for bit.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: π differs.
-        Unreadable: the header does not compile.
-    """
+    """Compile the header; its π must equal the identified one bit for bit."""
     lib, name = model.lib, f"{model.lib.name}_gravity_pi"
     arrays = compiler.read_back(text, {name: model.pi.shape})
     if arrays is None:

@@ -67,19 +67,7 @@ def header_text(model: IdentifiedModel) -> str:
 
 
 def check_header(model: IdentifiedModel, text: str) -> str:
-    """Compile a header; its arrays must equal the identified ones bit for bit.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: an array or the torques of an array differ.
-        Unreadable: the header does not compile.
-    """
+    """Compile a header; its arrays must equal the identified ones bit for bit."""
     lib, expected_arrays = model.lib, header_arrays(model)
     names = {f"{lib.name}_identified_{key}": array.shape for key, array in expected_arrays.items()}
     arrays = compiler.read_back(text, names)

@@ -22,19 +22,7 @@ def inertials_text(model: IdentifiedModel) -> str:
 
 
 def check_inertials(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF into which the inertials of the file were put.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: the torques differ.
-        Unreadable: the file is not YAML of this layout.
-    """
+    """Reload a URDF into which the inertials of the file were put."""
     urdf = yaml.urdf_with_inertials(text, model.lib, urdf_text(model))
     if urdf is None:
         return unchecked(yaml.INSTALL)

@@ -50,19 +50,7 @@ def mjcf_text(model: IdentifiedModel) -> str:
 
 
 def check_mjcf(model: IdentifiedModel, text: str) -> str:
-    """Reload an MJCF by MuJoCo.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: the torques, the friction or the rotor inertias differ.
-        Unreadable: MuJoCo refuses the file.
-    """
+    """Reload an MJCF by MuJoCo."""
     return compare_reloaded(model, mujoco.reload(text, model.lib, model.states), mujoco.INSTALL)
 
 

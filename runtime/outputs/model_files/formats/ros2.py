@@ -43,12 +43,7 @@ class _Text(Template):
 
 
 def ros2_files(model: IdentifiedModel) -> dict[str, str]:
-    """Files of the package by their path in it.
-
-    Raises:
-        ExportError: the folder of the robot has no kernels.c, or a torque has no place in the
-            package.
-    """
+    """Files of the package by their path in it."""
     lib = model.lib
     if springs_left_out(lib):
         raise ExportError(
@@ -82,19 +77,7 @@ def ros2_files(model: IdentifiedModel) -> dict[str, str]:
 
 
 def check_ros2(model: IdentifiedModel, written: Mapping[str, str]) -> str:
-    """Compile the header of the parameters; its numbers must be the identified ones bit for bit.
-
-    Args:
-        model: what was written.
-        written: the files by their path in the package.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: an array differs, or the kernels are those of another model.
-        Unreadable: the header does not compile.
-    """
+    """Compile the header of the parameters; its numbers must be the identified ones bit for bit."""
     lib = model.lib
     (header,) = (text for place, text in written.items() if place.endswith("/parameters.h"))
     expected = _arrays(model)

@@ -50,19 +50,7 @@ def sdf_text(model: IdentifiedModel) -> str:
 
 
 def check_sdf(model: IdentifiedModel, text: str) -> str:
-    """Reload an SDF by Drake.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: the torques or the damping differ.
-        Unreadable: Drake refuses the file.
-    """
+    """Reload an SDF by Drake."""
     return compare_reloaded(model, drake.reload(text, model.lib), drake.INSTALL)
 
 

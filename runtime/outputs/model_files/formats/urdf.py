@@ -21,18 +21,7 @@ def urdf_text(model: IdentifiedModel) -> str:
 
 
 def check_urdf(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF by pinocchio.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: the torques or the friction differ.
-    """
+    """Reload a URDF by pinocchio."""
     return compare_reloaded(
         model, pinocchio.reload(text, model.lib, model.states), pinocchio.INSTALL
     )

@@ -90,19 +90,7 @@ def usd_text(model: IdentifiedModel) -> str:
 
 
 def check_usd(model: IdentifiedModel, text: str) -> str:
-    """Reload a USD by usd-core: bodies in double precision, placements and friction of the joints.
-
-    Args:
-        model: what was written.
-        text: the file.
-
-    Returns:
-        One sentence: verified, or not checked.
-
-    Raises:
-        ExportError: an inertia, a placement or the friction of a joint differs.
-        Unreadable: usd-core refuses the file.
-    """
+    """Reload a USD by usd-core: bodies in double precision, placements, joint friction."""
     read = usd.reload(text, model)
     if read is None:
         return unchecked(usd.INSTALL)
@@ -191,18 +179,7 @@ def _paths(model: IdentifiedModel, root: str, names: dict[str, str]) -> dict[str
 def _link(
     model: IdentifiedModel, link: str, names: dict[str, str], place: Array, paths: dict[str, str]
 ) -> list[str]:
-    """A link with the frames on it.
-
-    Args:
-        model: the robot.
-        link: name.
-        names: name → identifier.
-        place: T (4, 4) from the link's frame to that of the prim above.
-        paths: of all links.
-
-    Returns:
-        Lines.
-    """
+    """A link with the frames on it."""
     body = model.bodies.by_link.get(link)
     inside = [f"custom string symgen:name = {quoted(link)}"]
     schemas = ['"PhysicsRigidBodyAPI"'] if _is_body(model, link) else []

@@ -41,18 +41,7 @@ def anchor(base: str) -> list[str]:
 def joint_prim(
     model: IdentifiedModel, edge: Edge, names: dict[str, str], ends: tuple[str, str], q: float
 ) -> list[str]:
-    """A joint of the tree.
-
-    Args:
-        model: the robot.
-        edge: the joint.
-        names: name → identifier.
-        ends: paths of the bodies of parent and child.
-        q: position in which the stage places the bodies [rad, m].
-
-    Returns:
-        Lines.
-    """
+    """A joint of the tree."""
     kind = MOVING.get(edge.kind, "Fixed")
     align = np.eye(4)
     if kind != "Fixed":
@@ -76,16 +65,7 @@ def joint_prim(
 
 
 def loop_prims(model: IdentifiedModel, names: dict[str, str], paths: dict[str, str]) -> list[str]:
-    """Joints that close the loops.
-
-    Args:
-        model: the robot.
-        names: name → identifier, those of the loops included.
-        paths: link → path of its prim.
-
-    Returns:
-        Lines.
-    """
+    """Joints that close the loops."""
     lines = []
     manifest = model.lib.manifest
     for name, joint in zip(manifest.loops, manifest.loop_joints, strict=True):
@@ -111,15 +91,7 @@ def loop_prims(model: IdentifiedModel, names: dict[str, str], paths: dict[str, s
 
 
 def moved(edge: Edge, q: float) -> Array:
-    """T (4, 4) of a joint at a position.
-
-    Args:
-        edge: the joint.
-        q: position [rad, m].
-
-    Returns:
-        Rotation about its axis or translation along it.
-    """
+    """T (4, 4) of a joint at a position."""
     T = np.eye(4)
     if edge.kind == "prismatic":
         T[:3, 3] = q * edge.axis
@@ -138,11 +110,7 @@ def frame_matrix(frame: FrameFacts) -> Array:
 
 
 def require_mechanism(model: IdentifiedModel) -> None:
-    """Raise ExportError where joints of USD cannot state a coupling.
-
-    Args:
-        model: the robot.
-    """
+    """Raise ExportError where joints of USD cannot state a coupling."""
     require_loop_frames(model)
     manifest = model.lib.manifest
     kinds = {joint.name: joint.kind == "prismatic" for joint in manifest.all_joints}

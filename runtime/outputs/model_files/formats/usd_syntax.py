@@ -22,15 +22,7 @@ def prim_names(names: list[str]) -> dict[str, str]:
 
 
 def indented(lines: list[str], columns: int) -> list[str]:
-    """Lines that begin some columns further right.
-
-    Args:
-        lines: without line ends.
-        columns: number of spaces.
-
-    Returns:
-        The lines.
-    """
+    """Lines that begin some columns further right."""
     return [f"{' ' * columns}{line}" for line in lines]
 
 

@@ -12,16 +12,7 @@ _LINES = {"band": 3, "loglog": 3}
 
 
 def is_drawable(kind: str, series: Sequence[NDArray[np.float64]], names: Sequence[str]) -> bool:
-    """Whether series have the shapes that a kind of figure needs.
-
-    Args:
-        kind: of the figure, see `runtime.experiments.study.View`.
-        series: arrays in the order of the view; tables and bars need none.
-        names: of the series.
-
-    Returns:
-        True where the figure can be drawn.
-    """
+    """Whether series have the shapes that a kind of figure needs."""
     shapes = [values.shape for values in series]
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in series]
     if any(not shape or shape[0] < 1 for shape in shapes) or max(sizes, default=0.0) > LARGEST:

@@ -42,15 +42,7 @@ def has_figure(view: SavedView) -> bool:
 
 
 def height(experiment: Experiment, view: SavedView) -> float:
-    """Height of a figure of the page width.
-
-    Args:
-        experiment: a study.
-        view: one of its figures.
-
-    Returns:
-        Height [inch].
-    """
+    """Height of a figure of the page width."""
     if view.kind == "lines" and _is_per_joint(experiment, view):
         return 5.0
     per_case = 2.8 * len(cases_of(experiment, view))
@@ -58,28 +50,14 @@ def height(experiment: Experiment, view: SavedView) -> float:
 
 
 def inline(experiment: Experiment, view: SavedView) -> Markup:
-    """Figure as SVG for the page.
-
-    Args:
-        experiment: a study.
-        view: one of its figures.
-
-    Returns:
-        The <svg> element.
-    """
+    """Figure as SVG for the page."""
     with page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)
         return svg(figure, view.id)
 
 
 def draw(figure: Figure, experiment: Experiment, view: SavedView) -> None:
-    """Draw a view.
-
-    Args:
-        figure: a blank figure.
-        experiment: a study.
-        view: one of its figures.
-    """
+    """Draw a view."""
     _KINDS[view.kind](figure, experiment, view)
 
 

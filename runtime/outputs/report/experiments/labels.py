@@ -85,15 +85,7 @@ def case_name(case: str) -> str:
 
 
 def printed(value: Value | None, metric: str) -> str:
-    """Number of the document with its published digits.
-
-    Args:
-        value: mean and standard deviation; None where the document has none.
-        metric: of the number.
-
-    Returns:
-        The text of a cell.
-    """
+    """Number of the document with its published digits."""
     if value is None:
         return NOTHING
     if metric in SHARES:
@@ -104,16 +96,7 @@ def printed(value: Value | None, metric: str) -> str:
 
 
 def measured(value: Value | None, metric: str, spread: str = "std") -> str:
-    """Computed mean to three digits and standard deviation to the same decimal.
-
-    Args:
-        value: of all trials; a single number has five digits.
-        metric: of the number.
-        spread: std, or quartiles for the median and the quartiles.
-
-    Returns:
-        The text of a cell.
-    """
+    """Computed mean to three digits and standard deviation to the same decimal."""
     if value is None:
         return NOTHING
     if spread == "quartiles" and value.quartiles:

@@ -30,15 +30,7 @@ GLOSSARY = (
 
 
 def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]) -> Page:
-    """Page of all finished studies.
-
-    Args:
-        experiments: finished studies.
-        notes: sentences on unfinished studies.
-
-    Returns:
-        The page.
-    """
+    """Page of all finished studies."""
     shown = [section for experiment in experiments for section in _sections(experiment)]
     return Page(
         title="Experiments of the document, reproduced",

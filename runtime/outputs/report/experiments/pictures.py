@@ -13,18 +13,7 @@ _WIDTH = 10.0
 
 
 def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[Path, ...]:
-    """Write all figures as `fig-5.1.png` and so on.
-
-    Args:
-        experiments: finished studies.
-        folder: of the files.
-
-    Returns:
-        The files.
-
-    Raises:
-        RuntimeFault: a file cannot be written.
-    """
+    """Write all figures as `fig-5.1.png` and so on."""
     written = []
     for experiment, view, path in paths_of(experiments, folder):
         write_picture(experiment, view, path, (_WIDTH, height(experiment, view)), DPI)
@@ -35,15 +24,7 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
 def paths_of(
     experiments: tuple[Experiment, ...], folder: Path
 ) -> tuple[tuple[Experiment, SavedView, Path], ...]:
-    """Figures of the studies with their files.
-
-    Args:
-        experiments: finished studies.
-        folder: of the files.
-
-    Returns:
-        Per figure its study, its view and its PNG file.
-    """
+    """Figures of the studies with their files."""
     return tuple(
         (experiment, view, folder / f"{view.id}.png")
         for experiment in experiments
@@ -54,15 +35,7 @@ def paths_of(
 def write_picture(
     experiment: Experiment, view: SavedView, path: Path, size: tuple[float, float], dpi: float
 ) -> None:
-    """Write one figure.
-
-    Args:
-        experiment: a study.
-        view: one of its figures.
-        path: PNG file to write.
-        size: width and height [inch].
-        dpi: pixels per inch.
-    """
+    """Write one figure."""
     with blank(size, settings(), dpi) as figure:
         draw(figure, experiment, view)
         with replacing(path) as file:

@@ -136,11 +136,7 @@ def _places(folder: Path) -> list[Path]:
 
 
 def read_experiment(folder: Path) -> Experiment:
-    """Read one study.
-
-    Raises:
-        RuntimeFault: a file is missing, damaged, or differs from the others.
-    """
+    """Read one study."""
     path = folder / RESULT
     try:
         raw = json_of(path)

@@ -37,19 +37,7 @@ _SIZE, _DPI = (5.6, 3.4), 90
 
 
 def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) -> tuple[Path, ...]:
-    """Replace the section between the markers; figures go into the folder `images` beside it.
-
-    Args:
-        experiments: finished studies.
-        path: Markdown file with the markers.
-        command: command line that the section quotes.
-
-    Returns:
-        The page and its figures.
-
-    Raises:
-        RuntimeFault: the file or its markers are missing, or a figure is too large.
-    """
+    """Replace the section between the markers; figures go into the folder `images` beside it."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

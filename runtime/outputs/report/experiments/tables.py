@@ -24,13 +24,6 @@ def tables(experiment: Experiment, view: SavedView) -> Iterator[ReportTable]:
     """Tables of a view: one per group of methods that share metrics.
 
     π, λ and β, for example, share none. Bars have no table of their own.
-
-    Args:
-        experiment: a study.
-        view: one of its tables or figures.
-
-    Yields:
-        The tables.
     """
     if view.kind == "bars":
         return
@@ -122,15 +115,7 @@ def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) 
 
 
 def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:
-    """Cases of a view; all cases where it names none.
-
-    Args:
-        experiment: a study.
-        view: one of its tables or figures.
-
-    Returns:
-        Names of cases.
-    """
+    """Cases of a view; all cases where it names none."""
     return view.cases or tuple(experiment.cases)
 
 

@@ -1,0 +1,1 @@
+"""What both packages use: documents from outside as records. Nothing of a robot."""

@@ -60,7 +60,7 @@ def read(table: object) -> Mechanism:
 )
 def test_a_fault_is_one_sentence(table: object, sentence: str) -> None:
     """Property: place, what was expected, what came, what to do; long values are cut."""
-    with pytest.raises(ValueError, match="^'m.toml'") as caught:
+    with pytest.raises(ValueError, match=r"^'m.toml'") as caught:
         read(table)
     assert str(caught.value).startswith(sentence)
     assert len(str(caught.value)) < 200

@@ -12,9 +12,8 @@ import numpy as np
 from symgen.build.config import Braking, home_of
 from symgen.build.request import BuildRequest
 from symgen.chain import Chain, Joint
-from symgen.chain.joint import FLOATING
-from symgen.chain.loop import Frame
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
+from symgen.chain.model import FLOATING, Frame
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
 from symgen.errors import BuildError, InertiaError

@@ -13,7 +13,7 @@ import pinocchio
 from symgen.build.config import Braking, RobotConfig, Vector
 from symgen.chain import Chain
 from symgen.chain.document import Document
-from symgen.chain.parse import parse_with_pinocchio
+from symgen.chain.reading import parse_with_pinocchio
 from symgen.collision import BASE, CollisionModel, Proxy
 
 

@@ -4,8 +4,7 @@
 pinocchio. CasADi and equations of motion are left to `symgen.mechanics`.
 """
 
-from symgen.chain.joint import Joint
-from symgen.chain.model import Chain, LumpedBody, Tip
+from symgen.chain.model import Chain, Joint, LumpedBody, Tip
 from symgen.chain.normalise import ChainOptions, moving_joints
 from symgen.chain.reading import read_chain
 

@@ -10,16 +10,56 @@
 The signs are those of τ: a torque that the drives must apply is positive.
 """
 
+import math
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.entry import MechanismTable
-from symgen.chain.loop import Loop, read_loop
 from symgen.errors import UrdfError
 
 Vector = tuple[float, ...]
+
+FREE_ROWS = {
+    "fixed": (),
+    "revolute": (5,),
+    "prismatic": (2,),
+    "cylindrical": (2, 5),
+    "spherical": (3, 4, 5),
+}
+"""Kind of a loop joint → components (x, y, z, turn about x, y, z) of the frames that stay free."""
+IN_SHARED = ("spherical",)
+"""Kinds whose rows are in axes of the last joint that moves both links; others: of the parent."""
+_POINTS = ("parent", "child", "parent_xyz", "child_xyz")
+_PLACE = ("parent_xyz", "parent_rpy", "child_xyz", "child_rpy")
+_ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop joint as stated.
+
+    Attributes:
+        parent, child: links of the two frames.
+        parent_xyz, child_xyz: their origins in the frames of these links [m].
+        parent_rpy, child_rpy: their axes [rad].
+        kind: key of `FREE_ROWS`; "" where the assembly pose decides (`symgen.chain.assembly`).
+        axis: of a revolute, prismatic or cylindrical loop joint, in the two frames.
+    """
+
+    parent: str
+    child: str
+    parent_xyz: Vector = _ORIGIN
+    parent_rpy: Vector = _ORIGIN
+    child_xyz: Vector = _ORIGIN
+    child_rpy: Vector = _ORIGIN
+    kind: str = ""
+    axis: Vector = (0.0, 0.0, 1.0)
+
+    @property
+    def name(self) -> str:
+        """The loop in messages."""
+        return f"the loop of '{self.parent}' and '{self.child}'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +81,8 @@ class Spring:
     of: dict[str, float] = field(default_factory=dict)
     parent: str = ""
     child: str = ""
-    parent_xyz: Vector = (0.0, 0.0, 0.0)
-    child_xyz: Vector = (0.0, 0.0, 0.0)
+    parent_xyz: Vector = _ORIGIN
+    child_xyz: Vector = _ORIGIN
     rest: float = 0.0
     stiffness: float | None = None
 
@@ -121,7 +161,7 @@ def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
         friction=tuple(_friction(e, where) for e in table.get("friction", [])),
         spring=springs,
         known_torque=tuple(_known_torque(e, where) for e in table.get("known_torque", [])),
-        loop=tuple(read_loop(e, where) for e in table.get("loop", [])),
+        loop=tuple(_loop(e, where) for e in table.get("loop", [])),
         assembly=_assembly(table.get("assembly", {}), where),
     )
 
@@ -132,8 +172,7 @@ def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
     def filled(entry: Any) -> dict[str, Any]:
         values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(entry).items()}
         points = isinstance(entry, Spring) and entry.parent
-        dropped: tuple[str, ...] = ("parent", "child", "parent_xyz", "child_xyz")
-        dropped = ("of",) if points else dropped
+        dropped: tuple[str, ...] = ("of",) if points else _POINTS
         if isinstance(entry, Loop):
             dropped = () if entry.kind else ("kind",)
         return {k: v for k, v in values.items() if v not in (None, []) and k not in dropped}
@@ -174,8 +213,7 @@ def _friction(entry: dict[str, Any], where: str) -> FrictionCoordinate:
 
 def _spring(entry: dict[str, Any], index: int, where: str) -> Spring:
     table = MechanismTable(entry, f"{where}: [[spring]]")
-    points = ("parent", "child", "parent_xyz", "child_xyz")
-    table.require_keys(("name", "joint", "of", *points, "rest", "stiffness"))
+    table.require_keys(("name", "joint", "of", *_POINTS, "rest", "stiffness"))
     name = entry.get("name", str(index + 1))
     if not isinstance(name, str) or not name or not name.replace("_", "a").isalnum():
         raise UrdfError(f"{table.what} needs a name of letters, digits and _, got {name!r}")
@@ -186,7 +224,7 @@ def _spring(entry: dict[str, Any], index: int, where: str) -> Spring:
             f"{table.what} '{name}' has the stiffness {stiffness:g}, expected at least 0; correct "
             "its sign, or describe the torque by [[known_torque]]"
         )
-    if not any(key in entry for key in points):
+    if not any(key in entry for key in _POINTS):
         return Spring(name, of=table.along(), rest=rest, stiffness=stiffness)
     if "of" in entry or "joint" in entry:
         raise UrdfError(f"{table.what} '{name}' has joints and points of links; keep one of them")
@@ -220,3 +258,80 @@ def _known_torque(entry: dict[str, Any], where: str) -> KnownTorque:
             f"{len(x)} x and {len(torque)} torques"
         )
     return KnownTorque(of, x=x, torque=torque)
+
+
+def _loop(entry: dict[str, Any], where: str) -> Loop:
+    table = MechanismTable(entry, f"{where}: [[loop]]")
+    table.require_keys(("parent", "child", *_PLACE, "kind", "axis"))
+    kind = entry.get("kind", "")
+    if kind and kind not in FREE_ROWS:
+        raise UrdfError(f"{table.what} has kind = {kind!r}, expected one of {', '.join(FREE_ROWS)}")
+    places = {key: table.numbers(key, 3) for key in _PLACE if key in entry}
+    axis = table.numbers("axis", 3) if "axis" in entry else (0.0, 0.0, 1.0)
+    if not any(axis):
+        raise UrdfError(f"{table.what} has the axis 0 0 0; give it a direction")
+    return Loop(table.text("parent"), table.text("child"), **places, kind=kind, axis=axis)
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismTable:
+    """Typed access to one table of a TOML file; messages name the table and the key.
+
+    Attributes:
+        entry: keys and values.
+        what: name of file and table, for messages.
+    """
+
+    entry: dict[str, Any]
+    what: str
+
+    def require_keys(self, keys: tuple[str, ...]) -> None:
+        """Refuse keys other than these."""
+        for key in self.entry:
+            if key not in keys:
+                raise UrdfError(
+                    f"{self.what} has the unknown key '{key}'; known are {', '.join(keys)}"
+                )
+
+    def text(self, key: str) -> str:
+        """A name that must be given."""
+        value = self.entry.get(key)
+        if not isinstance(value, str) or not value:
+            raise UrdfError(f'{self.what} needs {key} = "NAME", got {value!r}')
+        return value
+
+    def factors(self) -> dict[str, float]:
+        """Joint → factor, from `of`."""
+        of = self.entry.get("of")
+        if not isinstance(of, dict) or not of or not all(map(_is_number, of.values())):
+            raise UrdfError(
+                f"{self.what} needs of = {{JOINT = factor, …}} with finite factors, got {of!r}"
+            )
+        return {joint: float(factor) for joint, factor in of.items()}
+
+    def along(self) -> dict[str, float]:
+        """Factors of joints from `joint = "j"` or `of = {…}`."""
+        if "joint" in self.entry and "of" not in self.entry:
+            return {self.text("joint"): 1.0}
+        return self.factors()
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """A finite number."""
+        value = self.entry.get(key, default)
+        if value is None or not _is_number(value):
+            raise UrdfError(f"{self.what} needs a finite number for {key}, got {value!r}")
+        return float(value)
+
+    def numbers(self, key: str, count: int | None = None) -> Vector:
+        """A list of finite numbers."""
+        value = self.entry.get(key)
+        size = f"{count} finite numbers" if count else "a list of finite numbers"
+        fits = isinstance(value, list) and value and all(map(_is_number, value))
+        if not isinstance(value, list) or not fits or (count and len(value) != count):
+            raise UrdfError(f"{self.what} needs {size} for {key}, got {value!r}")
+        return tuple(float(x) for x in value)
+
+
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and math.isfinite(value)

@@ -1,14 +1,60 @@
-"""Frozen `Chain`: a kinematic tree with the inertias of its moving bodies."""
+"""Frozen `Chain`: joints, bodies and loop joints of a robot, with the inertias of moving bodies."""
 
 from dataclasses import dataclass, field
 
+import numpy as np
+import pinocchio
+
 from symgen.chain.coupling import Coupling
-from symgen.chain.joint import BASE_FREEDOM, FLOATING, Joint, Rows, Vector
-from symgen.chain.loop import Loops
 from symgen.chain.mechanism import Mechanism
+from symgen.errors import UrdfError
 
 LARGE = 20
 """Moving bodies above which a robot is large."""
+Rows = tuple[tuple[float, ...], ...]
+Vector = tuple[float, ...]
+FLOATING = "floating"
+"""Kind of the joint of a free base."""
+BASE_JOINT = "root_joint"
+"""Name of the joint of a free base."""
+BASE_FREEDOM = 6
+"""Degrees of freedom of a free base."""
+ROUNDING = 1e-12
+"""Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """One moving joint and the body it moves; the joint frame is the frame of that link.
+
+    Attributes:
+        name: joint name of the URDF.
+        kind: revolute, continuous, prismatic, or floating for a free base.
+        parent: index of the joint whose body carries this one, −1 for the base.
+        rotation: R from this joint's frame (at q = 0) to the parent's frame.
+        translation: origin of this joint in the parent's frame, m.
+        axis: unit vector in the joint frame.
+        lower, upper: position limits, rad or m; None without limit.
+        velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none.
+        link: name of the moved link.
+        mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
+            about the centre of mass, axes of the link frame.
+    """
+
+    name: str
+    kind: str
+    parent: int
+    rotation: Rows
+    translation: Vector
+    axis: Vector
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+    link: str
+    mass: float
+    com: Vector
+    inertia: Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +87,75 @@ class Tip:
     joint: int
     rotation: Rows
     translation: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame rigid in the body of a joint.
+
+    Attributes:
+        joint: index of the joint, −1 for the base.
+        rotation: R from this frame to that of the joint.
+        translation: origin in the joint's frame, m.
+    """
+
+    joint: int
+    rotation: Rows
+    translation: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Closure:
+    """One loop joint; z of its frames is the axis of the joint.
+
+    Attributes:
+        name: for messages.
+        kind: key of `FREE_ROWS`.
+        parent, child: the two frames.
+        rows: components of the frames that are closed; others follow from these, or are free.
+    """
+
+    name: str
+    kind: str
+    parent: Frame
+    child: Frame
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """An independent joint that turns without end through postures that all close.
+
+    Attributes:
+        place: in q.
+        windings: turns of the dependent coordinates per turn of the joint, (r,).
+    """
+
+    place: int
+    windings: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """All loop joints of a chain and the choice of coordinates.
+
+    x are the coordinates of the chain without its loops: all joints, or those that couplings leave.
+
+    Attributes:
+        closures: the loop joints.
+        independent: (n,) places in x of q, in the order of q.
+        dependent: (r,) places in x of the others, as many as there are rows.
+        blocks: rows and places in `dependent` of systems that are solved one after the other.
+        assembly: x of the assembly pose [rad, m].
+        turns: joints that turn without end.
+    """
+
+    closures: tuple[Closure, ...]
+    independent: tuple[int, ...]
+    dependent: tuple[int, ...]
+    blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+    assembly: Vector
+    turns: tuple[Turn, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,3 +220,41 @@ class Chain:
     def freedom(self) -> int:
         """Entries of q, dq, ddq and τ: n, or 6 + n with the base first."""
         return len(self.coordinates) + (BASE_FREEDOM if self.floating else 0)
+
+
+def free_base(link: str, body: pinocchio.Inertia) -> Joint:
+    """The joint of six degrees of freedom between the world and a free base."""
+    if not body.mass > 0:
+        raise UrdfError(
+            f"the free base '{link}' has no mass, nor do links fixed to it; give it "
+            "an <inertial>, or name another base with --base"
+        )
+    return Joint(
+        name=BASE_JOINT,
+        kind=FLOATING,
+        parent=-1,
+        rotation=rows_of(np.eye(3)),
+        translation=(0.0, 0.0, 0.0),
+        axis=(0.0, 0.0, 0.0),
+        lower=None,
+        upper=None,
+        velocity=None,
+        effort=None,
+        link=link,
+        mass=float(body.mass),
+        com=snapped(body.lever),
+        inertia=tuple(tuple(float(x) for x in row) for row in body.inertia),
+    )
+
+
+def snapped(values: np.ndarray) -> Vector:
+    """Numbers, with those near 0 or ±1 made exact."""
+    array = np.asarray(values, dtype=float)
+    nearest = np.round(array)
+    meant = (np.abs(array - nearest) < ROUNDING) & (np.abs(nearest) <= 1)
+    return tuple(float(x) for x in np.where(meant, nearest + 0.0, array))
+
+
+def rows_of(matrix: np.ndarray) -> Rows:
+    """Rows of a rotation, snapped."""
+    return tuple(snapped(row) for row in matrix)

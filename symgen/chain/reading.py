@@ -5,6 +5,7 @@ here and nowhere else: every one that remains becomes code in all kernels.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import pinocchio
 
@@ -12,12 +13,19 @@ from symgen.chain.assembly import close_loops
 from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
 from symgen.chain.document import MOVING, Document, numbers
-from symgen.chain.joint import FLOATING, Joint, Vector, free_base, rows_of, snapped
-from symgen.chain.limits import limits_of, range_of_followers
 from symgen.chain.mechanism import Mechanism
-from symgen.chain.model import Chain, LumpedBody, Tip
+from symgen.chain.model import (
+    FLOATING,
+    Chain,
+    Joint,
+    LumpedBody,
+    Tip,
+    Vector,
+    free_base,
+    rows_of,
+    snapped,
+)
 from symgen.chain.normalise import ChainOptions, normalise
-from symgen.chain.parse import parse_with_pinocchio
 from symgen.errors import UrdfError
 
 MOST_JOINTS = 100
@@ -206,3 +214,95 @@ def _tip(
         rotation=rows_of(frame.placement.rotation),
         translation=snapped(frame.placement.translation),
     )
+
+
+def parse_with_pinocchio(document: Document) -> pinocchio.Model:
+    """Pinocchio's model; a continuous joint is passed as a revolute one, so that nq = nv."""
+    copy = Document(document.text())
+    for link in copy.links.values():  # shapes are not needed, and a faulty one stops the parser
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
+    for name, element in copy.joints.items():
+        for tag in ("dynamics", "safety_controller", "limit", "calibration", "mimic"):
+            node = element.find(tag)
+            if node is not None:
+                element.remove(node)
+        if copy.kind(name) in MOVING:
+            axis = element.find("axis")
+            if axis is not None:
+                direction = numbers(axis.get("xyz", "1 0 0"), 3, f"joint '{name}': axis")
+                size = max(map(abs, direction))
+                if not size > 0:
+                    raise UrdfError(f"joint '{name}' has the axis 0 0 0; give it a direction")
+                if not 1e-100 < size < 1e100:  # its square overflows or vanishes
+                    raise UrdfError(
+                        f"joint '{name}' has an axis of length {size:g}, expected about 1; give a "
+                        "unit vector"
+                    )
+            element.set("type", "prismatic" if copy.kind(name) == "prismatic" else "revolute")
+            element.append(element.makeelement("limit", {"effort": "1", "velocity": "1"}))
+    try:
+        return pinocchio.buildModelFromXML(copy.text())
+    except (ValueError, RuntimeError) as error:
+        raise UrdfError(f"pinocchio cannot read the URDF: {' '.join(str(error).split())}") from None
+
+
+def limits_of(
+    document: Document, name: str
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Lower, upper, velocity and effort limit of a joint."""
+    node = document.joints[name].find("limit")
+    values: dict[str, float | None] = dict.fromkeys(("lower", "upper", "velocity", "effort"))
+    if node is not None:
+        for key in values:
+            if key in node.attrib:
+                what = f"joint '{name}': limit {key}"
+                values[key] = float(numbers(node.get(key, ""), 1, what)[0])
+    lower, upper = values["lower"], values["upper"]
+    if document.kind(name) == "continuous":
+        lower = upper = None
+    if lower is not None and upper is not None and lower > upper:
+        raise UrdfError(
+            f"joint '{name}' has lower limit {lower:g} above upper limit {upper:g}; correct <limit>"
+        )
+    for key in ("velocity", "effort"):
+        value = values[key]
+        if value is not None and value < 0:
+            raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}; correct it")
+        values[key] = value or None  # 0 is how exporters write "not given"
+    if lower == upper == 0 and not (values["velocity"] or values["effort"]):
+        lower = upper = None
+    return lower, upper, values["velocity"], values["effort"]
+
+
+def range_of_followers(joints: tuple[Joint, ...], coupling: Coupling) -> dict[int, dict[str, Any]]:
+    """Limits of independent joints after those of the joints that follow them.
+
+    A joint with one master x = c q + b limits q to (lower − b)/c … (upper − b)/c and its speed to
+    velocity/|c|. A joint with several masters limits no single one, and a range that is empty is
+    not used: the joint keeps its limits.
+    """
+    changed: dict[int, dict[str, Any]] = {}
+    for k, joint in enumerate(joints):
+        masters = coupling.masters(k)
+        if k in coupling.independent or len(masters) != 1:
+            continue
+        factor, offset = coupling.matrix[k][masters[0]], coupling.offset[k]
+        ends = [None if x is None else (x - offset) / factor for x in (joint.lower, joint.upper)]
+        lower, upper = ends if factor > 0 else ends[::-1]
+        place = coupling.independent[masters[0]]
+        master = joints[place]
+        now = changed.get(
+            place, {"lower": master.lower, "upper": master.upper, "velocity": master.velocity}
+        )
+        new = dict(now)
+        if lower is not None:
+            new["lower"] = lower if now["lower"] is None else max(lower, now["lower"])
+        if upper is not None:
+            new["upper"] = upper if now["upper"] is None else min(upper, now["upper"])
+        if joint.velocity is not None:
+            speed = joint.velocity / abs(factor)
+            new["velocity"] = speed if now["velocity"] is None else min(speed, now["velocity"])
+        if new["lower"] is None or new["upper"] is None or new["lower"] < new["upper"]:
+            changed[place] = new
+    return changed

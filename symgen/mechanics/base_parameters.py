@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
-from symgen.chain.joint import FLOATING
+from symgen.chain.model import FLOATING
 from symgen.errors import RankError
 from symgen.mechanics.inertia import N_PARAMETERS, PI_NAMES
 

@@ -11,7 +11,7 @@ Source: Siciliano et al., Robotics, 2009, eqs. 7.44–7.47; Slotine & Li, IJRR 6
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.chain.joint import BASE_FREEDOM, FLOATING
+from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import independent_forces
 from symgen.mechanics.dynamics import by_parameters, inverse_dynamics

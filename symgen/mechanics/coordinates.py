@@ -15,7 +15,7 @@ its axes, about its origin. dq is not the derivative of q there.
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.chain.joint import BASE_FREEDOM
+from symgen.chain.model import BASE_FREEDOM
 from symgen.kernel import Matrix
 from symgen.mechanics import closure
 

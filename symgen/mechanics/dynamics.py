@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain
-from symgen.chain.joint import FLOATING
+from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.coordinates import (

@@ -7,7 +7,8 @@ import casadi as ca
 
 from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
-from symgen.chain.loop import FREE_ROWS, IN_SHARED, Closure, Frame, Loops
+from symgen.chain.mechanism import FREE_ROWS, IN_SHARED
+from symgen.chain.model import Closure, Frame, Loops
 from symgen.errors import BuildError
 from symgen.kernel import Matrix
 from symgen.mechanics.pose import joint_pose
@@ -86,7 +87,7 @@ def equations(chain: ClosedChain) -> ca.Function:
 
 
 def _apart(chain: ClosedChain, closure: Closure, positions: Matrix) -> Matrix:
-    """Rows of the pose of the child's frame in the parent's, see `symgen.chain.loop_pose`."""
+    """Rows of the pose of the child's frame in the parent's, see `symgen.chain.assembly`."""
     above, below = (_ancestors(chain, f.joint) for f in (closure.parent, closure.child))
     shared = len([a for a, b in zip(above, below, strict=False) if a == b])
     (r_a, a), (r_c, c) = (

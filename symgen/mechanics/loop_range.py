@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
-from symgen.chain.loop import Turn
+from symgen.chain.model import Turn
 from symgen.errors import UrdfError
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.coordinates import all_positions

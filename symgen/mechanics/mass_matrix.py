@@ -9,7 +9,7 @@ Algorithms, 2008, Table 6.2.
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.chain.joint import BASE_FREEDOM, FLOATING
+from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import independent_mass
 from symgen.mechanics.dynamics import bias_forces

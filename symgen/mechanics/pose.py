@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symgen.chain import Joint
-from symgen.chain.joint import FLOATING
+from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.spatial import axis_rotation, exp_so3
 

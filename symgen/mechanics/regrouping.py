@@ -9,7 +9,7 @@ Source: Gautier & Khalil, IEEE T-RA 6(3), 1990 (Table 3.2), for trees and any pl
 import casadi as ca
 
 from symgen.chain import Chain, Joint
-from symgen.chain.joint import FLOATING
+from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.inertia import MassMoments, bodies_of, joined, pi_of_body, seen_from
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio
 
-from symgen.chain.loop import Loop
+from symgen.chain.mechanism import Loop
 from symgen.errors import BuildError
 
 

@@ -17,8 +17,7 @@ from symgen.build.sources.sdf_frames import Frames, pose_of
 from symgen.build.sources.springs import spring_of_sdf
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.document import numbers
-from symgen.chain.loop import Loop
-from symgen.chain.mechanism import Mechanism, Spring
+from symgen.chain.mechanism import Loop, Mechanism, Spring
 from symgen.errors import BuildError
 
 _TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}

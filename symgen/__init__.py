@@ -2,7 +2,7 @@
 
 Build time only (casadi, pinocchio, jinja2); the `runtime` package never imports it.
 The rooms from the ground up: `errors`, `documents`, `ros`, `kernel`, `chain`, `mechanics`,
-`collision`, `catalogue`, `emit`, `inspect`, `build`, `cli`, `console`; `robots` and `templates`
+`collision`, `catalogue`, `emit`, `inspect`, `make`, `cli`, `console`; `robots` and `templates`
 hold data.
 """
 

@@ -16,10 +16,10 @@ import pytest
 from hypothesis import settings
 
 from runtime.library import Library, load
-from symgen.build.pipeline import build, is_current
-from symgen.build.request import BuildRequest, bundled_request
-from symgen.build.user_builds import records_folder
 from symgen.chain import ChainOptions
+from symgen.make.pipeline import build, is_current
+from symgen.make.request import BuildRequest, bundled_request
+from symgen.make.user_builds import records_folder
 from tests.robots import CASES, DATA, ONE_LEVEL
 
 REPOSITORY = Path(__file__).parents[1]
@@ -32,15 +32,15 @@ FIRST = (
         "test_readme.py",
         "test_bench.py",
     ),
-    *("runtime/excitation/test_robots.py", "symgen/build/test_build_processes.py"),
+    *("runtime/excitation/test_robots.py", "symgen/make/test_build_processes.py"),
     *(
         "symgen/test_objects.py",
         "runtime/estimators/regression/test_factor.py",
-        "symgen/build/test_build.py",
+        "symgen/make/test_build.py",
     ),
     *(
         "runtime/cli/test_cli.py",
-        "symgen/build/test_build_failures.py",
+        "symgen/make/test_build_failures.py",
         "runtime/inspection/test_inspection.py",
     ),
     *(
@@ -48,8 +48,8 @@ FIRST = (
         "runtime/excitation/test_excitation.py",
         "runtime/experiments/test_experiments.py",
     ),
-    *("symgen/build/test_compiler.py", "test_compilers.py", "test_tutorials.py"),
-    *("test_packages.py", "test_fuzz.py", "symgen/build/test_request.py"),
+    *("symgen/make/test_compiler.py", "test_compilers.py", "test_tutorials.py"),
+    *("test_packages.py", "test_fuzz.py", "symgen/make/test_request.py"),
     *("runtime/inspection/test_bare_files.py", "runtime/inspection/test_inspection_files.py"),
     *(
         "runtime/experiments/test_experiments_cluster.py",
@@ -115,17 +115,6 @@ def _zig_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "zig"
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(folder))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _objects_of_this_run(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Builds of this run share their objects; tests of compilations turn that off.
-
-    The workers of pytest-xdist share the folder, as they share the builds.
-    """
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "objects"
-    os.environ["SYMGEN_OBJECTS"] = str(folder)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -7,9 +7,9 @@ import numpy as np
 import pinocchio
 
 from runtime.library import to_pinocchio_order
-from symgen.build.facts import initial_parameters
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
+from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import numeric_base
 from symgen.mechanics.closure import supplied

@@ -5,8 +5,8 @@ import numpy as np
 import pinocchio
 
 from runtime.library import to_pinocchio_order
-from symgen.build.facts import initial_parameters
 from symgen.chain import Chain
+from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
 from symgen.mechanics.mass_matrix import forward_dynamics, mass_matrix
 from symgen.mechanics.regrouping import regrouped

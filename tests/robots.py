@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from runtime.library import Library, load
-from symgen.build.compiler import REFERENCE
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
+from symgen.make.compiler import REFERENCE
+from symgen.make.request import BuildRequest
 
 DATA = Path(__file__).parent / "data"
 ONE_LEVEL = ("portable",)

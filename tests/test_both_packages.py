@@ -9,8 +9,6 @@ import pytest
 
 import runtime.cli.common
 import runtime.files
-import runtime.library.user_builds
-import symgen.build.objects
 import symgen.cli.common
 import symgen.documents
 
@@ -18,7 +16,6 @@ PAIRS = [
     (runtime.cli.common.flowing, symgen.cli.common.flowing),
     (runtime.files.require_short_keys, symgen.documents.require_short_keys),
     (runtime.files._whole, symgen.documents._whole),
-    (runtime.library.user_builds.is_safe_from_others, symgen.build.objects._is_private),
 ]
 
 

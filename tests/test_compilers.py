@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import runtime.library.compiler as at_run_time
-import symgen.build.compiler as at_build_time
+import symgen.make.compiler as at_build_time
 from runtime.errors import LibraryError
 from runtime.library import load
 from symgen.errors import CompilerError

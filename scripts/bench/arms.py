@@ -46,14 +46,14 @@ def build_arm(
 ) -> Arm:
     """Build the timed kernels for one level; a whole library of 20 joints takes minutes."""
     from symgen import __version__
-    from symgen.build.compiler import compile_library, sha256_of
-    from symgen.build.facts import initial_parameters, model_facts
-    from symgen.build.pipeline import ONCE, PER_LEVEL
-    from symgen.build.request import BuildRequest
-    from symgen.build.user_builds import record_build
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
     from symgen.emit import emit
+    from symgen.make.compiler import compile_library, sha256_of
+    from symgen.make.facts import initial_parameters, model_facts
+    from symgen.make.pipeline import ONCE, PER_LEVEL
+    from symgen.make.request import BuildRequest
+    from symgen.make.user_builds import record_build
 
     request = BuildRequest(name, urdf)
     chain = read_chain(request.urdf, request.options)
@@ -81,7 +81,7 @@ def build_arm(
 @contextmanager
 def _only(level: str) -> Iterator[None]:
     """Compile for one level alone."""
-    from symgen.build import compiler
+    from symgen.make import compiler
 
     machine = compiler.machine()
     every = compiler.LEVELS.get(machine, compiler.PORTABLE)

@@ -19,7 +19,7 @@ from typing import Any
 from rich.table import Table
 
 from bench.compiled import BenchError
-from symgen.build.compiler import compiler_version, find_compiler
+from symgen.make.compiler import compiler_version, find_compiler
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -125,11 +125,7 @@ def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) ->
 def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
     path = os.pathsep.join((str(_ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
-    environment = os.environ | {
-        "CC": shlex.join(compiler),
-        "PYTHONPATH": path,
-        "SYMGEN_OBJECTS": "off",
-    }
+    environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
     command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
     command += [word for level in levels for word in ("--level", level)]
     start = time.perf_counter()

@@ -16,9 +16,9 @@ from rich.table import Table
 
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import CASES, ONE_LEVEL
 from tests.runtime.faults import FAULTS, Fault
 from tests.runtime.virtual_arms import WALL, Arm, Log, cobot, wall_arm

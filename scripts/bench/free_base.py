@@ -15,9 +15,9 @@ from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.free_base import free_base_of
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.free_base_logs import Experiment, virtual_log
 from tests.robots import ONE_LEVEL
 

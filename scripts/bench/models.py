@@ -18,10 +18,10 @@ import numpy as np
 from rich.table import Table
 
 from runtime.library import Library, load, to_pinocchio_order
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
 from tests.robots import CASES, DATA, MORE, Case
 

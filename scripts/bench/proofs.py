@@ -23,12 +23,12 @@ from runtime.excitation.limits.torque_limits import Torque
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
-from symgen.build.config import RobotConfig
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import read_chain
 from symgen.collision import CollisionModel
 from symgen.collision.model import BASE, Pair, Proxy
+from symgen.make.config import RobotConfig
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import CASES
 from tests.runtime.excitation.proof.spiked import Spiked
 

@@ -18,10 +18,10 @@ from rich.table import Table
 
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
 from symgen.chain.dh import robot_from_rows
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import CASES, ONE_LEVEL
 
 ROOT = Path(__file__).parents[2]

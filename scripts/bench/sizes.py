@@ -25,8 +25,8 @@ SAMPLES = 20_000
 _RUN = """
 import json, resource, sys
 from pathlib import Path
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 build(BuildRequest(sys.argv[1], Path(sys.argv[2]).read_text()), Path(sys.argv[3]))
 parts = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 cpu = sum(part.ru_utime + part.ru_stime for part in parts)
@@ -96,11 +96,11 @@ def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
 def _torque_cpu(urdf: str) -> float:
     """CPU time of the kernel of τ alone: expressions, C text, compilation for one level."""
     from symgen import __version__
-    from symgen.build.compiler import PORTABLE, compile_library
     from symgen.catalogue.units import state_unit
     from symgen.chain import read_chain
     from symgen.emit import emit
     from symgen.kernel import Argument, make_kernel
+    from symgen.make.compiler import PORTABLE, compile_library
     from symgen.mechanics.dynamics import inverse_dynamics
     from symgen.mechanics.regrouping import regrouped
 

@@ -25,9 +25,9 @@ class Symbolic:
 
 def symbolic(lib: Library, names: tuple[str, ...]) -> dict[str, Symbolic]:
     """Generate a library's kernels once more, from the URDF and options that it was built from."""
-    from symgen.build.request import request_from_folder
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
+    from symgen.make.request import request_from_folder
 
     request = request_from_folder(lib.folder)
     catalogue = make_catalogue(read_chain(request.urdf, request.options))

@@ -79,14 +79,14 @@ def repair(folder: Path, _: Library) -> None:
 
 def robot(folder: Path, _: Library) -> None:
     """Read a robot configuration."""
-    from symgen.build.config import read_config
+    from symgen.make.config import read_config
 
     read_config(folder / "robot.toml")
 
 
 def request(folder: Path, _: Library) -> None:
     """Read the build request of a generated folder."""
-    from symgen.build.request import request_from_folder
+    from symgen.make.request import request_from_folder
 
     request_from_folder(folder)
 
@@ -162,9 +162,9 @@ def headless(folder: Path, lib: Library) -> None:
 
 def masses(folder: Path, _: Library) -> None:
     """Read masses and a URDF without <inertial>."""
-    from symgen.build.config import read_masses
     from symgen.chain import ChainOptions, read_chain
     from symgen.cli.common import read_urdf
+    from symgen.make.config import read_masses
 
     options = ChainOptions(masses=read_masses(folder / "masses.toml"))
     read_chain(read_urdf(folder / "robot.urdf"), options)
@@ -183,9 +183,9 @@ def built(file: str) -> Reader:
     """Read what `symgen build --urdf FILE` reads, as a chain."""
 
     def read(folder: Path, _: Library) -> None:
-        from symgen.build.sources import Source, read_source
         from symgen.chain import ChainOptions, read_chain
         from symgen.chain.mechanism import Mechanism
+        from symgen.make.sources import Source, read_source
 
         text, mechanism = read_source(Source(folder / file), Mechanism())
         read_chain(text, ChainOptions(mechanism=mechanism))

@@ -4,19 +4,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symgen.build.bundled import bundled_name, bundled_robots
 from symgen.cli.common import say
 from symgen.errors import BuildError
+from symgen.make import bundled_name, bundled_robots
 
 if TYPE_CHECKING:
-    from symgen.build.request import BuildRequest
-    from symgen.build.sources import Source
     from symgen.chain import ChainOptions
+    from symgen.make.request import BuildRequest
+    from symgen.make.sources import Source
 
 
 def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
     """Return the levels to compile."""
-    from symgen.build.processor import levels_of_processor
+    from symgen.make.compiler import levels_of_processor
 
     if chosen and every:
         raise BuildError("--level and --all-levels both name levels; give one of them")
@@ -29,8 +29,8 @@ def changed_request(
     bundled: "BuildRequest", name: str | None, options: "ChainOptions"
 ) -> "BuildRequest":
     """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
-    from symgen.build.reduced_config import reduced_config
     from symgen.chain import read_chain
+    from symgen.make.config import reduced_config
 
     if name is None or name in bundled_robots():
         raise BuildError(
@@ -51,9 +51,9 @@ def request_from_urdf(
     densities: Path | None = None,
 ) -> "BuildRequest":
     """The robot of a file of the user."""
-    from symgen.build.config import RobotConfig, read_config
-    from symgen.build.request import BuildRequest, bundled_request
-    from symgen.build.sources import read_source, split_by_use
+    from symgen.make.config import RobotConfig, read_config
+    from symgen.make.request import BuildRequest, bundled_request
+    from symgen.make.sources import read_source, split_by_use
 
     if name is None:
         raise BuildError(
@@ -67,7 +67,7 @@ def request_from_urdf(
     for sentence in notes:
         say(f"note: {sentence}")
     if densities is not None:
-        from symgen.build.mesh_bodies import read_densities, with_mesh_bodies
+        from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
 
         folder = source.packages.file(source.path).parent
         text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)

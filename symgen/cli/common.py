@@ -98,7 +98,7 @@ def flowing(doc: str) -> str:
 
 def read_urdf(urdf: Path) -> str:
     """Return the text of a URDF."""
-    from symgen.build.sources.source import urdf_text
+    from symgen.make.sources import urdf_text
 
     return urdf_text(urdf)
 

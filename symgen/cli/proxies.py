@@ -63,7 +63,6 @@ def proxies_command(
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
-    from symgen.build.config import RobotConfig, home_of, read_config
     from symgen.chain import ChainOptions, read_chain
 
     # scipy's optimisers take a while to load, and no other command needs them
@@ -72,6 +71,7 @@ def proxies_command(
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
     from symgen.inspect.rewrite import require_unused, write_text
+    from symgen.make.config import RobotConfig, home_of, read_config
 
     if packages:
         raise BuildError("'proxies' has no option --packages any more; give --package-dir DIR")

@@ -8,7 +8,6 @@ import typer
 from rich.table import Column, Table
 from rich.text import Text
 
-from symgen.build.bundled import bundled_robots
 from symgen.cli.common import (
     DEFAULT_ROOT,
     RootOption,
@@ -20,6 +19,7 @@ from symgen.cli.common import (
 )
 from symgen.documents import json_of
 from symgen.errors import BuildError
+from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination
 
 _DAMAGE = (
@@ -65,8 +65,8 @@ def _state(name: str, folder: Path) -> str:
     if name not in bundled_robots():
         return "built"
     try:
-        from symgen.build.pipeline import is_current
-        from symgen.build.request import bundled_request
+        from symgen.make.pipeline import is_current
+        from symgen.make.request import bundled_request
     except ModuleNotFoundError:  # the inputs of a build include the versions of its packages
         return "built?"
     return "built" if is_current(bundled_request(name), folder) else "stale"

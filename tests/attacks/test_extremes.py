@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from runtime import write_recording
 from runtime.files import json_of, toml_of
-from symgen.build.config import read_config
 from symgen.chain import read_chain
 from symgen.errors import BuildError, UrdfError
+from symgen.make.config import read_config
 from tests.conftest import TINY_URDF
 from tests.runtime.conftest import Command
 from tests.runtime.desk import Desk

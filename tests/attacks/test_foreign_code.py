@@ -20,9 +20,9 @@ from runtime.errors import LibraryError, RecordingError
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
 from runtime.library.find import ForeignRobotError
-from symgen.build.compiler import find_compiler
-from symgen.build.pipeline import build, is_current
-from symgen.build.request import BuildRequest, bundled_request
+from symgen.make.compiler import find_compiler
+from symgen.make.pipeline import build, is_current
+from symgen.make.request import BuildRequest, bundled_request
 from tests.conftest import REPOSITORY
 from tests.runtime.conftest import Command
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build.sources import Source, read_source
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
+from symgen.make.sources import Source, read_source
 
 pytest.importorskip("mujoco")
 BODY = """<body name="a"><joint name="j" type="hinge" axis="0 1 0"/>

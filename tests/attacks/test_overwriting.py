@@ -9,8 +9,8 @@ import typer
 
 import runtime.cli
 import symgen.cli
-from symgen.build.exchange import require_no_foreign_file
 from symgen.errors import BuildError
+from symgen.make.pipeline import require_no_foreign_file
 from tests.conftest import TINY_URDF
 from tests.runtime.conftest import Command
 from tests.runtime.desk import Desk, digests

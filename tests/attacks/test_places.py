@@ -12,12 +12,12 @@ from runtime.files import replacing
 from runtime.identification.comparison.output import _markdown
 from runtime.library import load
 from runtime.library.compile_cache import _roots, compiled_library, is_whole
-from symgen.build.compiler import find_compiler
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.emit.escape import in_code, in_comment, in_markdown
 from symgen.errors import SymgenError
 from symgen.inspect.rewrite import write_text
+from symgen.make.compiler import find_compiler
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.conftest import TINY_URDF
 
 EVIL = (

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from symgen.build.sources import Packages, Source, read_source
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
+from symgen.make.sources import Packages, Source, read_source
 from symgen.ros import Limits, expanded
 from symgen.ros.xacro_expressions import evaluate
 

@@ -25,10 +25,10 @@ from runtime.identification.expected_accuracy import (
 from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
-from symgen.build.pipeline import build
-from symgen.build.processor import levels_of_processor
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
+from symgen.make.compiler import levels_of_processor
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.desk import Desk
 from tests.runtime.diagnosis import EXAMPLE

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import symgen
 from runtime.library import load
-from symgen.build.compiler import compile_library
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
+from symgen.make.compiler import compile_library
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from runtime.library.binding import LEVELS
-from symgen.build.compiler import compile_library
 from symgen.emit import emit
 from symgen.kernel import Kernel
+from symgen.make.compiler import compile_library
 
 FACTS = {
     "gravity": [0.0, 0.0, -9.81],

@@ -7,10 +7,10 @@ import pytest
 
 import runtime
 from runtime.errors import IdentificationError
-from symgen.build.pipeline import build, generate
-from symgen.build.request import BuildRequest, request_from_folder
 from symgen.chain import ChainOptions, read_chain
 from symgen.errors import UrdfError
+from symgen.make.pipeline import build, generate
+from symgen.make.request import BuildRequest, request_from_folder
 from tests.conftest import TINY_URDF
 from tests.robots import DATA, ONE_LEVEL
 from tests.symgen.test_cli import run

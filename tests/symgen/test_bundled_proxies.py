@@ -4,11 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.bundled import ROBOTS
-from symgen.build.config import home_of, read_config
 from symgen.chain import Chain, read_chain
 from symgen.collision.distance import clearance
 from symgen.collision.model import BASE, CollisionModel
+from symgen.make import ROBOTS
+from symgen.make.config import home_of, read_config
 
 FOLDED = {
     "ur5e": {

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import InertiaError, SymgenError, UrdfError
+from symgen.make.facts import initial_parameters
 from tests.conftest import TINY_URDF
 from tests.robots import DATA
 

@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from runtime.library import load
-from symgen.build.config import config_from_table, read_config
-from symgen.build.request import bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import main
 from symgen.collision import BASE, CollisionModel, Pair, Proxy
@@ -26,6 +24,8 @@ from symgen.collision.links import link_distances
 from symgen.collision.selection import select_pairs
 from symgen.collision.tables import tables_from_collision
 from symgen.errors import BuildError, CollisionError
+from symgen.make.config import config_from_table, read_config
+from symgen.make.request import bundled_request
 from tests.oracle import Array
 
 MASS = """<inertial><mass value="1"/>

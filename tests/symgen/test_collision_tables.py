@@ -2,9 +2,9 @@
 
 import pytest
 
-from symgen.build.config import config_from_table
 from symgen.collision import BASE, CollisionModel, Proxy
 from symgen.errors import BuildError, CollisionError
+from symgen.make.config import config_from_table
 
 BALL = {"name": "a", "link": BASE, "start": [0, 0, 0], "end": [0, 0, 1], "radius": 0.1}
 

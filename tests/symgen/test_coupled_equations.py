@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
 from symgen.chain import ChainOptions, read_chain
 from symgen.collision.distance import clearance
 from symgen.collision.tables import collision_from_tables
 from symgen.errors import UrdfError
+from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics, lagrange
 from symgen.mechanics.base_parameters import numeric_base
 from symgen.mechanics.coordinates import independent_mass

@@ -5,9 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build.config import read_config
-from symgen.build.request import request_from_folder
-from symgen.build.sources import Source, read_source
 from symgen.chain import read_chain
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_urdf
@@ -15,6 +12,9 @@ from symgen.collision.geometry import read_geometry
 from symgen.documents import json_of
 from symgen.errors import BuildError, CollisionError, SymgenError
 from symgen.inspect import inspect_file
+from symgen.make.config import read_config
+from symgen.make.request import request_from_folder
+from symgen.make.sources import Source, read_source
 from tests.conftest import TINY_URDF
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from symgen.build.compiler import compile_library
 from symgen.emit import c_body, c_constant, emit
 from symgen.emit.reference import reference_code
 from symgen.emit.sample import SHORT
 from symgen.emit.ssa import EXPRESSIONS
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.make.compiler import compile_library
 from tests.symgen.compiled_toys import FACTS, VERSIONS, assert_accepted, write_toy
 
 x_, y_ = Argument("x", (1,), "1"), Argument("y", (1,), "1")

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
 from symgen.catalogue import make_catalogue
 from symgen.chain.mechanism import mechanism_from_table, table_from_mechanism
 from symgen.cli import main
 from symgen.errors import UrdfError
+from symgen.make.facts import initial_parameters
 from symgen.mechanics.loop_equations import closed_chain
 from symgen.mechanics.loop_range import within_loops
 from symgen.mechanics.loop_seeds import seed_values, values_from_last

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from runtime.library import Library
-from symgen.build.compiler import LEVELS, find_compiler, machine
-from symgen.build.pipeline import ONCE, PER_LEVEL
+from symgen.make.compiler import LEVELS, find_compiler, machine
+from symgen.make.pipeline import ONCE, PER_LEVEL
 from tests.robots import levels_here
 from tests.symgen.c_driver import EXPECTED, driver
 

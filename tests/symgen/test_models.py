@@ -12,12 +12,12 @@ import pinocchio
 import pytest
 
 from runtime.library import to_pinocchio_order
-from symgen.build.bundled import ROBOTS
-from symgen.build.facts import initial_parameters
-from symgen.build.request import BuildRequest, bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
+from symgen.make import ROBOTS
+from symgen.make.facts import initial_parameters
+from symgen.make.request import BuildRequest, bundled_request
 from symgen.mechanics.base_parameters import numeric_base
 from symgen.mechanics.dynamics import inverse_dynamics, sampled_regressor
 from symgen.mechanics.kinematics import end_effector

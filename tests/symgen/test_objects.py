@@ -13,15 +13,14 @@ import pinocchio
 import pytest
 
 from runtime.library import Library
-from symgen.build.compile_recipe import FLAGS, LEVELS, VECTOR_FLAGS
-from symgen.build.compiler import machine
-from symgen.build.pipeline import PER_LEVEL
-from symgen.build.request import bundled_request
 from symgen.catalogue import Catalogue, make_catalogue
 from symgen.chain import read_chain
 from symgen.emit import forms_of
 from symgen.emit.reference import reference_code
 from symgen.emit.stack import StackBounds, stack_bounds
+from symgen.make.compiler import FLAGS, LEVELS, VECTOR_FLAGS, machine
+from symgen.make.pipeline import PER_LEVEL
+from symgen.make.request import bundled_request
 from tests.oracle import pinocchio_model, with_parameters
 from tests.robots import CASES
 

@@ -19,7 +19,7 @@ import pytest
 from runtime.errors import LibraryError
 from runtime.library import compile_cache, load
 from runtime.library.compile_cache import compiled_library
-from symgen.build.compile_recipe import how_to_compile
+from symgen.make.compiler import how_to_compile
 from tests.conftest import REPOSITORY
 
 LEVEL_C = "#define JOIN(x) toy_##x\n#define AT(x) JOIN(x)\nint AT(LEVEL)(void) { return W; }\n"

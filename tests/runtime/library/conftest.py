@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from runtime.library import Library, load
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
 from symgen.chain.mechanism import mechanism_from_table
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.linkages import palletizer as make_palletizer
 from tests.robots import DATA, ONE_LEVEL
 

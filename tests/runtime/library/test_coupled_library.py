@@ -14,8 +14,8 @@ from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import Coupling, spread, torque
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, closed_loop, ideal, record, settings_of
-from symgen.build.request import request_from_folder
 from symgen.chain.mechanism import mechanism_from_table
+from symgen.make.request import request_from_folder
 from tests.runtime.conftest import Command
 from tests.runtime.library.conftest import WRIST
 from tests.virtual_settings import frictionless

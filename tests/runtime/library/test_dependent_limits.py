@@ -17,7 +17,7 @@ from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.search.unseen_motions import unseen_motions
 from runtime.library import Library, load
-from symgen.build.config import RobotConfig, home_of
+from symgen.make.config import RobotConfig, home_of
 from tests.coupled_chains import WRIST, coupled
 
 KINDS = ("position of dependent joints", "velocity of dependent joints")

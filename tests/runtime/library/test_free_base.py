@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import BaseMotion, Library, to_pinocchio_order
 from runtime.library.free_base import coordinates_of_pose
-from symgen.build.facts import initial_parameters
-from symgen.build.pipeline import generate
-from symgen.build.request import request_from_folder
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.cli import main
 from symgen.errors import UrdfError
+from symgen.make.facts import initial_parameters
+from symgen.make.pipeline import generate
+from symgen.make.request import request_from_folder
 from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.mass_matrix import forward_dynamics
 from tests.robots import DATA

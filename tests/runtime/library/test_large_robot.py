@@ -7,11 +7,11 @@ from runtime.errors import LibraryError
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
-from symgen.build import pipeline
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest, request_from_folder
 from symgen.catalogue import omitted
 from symgen.chain import model
+from symgen.make import pipeline
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest, request_from_folder
 from tests.robots import DATA, ONE_LEVEL
 
 TREE = (DATA / "tree.urdf").read_text()

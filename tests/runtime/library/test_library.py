@@ -12,10 +12,10 @@ import pytest
 import runtime
 from runtime.errors import LibraryError
 from runtime.library import Library, load
-from symgen.build.bundled import bundled_robots
-from symgen.build.compiler import sha256_of
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
+from symgen.make import bundled_robots
+from symgen.make.compiler import sha256_of
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.conftest import REPOSITORY
 from tests.robots import ONE_LEVEL
 

@@ -8,8 +8,8 @@ import pytest
 
 from runtime.errors import NotRealisableError, ShapeError
 from runtime.library import Library, load, to_pinocchio_order
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest, RobotConfig
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest, RobotConfig
 from tests.robots import ONE_LEVEL
 
 PRINTED_LINK_7 = [1.2543, 0.0057, 0.0108, -0.0203, 9e-4, 8e-4, 3e-4, -1e-4, 2e-4, 4e-4]

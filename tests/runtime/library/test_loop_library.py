@@ -18,8 +18,8 @@ from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.simulation import Controller, Plant, follow, record, settings_of
 from runtime.simulation.plant_engine import plant_engine
-from symgen.build.request import request_from_folder
 from symgen.chain.mechanism import mechanism_from_table
+from symgen.make.request import request_from_folder
 from tests.linkages import Projection
 from tests.runtime.library.conftest import PALLETIZER
 from tests.virtual_settings import frictionless

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from runtime.library import Library
-from symgen.build.request import bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.errors import RankError
+from symgen.make.request import bundled_request
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base, regrouped_base
 from symgen.mechanics.dynamics import sampled_regressor
 from tests.conftest import TINY_URDF

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
 from symgen.chain import Chain, read_chain
+from symgen.make.facts import initial_parameters
 from symgen.mechanics import derivative_bounds, dynamics, kinematics
 from tests.coupled_chains import WRIST, coupled
 from tests.robots import DATA

@@ -11,9 +11,9 @@ import pinocchio
 import pytest
 
 from runtime.library import Library, load, to_pinocchio_order
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.oracle import (
     Answers,
     Array,

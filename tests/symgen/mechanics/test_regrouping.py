@@ -4,11 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.request import bundled_request
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.emit import forms_of
 from symgen.kernel import Kernel
+from symgen.make.request import bundled_request
 from symgen.mechanics.dynamics import sampled_regressor
 from symgen.mechanics.inertia import N_PARAMETERS, PI_NAMES
 from symgen.mechanics.regrouping import regrouped

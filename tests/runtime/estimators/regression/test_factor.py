@@ -19,7 +19,7 @@ from runtime.estimators.regression import (
 )
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
-from symgen.build.compiler import find_compiler, machine
+from symgen.make.compiler import find_compiler, machine
 from tests.robots import levels_here
 
 ROBOTS = ["fr3", "tree", "gantry", "tiny", "double"]

@@ -21,8 +21,8 @@ from runtime.inspection import INFO, inspect_log
 from runtime.library import Array, Library
 from runtime.recording import Recording, write_recording
 from runtime.recording.static_poses import static_poses
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.conftest import Command
 

@@ -1,4 +1,7 @@
-"""Names and files of the robots that come with symgen; nothing of the build is imported."""
+"""The build: from a request to a compiled library.
+
+Here are the names and files of the robots that come with symgen; nothing of the build is imported.
+"""
 
 from pathlib import Path
 

@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build import compiler
-from symgen.build.compile_recipe import how_to_compile
-from symgen.build.compiler import (
+from symgen.errors import CompilerError
+from symgen.make import compiler
+from symgen.make.compiler import (
     REFERENCE,
     Compilation,
     compile_library,
     find_compiler,
+    how_to_compile,
     level_names,
     machine,
     sha256_of,
 )
-from symgen.errors import CompilerError
 
 SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
 

@@ -7,14 +7,11 @@ from typing import NoReturn
 
 import pytest
 
-import symgen.build.exchange
-import symgen.build.pipeline
-from symgen.build.request import BuildRequest
+import symgen.make.pipeline
 from symgen.errors import BuildError, CompilerError, UrdfError
+from symgen.make.request import BuildRequest
 from tests.conftest import TINY_URDF
 from tests.symgen.builds import heavier, mass, rebuild, snapshot
-
-pytestmark = pytest.mark.usefixtures("compiled_anew")
 
 
 def no_space(*_: object, **__: object) -> NoReturn:
@@ -28,7 +25,7 @@ def test_full_disk_leaves_the_old_library(
     """Property: ENOSPC at any stage is one sentence; the old library and nothing else remains."""
     before = snapshot(tiny.parent)
     with monkeypatch.context() as patch:
-        patch.setattr(symgen.build.pipeline, stage, no_space)
+        patch.setattr(symgen.make.pipeline, stage, no_space)
         with pytest.raises(BuildError, match=r"cannot write '.*tiny'.*previous library.*unchanged"):
             rebuild(heavier(tiny_request), tiny.parent)
     assert snapshot(tiny.parent) == before
@@ -100,7 +97,7 @@ def test_exchange_without_renameat2(
     tiny: Path, tiny_request: BuildRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: where the system cannot exchange folders, two renames do, and undo themselves."""
-    monkeypatch.setattr(symgen.build.exchange, "_exchange", lambda a, b: False)
+    monkeypatch.setattr(symgen.make.pipeline, "_exchange", lambda a, b: False)
     assert rebuild(heavier(tiny_request), tiny.parent)
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
     before = snapshot(tiny.parent)

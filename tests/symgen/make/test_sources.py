@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
-from symgen.build.sources import Packages, Source, published_urdf, read_source
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import BuildError, SymgenError
+from symgen.make.facts import initial_parameters
+from symgen.make.sources import Packages, Source, published_urdf, read_source
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.coordinates import all_accelerations, all_positions, all_rates
 from symgen.mechanics.dynamics import inverse_dynamics

@@ -1,19 +1,37 @@
 """Configuration of a robot beyond its URDF: home, limits of drives and controller, proxies.
 
-It is read from a TOML file beside the URDF and written into the manifest.
+It is read from a TOML file beside the URDF and written into the manifest. Without a home, that of
+coupled joints with limits, lower ≤ A q + b ≤ upper, leaves every joint the largest share t of half
+of its range to both ends: max t with lower + t r ≤ A q + b ≤ upper − t r, r = (upper − lower)/2.
+
+`reduced_config` is what remains for a robot that was cut or locked: values of the joints that still
+move; proxies of links beyond --tip and below --base go; the link of a locked joint is fixed to its
+parent, in whose frame its proxy gets the pose of the joint at the locked value.
 """
 
 import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from symgen.build.coupled_home import within_couplings
+import numpy as np
+import pinocchio
+from scipy.optimize import linprog
+
 from symgen.chain import Chain, Joint
-from symgen.collision import CollisionModel
+from symgen.chain.coupling import Coupling
+from symgen.chain.document import Document
+from symgen.chain.reading import parse_with_pinocchio
+from symgen.collision import BASE, CollisionModel, Proxy
 from symgen.collision.tables import collision_from_tables
 from symgen.documents import toml_of
 from symgen.errors import BuildError
+
+ROOM = 0.1
+"""Share of half a range, or rad or m of a range with one end, that is room enough at home."""
+_MOST = 1.0
+"""Upper bound of t: the middle of the range."""
+
 
 Vector = tuple[float, ...]
 
@@ -169,3 +187,101 @@ def _vector(value: Any, key: str, where: str) -> Vector:
 def _is_number(value: Any) -> bool:
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return number and abs(value) <= sys.float_info.max
+
+
+def within_couplings(
+    chain: Chain, coupling: Coupling, usual: tuple[float, ...]
+) -> tuple[float, ...]:
+    """A home at which coupled joints have room to both sides.
+
+    usual (n,) [rad, m] → (n,) [rad, m].
+    """
+    # A joint with one master has already narrowed the range of that one.
+    rows = [
+        k
+        for k in range(len(coupling.matrix))
+        if k in coupling.independent or len(coupling.masters(k)) > 1
+    ]
+    matrix, offset = np.array(coupling.matrix)[rows], np.array(coupling.offset)[rows]
+    joints = [chain.single_joints[k] for k in rows]
+    lower = np.array([-np.inf if joint.lower is None else joint.lower for joint in joints])
+    upper = np.array([np.inf if joint.upper is None else joint.upper for joint in joints])
+    both = np.isfinite(lower) & np.isfinite(upper)
+    with np.errstate(invalid="ignore"):
+        half = np.where(both, (upper - lower) / 2, 1.0)
+    x = matrix @ np.array(usual) + offset
+    several = ~np.isin(rows, coupling.independent)
+    if (np.minimum(x - lower, upper - x) >= ROOM * half)[several].all():
+        return usual
+    return _roomiest(matrix, offset, lower, upper, half) or usual
+
+
+def _roomiest(
+    matrix: np.ndarray, offset: np.ndarray, lower: np.ndarray, upper: np.ndarray, half: np.ndarray
+) -> tuple[float, ...] | None:
+    """Solution q of the programme; None where no posture has room."""
+    up, down = np.isfinite(upper), np.isfinite(lower)
+    rows = np.vstack([np.column_stack([matrix, half])[up], np.column_stack([-matrix, half])[down]])
+    ends = np.concatenate([(upper - offset)[up], (offset - lower)[down]])
+    n = matrix.shape[1]
+    answer = linprog(
+        np.append(np.zeros(n), -1.0), rows, ends, bounds=[*[(None, None)] * n, (None, _MOST)]
+    )
+    if answer.x is None or not answer.x[-1] > 0:
+        return None
+    return tuple(float(f"{value:.6g}") for value in answer.x[:-1])
+
+
+def reduced_config(config: RobotConfig, whole: Chain, chain: Chain) -> RobotConfig:
+    """Configuration of a chain from that of the whole robot."""
+    names = [joint.name for joint in whole.coordinates]
+    kept = [names.index(joint.name) for joint in chain.coordinates]
+
+    def of_joints(values: Vector | None) -> Vector | None:
+        if values is None or len(values) != len(names):
+            return values
+        return tuple(values[k] for k in kept)
+
+    braking = config.braking
+    if braking is not None:
+        sides = {key: of_joints(value) for key, value in asdict(braking).items()}
+        braking = Braking(**sides)  # type: ignore[arg-type]
+    return replace(
+        config,
+        home=of_joints(config.home),
+        acceleration=of_joints(config.acceleration),
+        jerk=of_joints(config.jerk),
+        torque_rate=of_joints(config.torque_rate),
+        braking=braking,
+        collision=_collision(config.collision, whole, chain),
+    )
+
+
+def _collision(model: CollisionModel, whole: Chain, chain: Chain) -> CollisionModel:
+    robot = parse_with_pinocchio(Document(chain.urdf))
+    carried = (_carried(proxy, robot, whole, chain) for proxy in model.proxies)
+    proxies = tuple(proxy for proxy in carried if proxy is not None)
+    carrier = {proxy.name: proxy.link for proxy in proxies}
+    pairs = tuple(
+        pair
+        for pair in model.pairs
+        if pair.first in carrier
+        and pair.second in carrier
+        and carrier[pair.first] != carrier[pair.second]  # their distance does not change
+    )
+    return CollisionModel(proxies, pairs)
+
+
+def _carried(proxy: Proxy, robot: pinocchio.Model, whole: Chain, chain: Chain) -> Proxy | None:
+    """The proxy on the link that carries it now; None where its link was cut off."""
+    link = whole.base if proxy.link == BASE else proxy.link
+    if not robot.existFrame(link, pinocchio.BODY):
+        return None
+    frame = robot.frames[robot.getFrameId(link, pinocchio.BODY)]
+    joint = int(frame.parentJoint) - 1
+    carrier = BASE if joint < 0 else chain.joints[joint].link
+    if carrier == proxy.link:
+        return proxy
+    ends = [frame.placement.act(np.array(point)) for point in (proxy.start, proxy.end)]
+    start, end = (tuple(float(x) for x in point) for point in ends)
+    return replace(proxy, link=carrier, start=start, end=end)  # type: ignore[arg-type]

@@ -14,12 +14,12 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from symgen.build.sources import Packages
 from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, numbers, origin
 from symgen.documents import toml_of
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.collada import is_sound
+from symgen.make.sources import Packages
 
 DEFAULT = "default"
 """Key of the density of all links that the file does not name."""

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build.request import BuildRequest
+from symgen.make.request import BuildRequest
 from tests.conftest import REPOSITORY
 from tests.symgen.builds import heavier, mass, rebuild, snapshot
-
-pytestmark = pytest.mark.usefixtures("compiled_anew")
 
 BUILD = """
 import sys
 from pathlib import Path
-from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
 request = BuildRequest("tiny", Path(sys.argv[1]).read_text())
 build(request, Path(sys.argv[2]), force=True, levels=ONE_LEVEL)
@@ -25,18 +23,18 @@ build(request, Path(sys.argv[2]), force=True, levels=ONE_LEVEL)
 BUILD_AND_HANG = """
 import sys, time
 from pathlib import Path
-import symgen.build.pipeline
-from symgen.build.request import BuildRequest
+import symgen.make.pipeline
+from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
-stage = getattr(symgen.build.pipeline, sys.argv[3])
+stage = getattr(symgen.make.pipeline, sys.argv[3])
 def hang(*arguments):
     if sys.argv[3] != "replace_folder":
         stage(*arguments)
     print("here", flush=True)
     time.sleep(float(sys.argv[4]))
-setattr(symgen.build.pipeline, sys.argv[3], hang)
+setattr(symgen.make.pipeline, sys.argv[3], hang)
 request = BuildRequest("tiny", Path(sys.argv[1]).read_text())
-symgen.build.pipeline.build(request, Path(sys.argv[2]), levels=ONE_LEVEL)
+symgen.make.pipeline.build(request, Path(sys.argv[2]), levels=ONE_LEVEL)
 """
 
 

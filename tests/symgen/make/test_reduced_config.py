@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from symgen.build import pipeline
-from symgen.build.config import RobotConfig
-from symgen.build.reduced_config import reduced_config
-from symgen.build.request import BuildRequest, bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import app
 from symgen.collision import BASE, Proxy
 from symgen.collision.links import link_poses
 from symgen.errors import BuildError
+from symgen.make import pipeline
+from symgen.make.config import RobotConfig, reduced_config
+from symgen.make.request import BuildRequest, bundled_request
 
 LOCKED = {"fr3_joint3": 0.4, "fr3_joint7": -1.1}
 

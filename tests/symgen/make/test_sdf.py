@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.build.facts import initial_parameters
-from symgen.build.sources import Source, read_source
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import SymgenError
+from symgen.make.facts import initial_parameters
+from symgen.make.sources import Source, read_source
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.dynamics import inverse_dynamics
 

@@ -3,11 +3,23 @@
 Hinges become revolute, slides prismatic joints; several joints of a body are a chain through links
 of `SPECK_KG`. The frame of a link is at the anchor of its joint; at q = ref the body is where the
 file shows it. Linear equalities of two joints become couplings, `connect` and `weld` loop joints
-that are closed at the initial pose (`mjcf_loops`), `damping` and `frictionloss` stand
-in <dynamics>. A URDF has no place for armature, which the friction column `rotor` identifies.
+that are closed at the initial pose, where every joint is at its reference; `damping` and
+`frictionloss` stand in <dynamics>. A URDF has no place for armature, which the friction column
+`rotor` identifies.
+
+    connect   a point of body 1 stays at a point of body 2          spherical
+    weld      a frame of body 1 stays at a frame of body 2          fixed
+
+MuJoCo opens what `file` attributes name, however large, and waits at a pipe for ever. Before it
+does, every file that exists must be a regular one of bounded size, in included files too.
+Attributes are searched in the text: MuJoCo accepts files that are not well-formed XML.
 """
 
+import re
+import stat
 from collections.abc import Callable
+from html import unescape
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -15,13 +27,20 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio
 
-from symgen.build.sources.mjcf_files import require_bounded_files
-from symgen.build.sources.mjcf_loops import assembly_of, loop_of_equality
-from symgen.build.sources.springs import springs_of_mjcf
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.mechanism import Mechanism
+from symgen.chain.mechanism import Loop, Mechanism
 from symgen.chain.normalise import GRAVITY
+from symgen.documents import LARGEST
 from symgen.errors import BuildError
+from symgen.make.sources.springs import springs_of_mjcf
+
+LARGEST_ASSET = 2**28
+"""Largest mesh, texture or height field, bytes."""
+MOST = 50_000
+"""Largest number of pairs of a folder and a name."""
+_NAMED = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+"""Names of files (file, fileright, fileup, … of a texture) and of their folders."""
+
 
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
@@ -227,3 +246,107 @@ def _matrix(mujoco: Any, quaternion: Any) -> np.ndarray:
 
 def _words(values: Any) -> str:
     return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))
+
+
+def require_bounded_files(path: Path) -> None:
+    """Refuse an MJCF file that names pipes, devices or files of hundreds of megabytes."""
+    folders, names, known = set[Path](), set[str](), set[Path]()
+    pending = [path]
+    while pending:
+        file = pending.pop()
+        if file in known:
+            continue
+        known.add(file)
+        listed, places = _named_in(_text_of(file))
+        new = {path.parent, file.parent, *(f.parent / p for f in (path, file) for p in places)}
+        fresh, more = new - folders, listed - names
+        folders |= fresh
+        names |= more
+        if len(folders) * len(names) > MOST:
+            raise BuildError(f"'{path}' names more than {MOST} files; leave some out")
+        # An asset may lie in a folder that a later file names: each pair is looked at once.
+        for folder, name in chain(product(fresh, names), product(folders - fresh, more)):
+            if _is_bounded(path, folder / name):
+                pending.append(folder / name)
+
+
+def _named_in(text: str) -> tuple[set[str], set[str]]:
+    """Names of files, and of their folders."""
+    files, places = set[str](), set[str]()
+    for key, *values in _NAMED.findall(text):
+        (places if key.endswith("dir") else files).add(unescape("".join(values)))
+    return files, places
+
+
+def _is_bounded(path: Path, asset: Path) -> bool:
+    """Whether a file exists."""
+    try:
+        status = asset.stat()
+    except (OSError, ValueError):  # MuJoCo names what it does not find
+        return False
+    if stat.S_ISDIR(status.st_mode):
+        return False
+    if not stat.S_ISREG(status.st_mode):
+        raise BuildError(f"'{path}' names '{asset}', which is not a regular file; remove it")
+    if status.st_size > LARGEST_ASSET:
+        raise BuildError(
+            f"'{path}' names '{asset}' of more than {LARGEST_ASSET >> 20} MiB; remove it"
+        )
+    return True
+
+
+def _text_of(file: Path) -> str:
+    """Text of a file that may be XML; empty for a mesh, an image or a file of other text."""
+    try:
+        if file.stat().st_size > LARGEST:
+            return ""
+        data = file.read_bytes()
+    except OSError:  # MuJoCo says why
+        return ""
+    head = data[:512].lstrip(b"\xef\xbb\xbf \t\r\n")
+    return data.decode(errors="replace") if head.startswith(b"<") else ""
+
+
+def loop_of_equality(
+    mujoco: Any, model: Any, k: int, names: list[str], shifts: dict[int, np.ndarray]
+) -> Loop:
+    """Loop joint of an equality."""
+    kind, data = int(model.eq_type[k]), np.array(model.eq_data[k])
+    kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "spherical", int(mujoco.mjtEq.mjEQ_WELD): "fixed"}
+    if kind not in kinds:
+        raise BuildError(
+            f"the equality {k + 1} of the file is none of joint, connect and weld; tendons and "
+            "flexes of MJCF cannot be modelled, so remove it, or state [[coupling]] in a mechanism "
+            "file"
+        )
+    first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+    turn, other = np.eye(3), np.eye(3)
+    if int(model.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
+        (first, at, turn), (second, to, other) = (
+            (int(model.site_bodyid[s]), model.site_pos[s], _matrix(mujoco, model.site_quat[s]))
+            for s in (first, second)
+        )
+    elif kinds[kind] == "fixed":  # the pose of body 2 in body 1, of a point given in body 2
+        at, to, turn = data[3:6], data[:3], _matrix(mujoco, data[6:10])
+    else:
+        at, to = data[:3], data[3:6]
+    at, to = at - shifts[first], to - shifts[second]
+    return Loop(
+        names[first],
+        names[second],
+        tuple(at.tolist()),
+        tuple(pinocchio.rpy.matrixToRpy(turn).tolist()),
+        tuple(to.tolist()),
+        tuple(pinocchio.rpy.matrixToRpy(other).tolist()),
+        kinds[kind],
+    )
+
+
+def assembly_of(model: Any) -> dict[str, float]:
+    """Joint → position of the initial pose [rad, m], joints at 0 left out."""
+    positions = {}
+    for k in range(model.njnt):
+        value = float(model.qpos0[model.jnt_qposadr[k]])
+        if value:
+            positions[model.joint(k).name or f"joint_{k}"] = value
+    return positions

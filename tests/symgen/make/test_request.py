@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build.pipeline import generate
-from symgen.build.request import (
+from symgen.chain import ChainOptions
+from symgen.errors import BuildError, SymgenError
+from symgen.make.pipeline import generate
+from symgen.make.request import (
     BuildRequest,
     RobotConfig,
     bundled_request,
     read_config,
     request_from_folder,
 )
-from symgen.chain import ChainOptions
-from symgen.errors import BuildError, SymgenError
 from tests.conftest import TINY_URDF
 from tests.robots import DATA
 

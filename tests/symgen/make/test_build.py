@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import symgen.build.notes
+import symgen.make.facts
 from runtime.library import load
-from symgen.build.pipeline import build, generate, is_current
-from symgen.build.request import BuildRequest, RobotConfig, bundled_request
 from symgen.chain import ChainOptions, read_chain
+from symgen.make.pipeline import build, generate, is_current
+from symgen.make.request import BuildRequest, RobotConfig, bundled_request
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.robots import DATA
 from tests.symgen.builds import heavier, mass, rebuild, snapshot
@@ -141,7 +141,7 @@ def test_rounded_angles_are_reported() -> None:
         ("0.5", 0.0, False),
     ):
         chain = read_chain(tilted.replace("ANGLE", angle), ChainOptions(snap=snap))
-        notes = symgen.build.notes.notes_of(chain, {})
+        notes = symgen.make.facts.notes_of(chain, {})
         assert (
             any("angles of swing" in note and "--snap 0.0001" in note for note in notes)
             == is_reported

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from symgen.build.sources import Source, read_source
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, Spring, mechanism_from_table
 from symgen.cli.build_request import request_from_urdf
 from symgen.errors import BuildError, UrdfError
+from symgen.make.sources import Source, read_source
 from symgen.mechanics.passive import known_torque
 
 BODIES = """<body name="arm" pos="0 0.1 0.3" euler="0.2 0.1 0.3">

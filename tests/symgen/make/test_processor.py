@@ -5,16 +5,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import symgen.build.processor as room
+import symgen.make.compiler as room
 from runtime.library import load
-from symgen.build import pipeline
-from symgen.build.compiler import level_names
-from symgen.build.expected_cost import expected_cost, expected_memory
-from symgen.build.processor import FLAGS, levels_of_processor
-from symgen.build.request import BuildRequest
 from symgen.catalogue import make_catalogue
 from symgen.chain import read_chain
 from symgen.cli import app
+from symgen.make import pipeline
+from symgen.make.compiler import PROCESSOR_FLAGS, level_names, levels_of_processor
+from symgen.make.pipeline import expected_cost, expected_memory
+from symgen.make.request import BuildRequest
 from tests.conftest import TINY_URDF
 
 
@@ -33,9 +32,9 @@ def test_the_level_of_other_processors(
     monkeypatch.setattr(room, "machine", lambda: "x86_64")
     monkeypatch.setattr(room, "find_compiler", lambda: ("cc",))
     monkeypatch.setattr(room, "accepts_level", lambda *_: True)
-    monkeypatch.setattr(room, "FACTS", tmp_path / "cpuinfo")
+    monkeypatch.setattr(room, "CPUINFO", tmp_path / "cpuinfo")
     assert levels_of_processor() == ()
-    flags = sorted(FLAGS[level]) if level else ["fpu"]
+    flags = sorted(PROCESSOR_FLAGS[level]) if level else ["fpu"]
     text = f"processor : 0\nflags\t\t: fpu {' '.join(flags)}\n"
     (tmp_path / "cpuinfo").write_text(text, encoding="utf-8")
     assert levels_of_processor() == ((level, "portable") if level else ("portable",))
@@ -47,7 +46,7 @@ def test_the_level_of_other_processors(
 def test_a_compiler_without_the_set_takes_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: an older compiler gets the best level that it knows."""
     monkeypatch.setattr(room, "machine", lambda: "x86_64")
-    monkeypatch.setattr(room, "_flags", lambda: set(FLAGS["v4"]))
+    monkeypatch.setattr(room, "_flags", lambda: set(PROCESSOR_FLAGS["v4"]))
     monkeypatch.setattr(room, "accepts_level", lambda _, level: level != "v4")
     assert levels_of_processor() == ("v3", "portable")
 

@@ -1,1 +1,0 @@
-"""The build: from a request to a compiled library."""

@@ -7,11 +7,11 @@ from runtime.errors import RuntimeFault
 from runtime.estimators.convex import prior_of
 from runtime.estimators.convex.bodies import bodies_of
 from runtime.estimators.prior_file import TRUST
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.excitation.limits.carried_body import CarriedBody
 from runtime.identification.payload.mount import mount_of
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
-from runtime.numerics.quantiles import NORMAL_95
 
 
 def band_of(

@@ -11,10 +11,10 @@ from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.library import Library
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recipe, plan_of, read_recording, recipe_text
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains

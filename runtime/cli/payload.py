@@ -12,6 +12,7 @@ from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import preparation_of
 from runtime.cli.robot import Yes, open_robot
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload import (
     Payload,
     arm_model,
@@ -23,7 +24,6 @@ from runtime.identification.payload import (
 from runtime.identification.payload.body import NAMES
 from runtime.identification.payload.output import FILES
 from runtime.inspection.regressor_choice import noisy_accelerations
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 

@@ -11,10 +11,10 @@ with one that holds under weaker assumptions.
 """
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex import NONE, Prior
 from runtime.library import Array, Library
-from runtime.numerics.dense import block_diag
 
 ROUND = 1 / 3
 """Smallest eigenvalue of Σ_com over their sum of a round body."""

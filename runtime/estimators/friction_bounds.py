@@ -12,11 +12,11 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array
-from runtime.numerics.dense import solve_triangular
 from runtime.recording.friction import names_where
 
 MOST = 10.0

@@ -15,7 +15,6 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
-from runtime.numerics.order import median
 
 USUAL = 2.0
 """Median mass of a link of usual arms, kg."""
@@ -25,9 +24,9 @@ WITHIN = 16.0
 
 def mass_unit(lib: Library, pi: Array) -> float:
     """Unit of mass s of a robot, kg."""
-    middle = float(median(mass(links(pi))))
+    middle = float(np.median(mass(links(pi))))
     if not middle > 0:
-        middle = float(median(mass(links(lib.pi0))))
+        middle = float(np.median(mass(links(lib.pi0))))
     if not 0 < middle < np.inf or USUAL / WITHIN <= middle <= USUAL * WITHIN:
         return 1.0
     return float(4.0 ** round(np.log(middle / USUAL) / np.log(4.0)))

@@ -10,10 +10,9 @@ import numpy as np
 from runtime.estimators.contradictions import ModelTests
 from runtime.estimators.convex import com_sigma
 from runtime.estimators.regression import Statistics
-from runtime.estimators.regression.residuals import LAGS, autocorrelation, noise
+from runtime.estimators.regression.residuals import LAGS, NORMAL_95, autocorrelation, noise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.numerics.quantiles import NORMAL_95
 
 BAND_SAMPLES = 200
 """Samples whose bands a report summarises."""

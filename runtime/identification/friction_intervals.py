@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.convex.eliminate_friction import RANK_TOLERANCE
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import Posterior
 from runtime.library import Array
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.friction import names_where
 from runtime.recording.friction_column import SPRING
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex import bodies_of, reduce
@@ -23,7 +24,6 @@ from runtime.estimators.uncertainty import Information, Uncertainty
 from runtime.files import replacing, require_file
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.numerics.dense import solve_triangular
 from runtime.recording.formats.npz import open_npz
 
 FILE = "posterior.npz"

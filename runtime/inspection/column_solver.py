@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from runtime.estimators.regression import Statistics
 from runtime.inspection.cross_validation import solved
 from runtime.library import Array
-from runtime.numerics.dense import lapack
 
 LEAST = 1e-10
 """1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has

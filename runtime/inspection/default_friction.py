@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
 from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY, SPRINGS, USABLE
 from runtime.inspection.column_trial import Trial, trial_on
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
 from runtime.library import Array, Library
-from runtime.numerics.geometric_grid import minimum_on_grid
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names

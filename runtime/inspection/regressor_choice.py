@@ -18,11 +18,11 @@ import numpy as np
 
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
-from runtime.numerics.sections import butterworth_sections, response
 from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
 from runtime.recording.preprocessing.pipeline import on_grid
+from runtime.recording.preprocessing.sections import butterworth_sections, squared_gain
 
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
@@ -160,5 +160,5 @@ def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> floa
     if preparation.cutoff_hz is None:
         return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
     sections = butterworth_sections(preparation.order, preparation.cutoff_hz * 2.0 * step)
-    w, gain = response(sections, 4096)
+    w, gain = squared_gain(sections, 4096)
     return float(np.mean(gain**2 * (np.sin(w) / step) ** (2 * derivatives)))

@@ -21,14 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.residuals import weights_from
+from runtime.estimators.regression.residuals import NORMAL_95, weights_from
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.hypotheses import Hypothesis, hypotheses
 from runtime.monitoring.model import model_of
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recording
 
 ALPHA = 0.01

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from runtime.errors import RecordingError
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.library import Array
-from runtime.numerics.quantiles import NORMAL_95
 
 ALPHA = 0.01
 """Probability that a history without a trend shows one."""

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.numerics.order import median, quantile
 from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
@@ -76,7 +75,7 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     usual = TIMES_USUAL * np.quantile(sizes, 0.99, axis=0)
     rest = np.abs(steps - 2.0 * np.pi * turns)
     jump = (np.abs(turns) == 1.0) & (rest < np.clip(usual, *BESIDE_TURN))
-    jump &= median(sizes, axis=0) < USUAL_STEP
+    jump &= np.median(sizes, axis=0) < USUAL_STEP
     if not jump.any():
         return q, np.zeros(q.shape[1], dtype=np.int64)
     correction = np.zeros_like(q)
@@ -94,13 +93,13 @@ def slopes_of(recording: Recording) -> FloatArray:
     integrated = integral[STRIDE:] - integral[:-STRIDE]
     slopes = np.full(recording.n_joints, np.nan)
     for j in range(recording.n_joints):
-        fast = np.abs(integrated[:, j]) >= quantile(np.abs(integrated[:, j]), 0.75)
+        fast = np.abs(integrated[:, j]) >= np.quantile(np.abs(integrated[:, j]), 0.75)
         fast &= np.abs(integrated[:, j]) > STILL
         if not fast.any():
             continue
         ratio = moved[fast, j] / integrated[fast, j]
-        spread = quantile(ratio, 0.75) - quantile(ratio, 0.25)
-        if spread < np.abs(middle := median(ratio)):
+        spread = np.quantile(ratio, 0.75) - np.quantile(ratio, 0.25)
+        if spread < np.abs(middle := np.median(ratio)):
             slopes[j] = middle
     return slopes
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
-from runtime.numerics.order import median
 from runtime.recording.clock import require_clock
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
@@ -175,7 +174,7 @@ class Recording(Framed):
         if len(self) < 2:
             raise RecordingError("expected two samples or more, got one; a rate needs a step")
         if not self._rate:  # kept, also by copies with the same clock
-            self._rate.append(float(1.0 / median(np.diff(self.t))))
+            self._rate.append(float(1.0 / np.median(np.diff(self.t))))
         return self._rate[0]
 
     def titled(self) -> tuple[list[str], FloatArray]:

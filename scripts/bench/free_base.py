@@ -11,9 +11,9 @@ import numpy as np
 from rich.table import Table
 
 from bench.markdown import markdown_table, table_of
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library, load, to_pinocchio_order
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording.free_base import free_base_of
 from symgen.chain import ChainOptions
 from symgen.make.pipeline import build

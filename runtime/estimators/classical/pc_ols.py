@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.ols import counted_in_links
@@ -25,9 +26,6 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
-from runtime.numerics.dense import block_diag
-from runtime.numerics.order import median
-from runtime.numerics.sparse import solve_conic
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -166,7 +164,7 @@ class _Cones:
         friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
         sizes = np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0)
         # Of a single joint most columns are 0; of arms the median counts all of them.
-        typical = median(sizes) or median(sizes[sizes > 0])
+        typical = np.median(sizes) or np.median(sizes[sizes > 0])
         self._lib = lib
         self._scale = np.concatenate([scale, typical / np.where(friction > 0, friction, typical)])
         self._statistics = statistics
@@ -188,7 +186,7 @@ class _Cones:
         top[0, -1] = -1.0
         a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), 1))])])
         b = np.concatenate([[0.0], -self._statistics.target / self._unit])
-        return _Block(a, a != 0, b, [clarabel.SecondOrderConeT(len(b))])
+        return _Block(a, b, [clarabel.SecondOrderConeT(len(b))])
 
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
@@ -199,16 +197,13 @@ class _Cones:
         root2 = np.sqrt(2.0)
         one = np.array([[p[i, j] * (1.0 if i == j else root2) for p in blocks] for i, j in _SVEC])
         a = np.hstack([-block_diag(*[one] * n), np.zeros((size, self.width + extra - size))])
-        whole = block_diag(*[np.ones_like(one)] * n)
-        stored = np.hstack([whole, np.zeros((size, a.shape[1] - whole.shape[1]))]) > 0
-        return _Block(a, stored, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
+        return _Block(a, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
 
 
 class _Block(NamedTuple):
-    """Rows b − A x ∈ K, and which entries of A are stored."""
+    """Rows b − A x ∈ K."""
 
     a: Array
-    stored: NDArray[np.bool_]
     b: Array
     cones: list[object]
 
@@ -218,14 +213,14 @@ def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     settings.max_iter = 200
-    solution = solve_conic(
+    solution = clarabel.DefaultSolver(
+        csc_matrix((cost.size, cost.size)),
         cost,
-        np.vstack([block.a for block in blocks]),
+        csc_matrix(np.vstack([block.a for block in blocks])),
         np.concatenate([block.b for block in blocks]),
         [cone for block in blocks for cone in block.cones],
         settings,
-        np.vstack([block.stored for block in blocks]),
-    )
+    ).solve()
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
         raise IdentificationError(

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import clarabel
 import numpy as np
+from scipy.linalg import block_diag, null_space
+from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.continuation import minimise_anywhere
@@ -19,8 +21,6 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
-from runtime.numerics.dense import block_diag, null_space
-from runtime.numerics.sparse import solve_conic
 
 BARRIER = 1e-2
 """Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""
@@ -128,13 +128,15 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     ]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    solution = solve_conic(
-        np.concatenate([zero(size), [-ROOM_COST, 1.0]]),
-        np.vstack(blocks),
+    cost = np.concatenate([zero(size), [-ROOM_COST, 1.0]])
+    solution = clarabel.DefaultSolver(
+        csc_matrix((cost.size, cost.size)),
+        cost,
+        csc_matrix(np.vstack(blocks)),
         np.concatenate(sides),
         cones if len(e) else cones[1:],
         settings,
-    )
+    ).solve()
     status, x = str(solution.status), np.array(solution.x)
     solved = status in {"Solved", "AlmostSolved"}
     if not solved or x[size] < LEAST_ROOM:

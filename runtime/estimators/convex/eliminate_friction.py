@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import qr, solve_triangular
 
 from runtime.estimators.regression import Statistics
 from runtime.library import Array
-from runtime.numerics.dense import pivoted_qr, solve_triangular
 
 RANK_TOLERANCE = 1e-9
 """Pivot of unit columns, relative to the first, below which a column counts as dependent."""
@@ -93,7 +93,7 @@ def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
     order, upper = np.zeros(0, dtype=int), np.zeros((0, 0))
     # F = Q [U; 0] with pivoting: the first rank rows of Qᵀ determine φ, the others contain no φ.
     if lengths.size:
-        q, upper, order = pivoted_qr(columns / lengths)
+        q, upper, order = qr(columns / lengths, pivoting=True)
         diagonal = np.abs(np.diagonal(upper))
         rank = int(np.sum(diagonal > RANK_TOLERANCE * max(float(diagonal[0]), 1e-300)))
         over_pi, target = q.T @ over_pi, q.T @ target

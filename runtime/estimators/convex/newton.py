@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, link_columns
-from runtime.numerics.dense import solve_positive
 
 ARMIJO = 1e-4
 """Share of the predicted decrease that a step must reach."""
@@ -272,7 +272,8 @@ def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
     eye, ridge = np.eye(len(scaled)), 0.0
     while True:
         try:
-            return scale * solve_positive(scaled + ridge * eye, scale * gradient)
+            factor = cho_factor(scaled + ridge * eye, lower=True, check_finite=False)
+            return np.asarray(scale * cho_solve(factor, scale * gradient, check_finite=False))
         except np.linalg.LinAlgError:
             if ridge > RIDGE_MOST:
                 raise IdentificationError(

@@ -8,6 +8,7 @@ Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex.bodies import Bodies
 from runtime.library import Array
@@ -19,7 +20,6 @@ from runtime.library.parameters import (
     links,
     mass,
 )
-from runtime.numerics.dense import block_diag
 
 DETERMINED = 0.1
 """Posterior over prior variance below which a parameter counts as determined by the data."""

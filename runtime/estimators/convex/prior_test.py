@@ -15,6 +15,7 @@ Source: Box 1980 for the prior predictive test; the release of single links is t
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
@@ -23,7 +24,6 @@ from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.score_test import MARGIN, SIGNIFICANCE
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
-from runtime.numerics.quantiles import chi2_quantile
 
 RELEASED = (1e-1, 1e-2, 1e-3, 1e-4)
 """Factors on κ of a released link, each solved from the one before. With the last the logarithm
@@ -82,8 +82,8 @@ def prior_test(
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
     rank = int(np.sum(sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)))
-    threshold = MARGIN * chi2_quantile(max(rank, 1), SIGNIFICANCE)
-    single = chi2_quantile(N_PARAMETERS, SIGNIFICANCE / lib.n_joints)
+    threshold = MARGIN * chdtri(max(rank, 1), SIGNIFICANCE)
+    single = chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints)
 
     def cost(pi: Array, counted: Array) -> float:
         """T at π, with the priors of the counted links (n,) only."""

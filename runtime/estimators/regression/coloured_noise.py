@@ -18,12 +18,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import dct, next_fast_len
 
 from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import basis_of_joints
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.numerics.cosines import cosines, is_fast_length
-from runtime.numerics.dense import basis_of_joints
 
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
@@ -146,13 +146,13 @@ def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> tuple[fl
 
 def _sums(h: Array, g: Array, rest: Array) -> tuple[float, float, float]:
     """Σ g r̂², Σ g (1 − h) and Σ g of shares (N, n) and residuals (N, n)."""
-    power = cosines(rest) ** 2
+    power = dct(rest, axis=0, norm="ortho") ** 2
     return float(np.sum(g * power)), float(np.sum(g * (1 - h))), float(np.sum(g))
 
 
 def _taken_up(q: Array) -> Array:
     """Σ_k q̂_k², the share of every frequency and joint, (N, n)."""
-    waves = cosines(q)
+    waves = dct(q, axis=0, norm="ortho")
     return np.asarray(np.einsum("ijk,ijk->ij", waves, waves))
 
 
@@ -176,6 +176,6 @@ def _pieces(count: int, parts: int) -> Iterator[slice]:
     if not number:
         return
     shortest = count // number
-    length = next(k for k in range(min(PIECE, shortest), 0, -1) if is_fast_length(k))
+    length = next(k for k in range(min(PIECE, shortest), 0, -1) if next_fast_len(k, True) == k)
     for start in np.linspace(0, count - length, number).astype(int):
         yield slice(int(start), int(start) + length)

@@ -12,11 +12,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.factor import triangle_of_joints
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.library import Array
-from runtime.numerics.dense import triangle_of_joints
-from runtime.numerics.quantiles import NORMAL_95, chi2_quantile
 
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""
@@ -45,7 +46,7 @@ class DelayProfile(NamedTuple):
     def is_flat(self) -> bool:
         """Whether the data do not determine a delay within the range."""
         # A delay that is determined has its 99.9 % interval within the delays tried.
-        low, high = _interval(self.delays, self.loss, chi2_quantile(1, 0.001) / 2)
+        low, high = _interval(self.delays, self.loss, chdtri(1, 0.001) / 2)
         is_cut = low <= self.delays[0] or high >= self.delays[-1]
         return bool(is_cut or high - low > FLAT_SHARE * (self.delays[-1] - self.delays[0]))
 
@@ -96,7 +97,7 @@ def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) 
     loss = loss - loss.min()
     middle = _vertex(delays, loss, best)
     return DelayProfile(
-        delays, loss, middle, _interval(delays, loss, chi2_quantile(1, 0.05) / 2), variance
+        delays, loss, middle, _interval(delays, loss, chdtri(1, 0.05) / 2), variance
     )
 
 

@@ -9,6 +9,7 @@ where the delay is unknown, a memory has to pay at the δ that is best without i
 of its own.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,7 +24,6 @@ from runtime.estimators.regression.recorded_delay import (
 )
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
-from runtime.numerics.geometric_grid import minimum_on_grid
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
@@ -158,3 +158,15 @@ def _errors(columns: Array, rest: Array) -> Array:
     )
     left = [np.sum((y[:, b] - x[:, b] @ p) ** 2, axis=1) for b, p in zip(blocks, phi, strict=True)]
     return np.asarray(np.sum(left, axis=0).T)
+
+
+def minimum_on_grid(places: Sequence[float] | Array, losses: Sequence[float] | Array) -> float:
+    """Vertex of the parabola over ln x through the smallest loss and its neighbours."""
+    best = int(np.argmin(losses))
+    if not 0 < best < len(losses) - 1:
+        return float(places[best])
+    low, middle, high = (float(loss) for loss in losses[best - 1 : best + 2])
+    bend = low - 2 * middle + high
+    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
+    step = np.log(places[best + 1] / places[best])
+    return float(places[best] * np.exp(shift * step))

@@ -10,6 +10,7 @@ inertial parameters takes up a part of them, so that its intervals are too narro
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.estimators.regression.score_test import (
     SIGNIFICANCE,
@@ -18,7 +19,6 @@ from runtime.estimators.regression.score_test import (
     score_test,
 )
 from runtime.library import Array, Library
-from runtime.numerics.quantiles import chi2_quantile
 
 PEAK, SIGN = 0.15, 0.05
 """Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""
@@ -73,6 +73,6 @@ def friction_test(fit: FreeFit) -> FrictionTest | None:
     for k, joint in enumerate(moving if excess > 1 else ()):
         added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
         explained = added.T @ fit.rest
-        quantile = chi2_quantile(max(added.shape[1], 1), SIGNIFICANCE)
+        quantile = chdtri(max(added.shape[1], 1), SIGNIFICANCE)
         joints[joint] = float(explained @ explained) / test.density / quantile
     return FrictionTest(excess, joints)

@@ -13,6 +13,7 @@ Source: Gautier & Briot 2014 for the regression with gains; `score_test` for the
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.regression.score_test import (
@@ -23,7 +24,6 @@ from runtime.estimators.regression.score_test import (
     score_test,
 )
 from runtime.library import Array, Library
-from runtime.numerics.quantiles import chi2_quantile
 
 SIGNIFICANCE = 1e-3
 """Probability that a joint is named where all gains agree: of 450 clean logs with white, filtered
@@ -113,7 +113,7 @@ def gain_test_of(fit: FreeFit) -> GainTest | None:
     seen = power > RANK_TOLERANCE**2 * whole
     deviation = test.columns.T @ fit.rest / power
     joint = int(np.argmax(deviation**2 * power))
-    joint_threshold = chi2_quantile(1, SIGNIFICANCE / n)
+    joint_threshold = chdtri(1, SIGNIFICANCE / n)
     return GainTest(
         statistic=test.statistic,
         threshold=MARGIN * test.quantile,

@@ -8,6 +8,8 @@ import numpy as np
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
+NORMAL_95 = 1.959963984540054
+"""Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
 LAGS = 24
 """Lags of the autocorrelation, in samples."""
 SILENT = 1e-6

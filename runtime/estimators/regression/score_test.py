@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares, shares_of_basis
+from runtime.estimators.regression.factor import triangle_of_joints
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.numerics.dense import triangle_of_joints
-from runtime.numerics.quantiles import chi2_quantile
 
 SIGNIFICANCE = 1e-4
 """Probability of an alarm where the columns are absent or a prior is right. The noise S is known to
@@ -128,7 +128,7 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     density = coloured_noise_of_shares(fit.shares_with(directions), left, unknowns).density
     if not density > 0:
         return None
-    quantile = chi2_quantile(directions.shape[1], SIGNIFICANCE)
+    quantile = chdtri(directions.shape[1], SIGNIFICANCE)
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
 
 

@@ -11,11 +11,11 @@ residual, y = −ρ_y / ρ_e, and u / ρ_e are the multipliers. Active rows are 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import lapack
+from scipy.optimize import nnls
 
 from runtime.excitation.search.conic import Block
 from runtime.library import Array
-from runtime.numerics.dense import lapack
-from runtime.numerics.nonnegative import nonnegative_least_squares
 
 _EMPTY = 1e-12
 """Residual ρ_e below which the rows leave no point, to rounding."""
@@ -40,10 +40,10 @@ class QuadraticProgramme:
         images = self._lower(a.T)
         # In units of |L⁻¹q|, which |y| does not exceed where x = 0 is admissible: ρ_e ≥ ½ then.
         heights = (b + self._shift @ images) / self._size
-        u = nonnegative_least_squares(
-            np.vstack([images, heights]), np.append(np.zeros(len(images)), -1.0)
-        )
-        if u is None:
+        target = np.append(np.zeros(len(images)), -1.0)
+        try:
+            u = nnls(np.vstack([images, heights]), target)[0]
+        except RuntimeError:  # more iterations than three per row
             return None
         remaining = 1.0 + heights @ u
         if not remaining > _EMPTY:

@@ -9,9 +9,9 @@ either takes G and returns f and S = 2 ∂f/∂G, so that ∂f/∂W = W S.
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import lapack
 
 from runtime.library import Array
-from runtime.numerics.dense import lapack
 
 SpectralFunction = Callable[[Array], tuple[float, Array]]
 Measure = Callable[[Array], tuple[float, Array]]

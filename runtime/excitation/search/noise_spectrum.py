@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.fft import dct
 
 from runtime.errors import IdentificationError
 from runtime.library import Array
-from runtime.numerics.cosines import cosines
 
 ORDER = 4
 """Order of the filter, which runs forwards and backwards."""
@@ -66,7 +66,7 @@ class NoiseSpectrum:
     def weighted_cosines(self, count: int, step: float) -> Array:
         """Matrix A with G = Σ_j (A_j Y_j)ᵀ (A_j Y_j) / σ_j²."""
         frequency = np.arange(count) / (2 * count * step)
-        turn = cosines(np.eye(count))
+        turn = dct(np.eye(count), axis=0, norm="ortho")
         return np.asarray(self.amplitudes(frequency).T[:, :, None] * turn)
 
 
@@ -75,7 +75,7 @@ def spectrum_of(rest: Array, rate: float, cutoff_hz: float | None = None) -> Noi
 
     rest (N, n) [N·m, N].
     """
-    power = cosines(rest) ** 2
+    power = dct(rest, axis=0, norm="ortho") ** 2
     count = len(power)
     edges = np.unique(np.round(np.geomspace(LEAST_BINS, count, BANDS + 1)).astype(int))
     edges = np.concatenate([[0], edges[:1], edges[1:][np.diff(edges) >= LEAST_BINS]])

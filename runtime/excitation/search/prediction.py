@@ -9,6 +9,7 @@ correlated noise: their errors are larger by the root of the variance inflation.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import dct
 
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
@@ -19,7 +20,6 @@ from runtime.excitation.search.measures import covariance, mean_gram, rank, too_
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
-from runtime.numerics.cosines import cosines
 from runtime.recording import Friction, friction
 
 SAMPLES = (COST_SAMPLES, 1000)
@@ -242,7 +242,7 @@ def _gram(
     condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
     if known.spectrum is not None:
         weight = known.spectrum.amplitudes(np.arange(samples) / (2 * samples * (t[1] - t[0])))
-        rows = cosines(rows) * weight[:, :, None]
+        rows = dct(rows, axis=0, norm="ortho") * weight[:, :, None]
     gram = mean_gram(rows / known.noise[:, None]) * (known.rate * trajectory.duration)
     if known.earlier is not None:
         gram[:k, :k] += _reduced(known.earlier, known)

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.excitation.search.conic import Block, LinearRows
 from runtime.excitation.search.elastic import MU, Curved, Nonlinear
 from runtime.excitation.search.least_distance import QuadraticProgramme
 from runtime.library import Array
-from runtime.numerics.dense import block_diag
 
 Objective = Callable[[Array], tuple[float, Array]]
 

@@ -10,6 +10,7 @@ functions do not help, the design leaves the parameter at the value of the URDF,
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import qr
 
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
@@ -20,7 +21,6 @@ from runtime.excitation.search.search_problem import problem_of
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES
-from runtime.numerics.dense import pivoted_qr
 from runtime.recording import Friction, friction
 
 SHOWN = 1e-5
@@ -78,7 +78,7 @@ def unseen(
         if along is not None:
             rows[:, j] -= columns[:, j] @ along
     triangle = np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[2]), mode="r"))
-    _, upper, order = pivoted_qr(triangle)
+    _, upper, order = qr(triangle, pivoting=True)
     parts = np.abs(np.diagonal(upper))
     return tuple(sorted(int(k) for k in order[parts <= SHOWN]))
 

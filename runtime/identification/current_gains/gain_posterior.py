@@ -8,10 +8,10 @@ The algebra of `one_log`: Gauss–Newton, evidence and covariance on one triangl
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.library import Array, Library
-from runtime.numerics.dense import block_diag
 
 SCALE = 2e-3
 """Relative standard deviation of a scale."""

@@ -16,14 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.factor import basis_of_joints, triangle_of_joints
 from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
-from runtime.numerics.dense import basis_of_joints, block_diag, triangle_of_joints
 from runtime.recording.preprocessing.segments import segments
 
 ROUGH_ROWS = 600

@@ -12,13 +12,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive.result import DriveFit, places_of
 from runtime.identification.identified import Identification
 from runtime.library import Array
-from runtime.numerics.quantiles import NORMAL_95, chi2_quantile
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05
@@ -146,7 +147,7 @@ def _compared(
     spread = sum(drive.phi_covariance[j][np.ix_(taken, taken)] for j in pair)
     difference = values[0] - values[1]
     squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
-    agrees = squared <= chi2_quantile(len(taken), 0.05)
+    agrees = squared <= chdtri(len(taken), 0.05)
     names = result.lib.joint_names
     rise = None if agrees else _rise(result, pair, taken)
     return MirroredDrive(

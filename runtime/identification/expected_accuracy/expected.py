@@ -12,6 +12,7 @@ d is the distance of the model of a log from its data (`runtime.estimators.estim
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex import CAD, Prior, Reduced, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.regression import Statistics
@@ -22,7 +23,6 @@ from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.gain_of_recording import PAYLOAD_MASS
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
-from runtime.numerics.dense import block_diag
 from runtime.recording.friction import OFFSET
 
 ARM_ERROR = 0.03

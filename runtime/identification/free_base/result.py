@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from runtime.estimators.convex import com_sigma
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.verdicts import PRIOR_DOMINATED
 from runtime.files import replacing
 from runtime.identification.free_base.identify import FreeBaseIdentification
 from runtime.library.parameters import PI_NAMES, centre_of_mass, inertia, links, mass
-from runtime.numerics.quantiles import NORMAL_95
 
 
 def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:

@@ -13,13 +13,13 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.files import replacing
 from runtime.identification.payload.body import NAMES, Body
 from runtime.identification.payload.identified_payload import Payload
 from runtime.identification.payload.known import FORMAT
 from runtime.identification.payload.vendor_files import VENDOR_FILES, digits, vendor_texts
 from runtime.library import Array, Library
-from runtime.numerics.quantiles import NORMAL_95
 
 FILES = (
     *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload.differential import LEAST_TRAVEL
 from runtime.library import Array
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recording
 
 GROUPS = 5

@@ -1,8 +1,8 @@
 """Status and notes of an identified payload."""
 
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload.body import Body
 from runtime.identification.payload.reading import ArmModel
-from runtime.numerics.quantiles import NORMAL_95
 
 _MODEL_ERROR = 0.1
 """Residual over the torque of the payload, above which the model of the arm dominates the error."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
@@ -17,7 +18,6 @@ from runtime.identification.payload import KnownPayload
 from runtime.identification.sensor_gains.problem import RUNS, GainProblem, problem_of
 from runtime.identification.sensor_gains.solve import Solution, reduced, solve
 from runtime.library import Array, Library
-from runtime.numerics.quantiles import chi2_quantile
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
 
@@ -209,7 +209,7 @@ def _common(g: Array, covariance: Array) -> float | None:
     mean = float(inverse.sum(axis=0) @ g) / total
     apart = float((g - mean) @ inverse @ (g - mean))
     clear = abs(mean - 1) > _CLEAR / np.sqrt(total)
-    return mean if clear and apart < chi2_quantile(len(g) - 1, 0.05) else None
+    return mean if clear and apart < chdtri(len(g) - 1, 0.05) else None
 
 
 def _percent(share: float) -> str:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.recording import Recipe
 from runtime.recording.preprocessing.interpolation import interpolate
 

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import (
@@ -37,8 +38,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.monitoring.fleet.alternation import alternate
 from runtime.monitoring.fleet.unit import Unit
-from runtime.numerics.dense import block_diag
-from runtime.numerics.quantiles import chi2_quantile
 
 LEAST = 3
 """Smallest number of units: two do not tell a spread from an outlier."""
@@ -145,7 +144,7 @@ class _View:
 
     def median(self) -> float:
         """κ at which the median of T is that of χ²."""
-        goal = chi2_quantile(self.rest.shape[1], 0.5)
+        goal = chdtri(self.rest.shape[1], 0.5)
         low, high = np.log(LOWEST), np.log(HIGHEST)
         for _ in range(60):
             middle = (low + high) / 2
@@ -165,7 +164,7 @@ class _View:
 
         bounds = (np.log(LOWEST), np.log(HIGHEST))
         best = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
-        limit = cost(best) + chi2_quantile(1, 0.05) / 2
+        limit = cost(best) + chdtri(1, 0.05) / 2
         ends = []
         for end in bounds:
             inside, outside = best, end

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from runtime.estimators.convex import Elimination, reduce
 from runtime.estimators.convex.prior_test import LEAST_DENSITY
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
-from runtime.numerics.dense import solve_triangular
 from runtime.recording.friction_column import widths_of
 from runtime.recording.settings import WIDTHS
 

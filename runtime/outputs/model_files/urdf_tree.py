@@ -10,11 +10,11 @@ from xml.etree.ElementTree import Element, ParseError
 import numpy as np
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
+from scipy.spatial.transform import Rotation
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.library.parameters import inertia_matrix
-from runtime.numerics.rotations import matrix_from_rpy
 from runtime.outputs.model_files.bodies import RigidBody
 
 WORLD = "world"
@@ -172,7 +172,7 @@ def _placement(element: Element, owner: str) -> Array:
     node, T = element.find("origin"), np.eye(4)
     if node is not None:
         rpy = _numbers(node.get("rpy", "0 0 0"), f"{owner}: rpy")
-        T[:3, :3] = matrix_from_rpy(rpy)
+        T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
         T[:3, 3] = _numbers(node.get("xyz", "0 0 0"), f"{owner}: xyz")
     return T
 

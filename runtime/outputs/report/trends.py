@@ -11,10 +11,10 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.library import Array
 from runtime.monitoring.history import read_history
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, trends_of
-from runtime.numerics.quantiles import NORMAL_95
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.style import CYCLE

@@ -7,7 +7,6 @@ then the filter gives these and the neighbours that their derivatives need.
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.numerics.order import median
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing.derivatives import SENTENCES, slopes
 from runtime.recording.preprocessing.filters import (
@@ -35,7 +34,7 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
     stay = marked.q[:, 0].astype(np.int64)
     if not np.array_equal(data.t[stay], marked.t):
         return None
-    period = int(median(np.diff(stay))) if len(stay) > 1 else 1
+    period = int(np.median(np.diff(stay))) if len(stay) > 1 else 1
     missing = [key for key in ("dq", "ddq") if getattr(data, key) is None]
     others: tuple[str, ...] = ALL
     history: tuple[str, ...] = ()

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.numerics.sections import butterworth_sections
 from runtime.recording import Recording
+from runtime.recording.preprocessing.sections import butterworth_sections
 from runtime.recording.preprocessing.segments import holes, segments, uniform_step
 from runtime.recording.preprocessing.zero_phase import zero_phase
 from runtime.recording.recording import ALL, FloatArray

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.numerics.order import median
 from runtime.recording import Recording
 from runtime.recording.recording import FloatArray
 from runtime.recording.rest_speeds import shown_rest_speed
@@ -24,7 +23,7 @@ def holes(t: FloatArray) -> NDArray[np.bool_]:
     steps = np.diff(t)
     if not steps.size or steps.max() <= HOLE * steps.min():  # nor of their median
         return np.zeros(steps.shape, dtype=bool)
-    return np.asarray(steps > HOLE * median(steps))
+    return np.asarray(steps > HOLE * np.median(steps))
 
 
 def segments(t: FloatArray) -> list[slice]:

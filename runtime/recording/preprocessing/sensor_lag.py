@@ -10,7 +10,11 @@ forces instead. Forwards only, unlike the zero-phase filters of `filters`.
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.numerics.sections import butterworth_sections, run_sections, steady_state
+from runtime.recording.preprocessing.sections import (
+    butterworth_sections,
+    run_sections,
+    steady_state,
+)
 from runtime.recording.preprocessing.segments import segments, uniform_step
 from runtime.recording.recording import FloatArray, Recording
 

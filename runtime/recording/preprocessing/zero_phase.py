@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.numerics.sections import both_directions, run_sections, steady_state
+from runtime.recording.preprocessing.sections import both_directions, run_sections, steady_state
 from runtime.recording.recording import FloatArray
 
 LENGTH = 64

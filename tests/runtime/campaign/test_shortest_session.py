@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from runtime.campaign.shortest_session import shortest_session, size_of
 from runtime.campaign.target import target_of
@@ -23,7 +24,6 @@ from runtime.identification.expected_accuracy.promise import (
     promise_of,
 )
 from runtime.library import Library, load
-from runtime.numerics.dense import block_diag
 from runtime.recording import Friction
 from runtime.recording.friction import JointMotion, columns
 from tests.runtime.conftest import Command

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify_payload
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload import Payload
 from runtime.identification.payload.posture_error import posture_error
 from runtime.library import Library
-from runtime.numerics.quantiles import NORMAL_95
 
 BALL = np.array([0.5, 0, 0, 0.05, 0.01, 0.01, 0.002, 0, 0, 0])
 """0.5 kg, its centre at 0.1 m [kg, kg·m ×3, kg·m² ×6]."""

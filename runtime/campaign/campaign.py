@@ -12,27 +12,30 @@ A step whose file exists is done, so that the same call continues after an inter
 appear complete or not at all.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from runtime.campaign.driver import Driver
+import numpy as np
+
+from runtime.campaign.driver import START, Driver
 from runtime.campaign.estimation import ArmModel, agreement_of, arm_model
 from runtime.campaign.gate import EMPTY_CELL, released
 from runtime.campaign.gear_friction import smoothed
-from runtime.campaign.guard_model import model_error
-from runtime.campaign.guards import usual_guards
+from runtime.campaign.guards import model_error, usual_guards
 from runtime.campaign.rehearsal import rehearse, unnoticed
-from runtime.campaign.state_file import STATE, limits_facts, opened_state, write_json
 from runtime.campaign.target import Target, known_before, reached, torque_noise
-from runtime.campaign.to_the_start import move_to
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
+from runtime.excitation.approach.way import way_to
+from runtime.excitation.proof.certified_motion import slowed
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
-from runtime.files import json_of, replacing
+from runtime.files import DRAFT, json_of, replacing
 from runtime.identification.result_file import write_result
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording import Recording, read_recording, write_recording
 
 REPORT = "report.md"
@@ -42,6 +45,9 @@ LEAST_MOTIONS = 2
 determine what the friction columns depend on, and other minima look like noise."""
 UNSEEN_LATER = 0.2
 """Share of friction and ripple not yet seen that a log of a further motion may still show."""
+STATE = "state.json"
+NEAR = START / 2
+"""Distance from the start below which a robot stays where it is [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,3 +274,77 @@ def _report(folder: Path, lib: Library, plan: Plan, target: Target, outcome: Out
         sigma = target.shown(motion["sigma"])
         lines.append(f"| {k} | {motion['seconds']:g} s | {sigma} | {passed} |")
     return "\n".join([*lines, ""])
+
+
+def limits_facts(safety: Safety) -> dict[str, Any] | None:
+    """Limits beyond those of the robot, JSON-ready; None where there are none."""
+    usual = asdict(Safety())
+    beyond = {key: value for key, value in asdict(safety).items() if value != usual[key]}
+    facts: dict[str, Any] = json.loads(json.dumps(beyond))
+    return facts or None
+
+
+def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
+    """Content of state.json; a new one where the folder has none."""
+    path = folder / STATE
+    if not path.exists():
+        # Motions may be given; they are read and never replaced.
+        known_names = ("motion-*.json", f"{DRAFT}*")
+        if folder.is_dir() and not all(
+            any(file.match(name) for name in known_names) for file in folder.iterdir()
+        ):
+            raise IdentificationError(
+                f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
+                "with --out"
+            )
+        _remove_drafts(folder)
+        state: dict[str, Any] = described | {"motions": []}
+        write_json(path, state)
+        return state
+    known = json_of(path)
+    if not isinstance(known, dict) or any(known.get(key) != described[key] for key in described):
+        raise IdentificationError(
+            f"'{folder}' holds a campaign of another robot or with other settings; choose another "
+            "folder with --out, or give the same settings"
+        )
+    _remove_drafts(folder)
+    return known
+
+
+def _remove_drafts(folder: Path) -> None:
+    """Remove what a killed process was writing."""
+    for draft in folder.rglob(f"{DRAFT}*"):
+        draft.unlink(missing_ok=True)
+
+
+def write_json(path: Path, facts: dict[str, Any]) -> None:
+    """Write a file of a campaign, completely or not at all."""
+    with replacing(path) as file:
+        file.write(f"{json.dumps(facts, indent=1, ensure_ascii=False)}\n".encode())
+
+
+def move_to(
+    driver: Driver,
+    start: Array,
+    safety: Safety,
+    speed: float = 0.1,
+    say: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Let the robot follow a certified way from where it stands.
+
+    start (n,) [rad, m].
+    """
+    here = driver.state().q
+    if not np.abs(here - start).max() > NEAR:
+        return
+    way = way_to(driver.lib, here, start, safety).trajectory
+    if way is None:
+        return
+    slow = slowed(way, speed)
+    say(f"the robot moves to the start, {slow.duration:.3g} s at {100 * speed:g} % speed")
+    done = driver.stream(slow, guards=usual_guards(driver.lib, driver.rate_hz))
+    if done.stop is not None:
+        raise IdentificationError(
+            f"the way to the start was stopped after {done.stop.seconds:.3f} s by "
+            f"{done.stop.guard} ({done.stop.sentence}); clear the way and repeat the command"
+        )

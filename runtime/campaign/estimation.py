@@ -10,9 +10,9 @@ from runtime.campaign.gear_friction import (
     NAMES,
     SPREAD,
     GearFriction,
+    gear_of,
     prepared_log,
 )
-from runtime.campaign.gear_search import gear_of
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE
 from runtime.estimators.convex.constraints import Constraints
@@ -32,8 +32,6 @@ from runtime.recording.settings import EVERYTHING
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=50.0, trim_s=0.1)
 """Of every log. Motions of five harmonics end below 3 Hz; above 10 Hz the accelerations of encoders
 of 10 µrad are noisier than torque sensors."""
-
-
 UNSEEN_RIPPLE, UNSEEN_FRICTION = 0.005, 0.3
 """σ of torques that logs so far have not shown, over the range of the torque of a joint and over
 its friction: a slow stage shows the friction of full speed to a third."""

@@ -2,11 +2,13 @@
 
 | guard | refuses |
 |---|---|
-| `LimitsGuard` of `limits_guard` | limits of joints exceeded, numbers that are not finite |
+| `LimitsGuard` | limits of joints exceeded, numbers that are not finite |
 | `TrackingGuard` | a position far from the commanded one |
 | `ExternalTorqueGuard` | an external torque above a threshold, by the momentum observer |
 | `ClockGuard` | late or repeated samples, a clock that jumps |
 | `KeyGuard` | a key of the user |
+
+Before an arm is identified they use the bodies of the URDF, and the usual error of such a model.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,11 +16,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from runtime.campaign.driver import Guard, Reference, Sample
-from runtime.campaign.guard_model import model_error, urdf_model
-from runtime.campaign.limits_guard import LimitsGuard
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.dependent_joints import (
+    DependentJoints,
+    dependent_limits,
+    dependent_rows,
+)
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.observer import Observer
+from runtime.recording import Friction, Preparation
 
 TRACKING = 0.02
 """Largest distance from the commanded position, as a share of the range of a joint."""
@@ -34,6 +41,83 @@ LEVEL = 5.0
 reached 4.2 in 30 s of free motion."""
 LATE = 3.0
 """Periods without a sample after which data are stale; a jump of the robot's clock alike."""
+MODEL_ERROR = (0.006, 0.03, 0.5)
+"""σ of the modelled torque of an arm that is not identified: 0.6 % of the effort limit, at least
+0.5 N·m, at most 3 %; friction of wrists is that large."""
+
+
+class LimitsGuard:
+    """Limits of the joints, also of those that follow several others or that a loop moves.
+
+    Args:
+        lib: library of the robot.
+        margin: share of velocity and torque limits that a sample may exceed, for noise.
+    """
+
+    name = "limits"
+
+    def __init__(self, lib: Library, margin: float = 0.05) -> None:
+        self._names = lib.joint_names
+        limits = lib.limits()
+        self._lower, self._upper = limits["lower"], limits["upper"]
+        self._most = {
+            "velocity": (1 + margin) * limits["velocity"],
+            "torque": (1 + margin) * limits["effort"],
+        }
+        self._dependent = DependentJoints(lib, dependent_rows(lib))
+        low, high, speed = dependent_limits(lib, self._dependent.rows)
+        self._ends, self._speed = (low, high), (1 + margin) * speed
+
+    def refusal(self, sample: Sample, reference: Reference) -> str | None:
+        """Sentence on the first limit that is exceeded."""
+        for what, values in (
+            ("position", sample.q),
+            ("velocity", sample.dq),
+            ("torque", sample.tau),
+        ):
+            if not np.isfinite(values).all():
+                j = int(np.argmin(np.isfinite(values)))
+                return f"expected a finite {what} of {self._names[j]}, got {values[j]}"
+        return (
+            _outside(self._names, sample.q, self._lower, self._upper)
+            or _beyond("velocity", self._names, sample.dq, self._most["velocity"])
+            or _beyond("torque", self._names, sample.tau, self._most["torque"])
+            or self._of_dependents(sample)
+        )
+
+    def _of_dependents(self, sample: Sample) -> str | None:
+        """Sentence on the first dependent joint beyond its limits, or on a loop that is open."""
+        if not self._dependent.rows:
+            return None
+        x, dx, _ = (
+            values[0]
+            for values in self._dependent.motion(
+                np.stack([sample.q, sample.dq, np.zeros_like(sample.q)])[:, None]
+            )
+        )
+        names = self._dependent.names
+        if not np.isfinite(x).all():
+            j = int(np.argmin(np.isfinite(x)))
+            return f"expected positions at which the loop of {names[j]} closes, got {sample.q}"
+        return _outside(names, x, *self._ends) or _beyond("velocity", names, dx, self._speed)
+
+
+def _outside(names: Sequence[str], q: Array, lower: Array, upper: Array) -> str | None:
+    """Sentence on the first joint outside its range."""
+    outside = (q < lower) | (q > upper)
+    if not outside.any():
+        return None
+    j = int(np.argmax(outside))
+    return f"expected {names[j]} in [{lower[j]:.4g}, {upper[j]:.4g}], got {q[j]:.4g}"
+
+
+def _beyond(what: str, names: Sequence[str], values: Array, most: Array) -> str | None:
+    """Sentence on the first joint whose value exceeds its limit."""
+    beyond = np.abs(values) > most
+    if not beyond.any():
+        return None
+    j = int(np.argmax(beyond))
+    return f"expected a {what} of {names[j]} up to {most[j]:.4g}, got {values[j]:.4g}"
 
 
 class TrackingGuard:
@@ -172,3 +256,35 @@ def usual_guards(
     if pressed is not None:
         guards.append(KeyGuard(pressed))
     return [*guards, ExternalTorqueGuard(lib, rate_hz, model)]
+
+
+def model_error(lib: Library) -> Array:
+    """σ of the modelled torque of an arm that is not identified yet, (n,) [N·m, N]."""
+    effort = lib.limits()["effort"]
+    bounded = np.isfinite(effort) & (effort > 0)
+    if not bounded.all():
+        j = int(np.argmin(bounded))
+        raise IdentificationError(
+            f"expected an effort limit of {lib.joint_names[j]} for the guard of the external "
+            "torque; state it in the URDF, or as effort under [[link]] of a TOML file"
+        )
+    low, high, least = MODEL_ERROR
+    return np.asarray(np.minimum(high * effort, np.maximum(low * effort, least)))
+
+
+def urdf_model(lib: Library) -> SavedResult:
+    """The bodies of the URDF without friction, as a model of the observer."""
+    n = lib.n_joints
+    return SavedResult(
+        robot=lib.name,
+        method="urdf",
+        joints=lib.joint_names,
+        units=("N*m",) * n,
+        pi=lib.pi0,
+        friction=Friction(()),
+        phi=np.zeros((n, 0)),
+        net=None,
+        history=(),
+        preparation=Preparation(),
+        model=None,
+    )

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime.campaign.estimation import arm_model
+from runtime.campaign.gate import torque_faults
 from runtime.campaign.gear_friction import smoothed
-from runtime.campaign.torque_faults import torque_faults
 from runtime.errors import RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times

@@ -76,7 +76,8 @@ def reached(target: Target, result: Identification, motion: Trajectory) -> float
     if target.kind == "a":
         size = sizes(lib, information(lib))
         return float(np.sqrt(np.mean(np.diag(spread) / size**2)))
-    # The error of the arm counts: information Tᵀ (G⁻¹ + C)⁻¹ T of the payload, as in `payload`.
+    # The error of the arm counts: information Tᵀ (G⁻¹ + C)⁻¹ T of the payload, with
+    # G the information of this motion, C the covariance of β, T the columns of K of the last link.
     noise, rate = torque_noise(result)
     of_motion = covariance_of(lib, motion, information(lib, noise, rate), (OFFSET.name,))
     columns = lib.base_matrix[:, -N_PARAMETERS:]

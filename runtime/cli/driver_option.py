@@ -3,8 +3,7 @@
 import numpy as np
 
 from runtime.campaign.driver import Driver
-from runtime.campaign.drivers import DRIVERS
-from runtime.campaign.drivers.driver_kind import DriverSettings
+from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.cli.common import numbers_option
 from runtime.library import Library
 

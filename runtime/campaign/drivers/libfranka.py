@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
-from runtime.campaign.drivers.driver_kind import (
+from runtime.campaign.drivers import (
     DriverKind,
     DriverSettings,
     imported,

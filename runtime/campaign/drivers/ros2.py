@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
-from runtime.campaign.drivers.driver_kind import DriverKind, DriverSettings, imported
+from runtime.campaign.drivers import DriverKind, DriverSettings, imported
 from runtime.errors import SimulationError
 from runtime.excitation.motion_formats.ros import RATE
 from runtime.library import Library

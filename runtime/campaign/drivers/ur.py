@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from runtime.campaign.driver import Driver, NoSampleError, Reference, Sample
-from runtime.campaign.drivers.driver_kind import (
+from runtime.campaign.drivers import (
     DriverKind,
     DriverSettings,
     imported,

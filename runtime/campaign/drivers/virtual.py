@@ -1,9 +1,240 @@
-"""The virtual robot as a driver by name."""
+"""The virtual robot behind the door of a real one: plant, friction, sensors, drive, controller.
 
-from runtime.campaign.driver import Driver
-from runtime.campaign.drivers.driver_kind import DriverKind, DriverSettings
+The same robot as `runtime.simulation.record` for the same `truth_seed`; time passes as the samples
+do. `PlantedFault` is what goes wrong at an instant: a stuck joint, a collision, a dead connection,
+a jump of the clock.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+
+from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
+from runtime.campaign.drivers import DriverKind, DriverSettings
 from runtime.errors import SimulationError
-from runtime.library import Library
+from runtime.library import Array, Library
+from runtime.simulation.joint_friction import JointFriction
+from runtime.simulation.plant_engine import plant_engine
+from runtime.simulation.sensors import Encoders, calibration, measured_torque
+from runtime.simulation.settings import VirtualRobotSettings, settings_of
+from runtime.simulation.virtual_robot import perturbed
+
+FAULTS = ("stuck", "collision", "dead", "clock")
+TIMEOUT = 0.003
+"""Time after which a missing sample is an error [s]."""
+_STUCK = 1e7
+"""Damping of a stuck joint [N·m·s/rad, N·s/m]."""
+_BRAKE_S = 0.5
+_NOISE_ROWS = 4096
+_SHOWN = 32
+"""Positions of a motion that its noise is seeded by."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedFault:
+    """What goes wrong.
+
+    Attributes:
+        kind: of `FAULTS`.
+        at: time since the start of the stream [s].
+        joint: index of the stuck or pushed joint.
+        size: torque of the collision [N·m, N], or jump of the clock [s].
+    """
+
+    kind: str
+    at: float
+    joint: int = 0
+    size: float = 10.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in FAULTS:
+            raise SimulationError(
+                f"expected a fault of {', '.join(FAULTS)}, got {self.kind!r:.40}; correct it"
+            )
+
+
+class VirtualDriver(Driver):
+    """A simulated robot, as a driver.
+
+    Args:
+        lib: the robot.
+        settings: by default `settings_of(lib)`.
+        seed: of the noise.
+        truth_seed: of the robot, as in `runtime.simulation.record`.
+        fault: None for a sound robot.
+        held: parameters added to those of the links, such as a payload's, (10 n,); None for none.
+    """
+
+    def __init__(
+        self,
+        lib: Library,
+        settings: VirtualRobotSettings | None = None,
+        *,
+        seed: int = 0,
+        truth_seed: int = 0,
+        fault: PlantedFault | None = None,
+        held: Array | None = None,
+    ) -> None:
+        self._settings = settings or settings_of(lib)
+        s = self._settings
+        super().__init__(lib, s.rate_hz)
+        of_robot = np.random.SeedSequence(truth_seed).spawn(2)
+        self.pi = perturbed(lib, lib.pi0, s.spread, np.random.default_rng(of_robot[0]))
+        if held is not None:
+            self.pi = self.pi + held
+        self._calibration = calibration(s.sensors, np.random.default_rng(of_robot[1]))
+        self._seed = seed
+        self._rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
+        self._plant = plant_engine(lib, self.pi, s.rotor, s.step_s)
+        self._friction = self._new_friction()
+        self._substeps = round(1 / (s.rate_hz * s.step_s))
+        self._effort = lib.limits()["effort"]
+        self._fault, self._time, self._ticks, self._start = fault, 0.0, 0, np.inf
+        self._link = np.zeros(lib.n_joints)
+        self.place(lib.home)
+
+    def clock(self) -> float:
+        """Simulated time [s]."""
+        return self._time
+
+    def place(self, q: Array) -> None:
+        """Put the robot at rest at a position.
+
+        q (n,) [rad, m].
+        """
+        plant = self._plant
+        plant.q[:], plant.dq[:] = plant.sorted(np.asarray(q, dtype=float)), 0.0
+        self._start, self._ticks = np.inf, 0
+        self._encoders = self._new_encoders()
+        self._link = self._plant.sorted(
+            self.lib.bias_forces(q, np.zeros(self.lib.n_joints), self.pi) + self.lib.known_torque(q)
+        )
+        steps = round(self._settings.delay_s / self._settings.step_s)
+        # Until the first torque arrives the brakes hold what that torque will be.
+        self._commands: deque[Array] = deque([self._link] * (steps + 1), maxlen=steps + 1)
+        self._now = self._read()
+
+    def state(self) -> Sample:
+        """Newest sample."""
+        return self._sample(*self._now)
+
+    def begin(self, motion: Motion) -> None:
+        """Start a motion at rest, with noise of its own: its log does not depend on earlier ones.
+
+        A campaign that was interrupted so records what an undisturbed one records.
+        """
+        shown = motion.at(self.lib, np.linspace(0.0, motion.duration, _SHOWN))[0]
+        digest = crc32(np.ascontiguousarray(shown).tobytes(), round(1e6 * motion.duration))
+        self._rng = np.random.default_rng(np.random.SeedSequence([self._seed, 2, digest]))
+        self._friction = self._new_friction()
+        self.place(shown[0])
+
+    def exchange(self, reference: Reference) -> Sample:
+        """Let the controller follow one reference for a period."""
+        if self._start == np.inf:
+            self._start = self._time
+        if self._has("dead"):
+            self._time += TIMEOUT
+            raise NoSampleError(f"expected a sample within {TIMEOUT:g} s, got none")
+        self._advance(*self._now, reference)
+        self._now = self._read()
+        return self._sample(*self._now)
+
+    def stop(self) -> None:
+        """Hold the present position by the controller until the arm is at rest."""
+        here = self._plant.restored(np.array(self._plant.q))
+        still = np.zeros(self.lib.n_joints)
+        for _ in range(round(_BRAKE_S * self.rate_hz)):
+            self._advance(*self._now, Reference(here, still, still))
+            self._now = self._read()
+
+    @property
+    def position(self) -> Array:
+        """True position, (n,) [rad, m]."""
+        return self._plant.restored(np.array(self._plant.q))
+
+    @property
+    def gains(self) -> Array:
+        """True gains of the torque sensors, (n,)."""
+        return self._calibration.gain
+
+    @property
+    def velocity(self) -> Array:
+        """True velocity, (n,) [rad/s, m/s]."""
+        return self._plant.restored(np.array(self._plant.dq))
+
+    def _new_friction(self) -> JointFriction:
+        settings = self._settings
+        return JointFriction(settings.friction, settings.step_s, self._plant.places)
+
+    def _new_encoders(self) -> Encoders:
+        sensors, places = self._settings.sensors, self._plant.places
+        jitter = self._rng.normal(size=(_NOISE_ROWS, self.lib.n_joints))
+        noise = self._plant.sorted(sensors.position_noise * jitter)
+        return Encoders(sensors, noise, 1 / self.rate_hz, places)
+
+    def _read(self) -> tuple[Array, Array]:
+        """Measured q̂ and dq̂ in the order of the library."""
+        plant = self._plant
+        # The rows of noise are used again after four seconds; they are far from correlated.
+        seen = self._encoders.read(self._ticks % _NOISE_ROWS, np.array(plant.q), plant.dq)
+        self._ticks += 1
+        q, dq = (plant.restored(np.array(part)) for part in seen)
+        return q, dq
+
+    def _advance(self, q: Array, dq: Array, reference: Reference) -> None:
+        """Computed torque with the bodies of the URDF for one period."""
+        s, lib, plant = self._settings, self.lib, self._plant
+        u = reference.ddq + s.damping * (reference.dq - dq) + s.stiffness * (reference.q - q)
+        tau = lib.inverse_dynamics(q, dq, u, lib.pi0) + s.rotor * u + lib.known_torque(q)
+        command = plant.sorted(np.clip(tau, -self._effort, self._effort))
+        now_q, now_dq, h = plant.q, plant.dq, plant.step_s
+        rotor = plant.sorted(s.rotor)
+        push = plant.sorted(self._push())
+        stuck = self._stuck()
+        link = self._link
+        for j in range(self._substeps):
+            self._commands.append(command)
+            applied = self._commands[0]
+            f, slope = self._friction.advance(now_q, now_dq, self._link)
+            plant.damping[:] = slope if stuck is None else np.where(stuck > 0, _STUCK, slope)
+            plant.applied[:] = applied - f + slope * now_dq + push
+            before = np.array(now_dq)
+            plant.advance()
+            if j == 0:
+                link = applied - rotor * (now_dq - before) / h
+        self._link = link
+        self._time += 1 / self.rate_hz
+        if not np.isfinite(now_q).all():
+            raise SimulationError("the virtual robot diverged; lower the gains of its controller")
+
+    def _sample(self, q: Array, dq: Array) -> Sample:
+        sensors = self._settings.sensors
+        link = self._plant.restored(self._link)
+        tau = measured_torque(link[None], sensors, self._calibration, self._rng)[0]
+        jump = self._fault.size if self._fault is not None and self._has("clock") else 0.0
+        return Sample(self._time + jump, self._time, q, dq, tau)
+
+    def _has(self, kind: str) -> bool:
+        fault = self._fault
+        since = self._time - self._start
+        return fault is not None and fault.kind == kind and since >= fault.at - 1e-9
+
+    def _push(self) -> Array:
+        push = np.zeros(self.lib.n_joints)
+        if self._fault is not None and self._has("collision"):
+            push[self._fault.joint] = self._fault.size
+        return push
+
+    def _stuck(self) -> Array | None:
+        """1 for the stuck joint, in the order of the engine; None where no joint is stuck."""
+        if self._fault is None or not self._has("stuck"):
+            return None
+        which = np.zeros(self.lib.n_joints)
+        which[self._fault.joint] = 1.0
+        return self._plant.sorted(which)
 
 
 def _open(lib: Library, settings: DriverSettings) -> Driver:
@@ -11,8 +242,6 @@ def _open(lib: Library, settings: DriverSettings) -> Driver:
         raise SimulationError(
             f"the virtual robot has no address, got '{settings.address:.40}'; give --driver virtual"
         )
-    from runtime.campaign.virtual_driver import VirtualDriver
-
     return VirtualDriver(lib, seed=settings.seed, truth_seed=settings.truth_seed)
 
 

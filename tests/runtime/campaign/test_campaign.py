@@ -10,10 +10,10 @@ import pytest
 from runtime import read_recording, write_recording
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Reference, Sample, Stop, Streamed
+from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
 from runtime.campaign.gate import released
 from runtime.campaign.rehearsal import rehearsed
 from runtime.campaign.target import target_of
-from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.obstacles import Obstacle

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from runtime import read_recording, write_recording
+from runtime.campaign.campaign import move_to
 from runtime.campaign.driver import START, Sample, Streamed
-from runtime.campaign.guards import KeyGuard, usual_guards
-from runtime.campaign.limits_guard import LimitsGuard
-from runtime.campaign.to_the_start import move_to
-from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
+from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
+from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.trajectory_file import read_trajectory

@@ -9,12 +9,10 @@ import pytest
 from runtime import load
 from runtime.campaign.campaign import Plan, _rehearsed
 from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
-from runtime.campaign.gear_friction import GearFriction, smoothed
-from runtime.campaign.gear_search import gear_of
-from runtime.campaign.payload import payload_of
+from runtime.campaign.gate import torque_faults
+from runtime.campaign.gear_friction import GearFriction, gear_of, smoothed
 from runtime.campaign.rehearsal import Verdict, unnoticed
 from runtime.campaign.target import base_covariance
-from runtime.campaign.torque_faults import torque_faults
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
@@ -90,7 +88,7 @@ def test_what_the_columns_depend_on_is_recovered(arm: Library) -> None:
 
 
 def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
-    """Property: errors of β within four σ; another load is beyond the band, and identified."""
+    """Property: errors of β within four σ; another load is beyond the band."""
     logs = [(f"log {k}", smoothed(moved(arm, 6.0, k), arm)) for k in (1, 2)]
     model = arm_model(arm, logs)
     spread = base_covariance(model.result)
@@ -100,10 +98,6 @@ def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
     assert max(agreement_of(model, smoothed(new, arm), 0.2)) < 3
     heavy = smoothed(moved(arm, 4.0, 3, load=0.5), arm)
     assert max(agreement_of(model, heavy, 0.2)) > 3
-    x, covariance = payload_of(model, heavy)
-    carried = arm.base_matrix[:, -10:]
-    error = carried @ (x - 0.5 * arm.pi0[-10:])
-    assert np.abs(error / np.sqrt(np.diag(carried @ covariance @ carried.T))).max() < 4
 
 
 def test_a_wrong_sign_and_a_load_are_named(arm: Library) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from runtime.campaign.campaign import Plan, run_campaign
+from runtime.campaign.drivers.virtual import VirtualDriver
 from runtime.campaign.target import target_of
-from runtime.campaign.virtual_driver import VirtualDriver
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library, load
@@ -21,7 +21,7 @@ import os, signal, sys
 from pathlib import Path
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.target import target_of
-from runtime.campaign.virtual_driver import VirtualDriver
+from runtime.campaign.drivers.virtual import VirtualDriver
 from runtime.library import load
 
 plan = {PLAN!r}

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from runtime.campaign.driver import Driver
-from runtime.campaign.drivers import DRIVERS
-from runtime.campaign.drivers.driver_kind import DriverSettings
+from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.guards import usual_guards
 from runtime.errors import SimulationError
 from runtime.excitation import Safety

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.campaign.driver import Reference, Sample
-from runtime.campaign.limits_guard import LimitsGuard
+from runtime.campaign.guards import LimitsGuard
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.approach.way import way_to

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from runtime import Identification, Recording, identify_payload
-from runtime.campaign.guard_model import urdf_model
+from runtime.campaign.guards import urdf_model
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison import compare
 from runtime.identification.problem_setup import assemble

@@ -8,8 +8,8 @@ from runtime.library import to_pinocchio_order
 from symgen.chain import Chain
 from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
+from symgen.mechanics.base_parameters import regrouped
 from symgen.mechanics.mass_matrix import forward_dynamics, mass_matrix
-from symgen.mechanics.regrouping import regrouped
 from tests.oracle import Array, pinocchio_model, random_states
 
 STATES = 20

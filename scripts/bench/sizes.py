@@ -101,8 +101,8 @@ def _torque_cpu(urdf: str) -> float:
     from symgen.emit import emit
     from symgen.kernel import Argument, make_kernel
     from symgen.make.compiler import PORTABLE, compile_library
+    from symgen.mechanics.base_parameters import regrouped
     from symgen.mechanics.dynamics import inverse_dynamics
-    from symgen.mechanics.regrouping import regrouped
 
     os.environ["CCACHE_DISABLE"] = "1"
     start = _cpu()

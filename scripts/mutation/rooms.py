@@ -85,19 +85,14 @@ ROOMS = {
         tuple(
             f"{_MECHANICS}/{name}.py"
             for name in (
-                *("dynamics", "lagrange", "mass_matrix", "kinematics", "spatial", "pose"),
-                *("passive", "control", "excitation", "givens"),
+                *("dynamics", "mass_matrix", "kinematics", "spatial", "passive", "excitation"),
+                "loop_equations",
             )
         ),
         ("tests/symgen/mechanics",),
     ),
-    "inertia": Room(
-        (f"{_MECHANICS}/inertia.py", f"{_MECHANICS}/consistency.py"), ("tests/symgen/mechanics",)
-    ),
+    "inertia": Room((f"{_MECHANICS}/inertia.py",), ("tests/symgen/mechanics",)),
     "base parameters": Room((f"{_MECHANICS}/base_parameters.py",), ("tests/symgen/mechanics",)),
-    "regrouping": Room(
-        (f"{_MECHANICS}/regrouping.py", f"{_MECHANICS}/coordinates.py"), ("tests/symgen/mechanics",)
-    ),
     "emit": Room(
         ("symgen/emit",),
         (

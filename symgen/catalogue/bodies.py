@@ -3,7 +3,7 @@
 import casadi as ca
 
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import inertia
 from symgen.mechanics.inertia import N_PARAMETERS as P
 
 
@@ -17,7 +17,7 @@ def body_kernels() -> tuple[Kernel, ...]:
     pi, lam, frame, floor, slope, theta = (
         a.symbol() for a in (pi_, lam_, frame_, floor_, slope_, theta_)
     )
-    pivot, log_det, traces, curvature = consistency.barrier(pi)
+    pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
         make_kernel(
             "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
@@ -52,9 +52,9 @@ def body_kernels() -> tuple[Kernel, ...]:
             "cholesky_jacobian",
             {theta_: theta},
             {
-                pi_: consistency.pi_from_cholesky(theta),
+                pi_: inertia.pi_from_cholesky(theta),
                 Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(
-                    consistency.pi_from_cholesky(theta), theta
+                    inertia.pi_from_cholesky(theta), theta
                 ),
             },
             "pi and d pi / d theta of one link, P = U(theta) U(theta)'",
@@ -75,7 +75,7 @@ def body_kernels() -> tuple[Kernel, ...]:
         make_kernel(
             "cholesky_from_pi",
             {pi_: pi},
-            {theta_: consistency.cholesky_from_pi(pi)},
+            {theta_: inertia.cholesky_from_pi(pi)},
             "theta with U(theta) U(theta)' = P; NaN unless P is positive definite",
             "link",
             rare=True,
@@ -93,7 +93,7 @@ def body_kernels() -> tuple[Kernel, ...]:
         make_kernel(
             "nearest_realisable",
             {pi_: pi, floor_: floor},
-            {Argument("realisable", (P,), "SI"): consistency.nearest_realisable(pi, floor)},
+            {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
             "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
             "link",
             rare=True,
@@ -110,7 +110,7 @@ def body_kernels() -> tuple[Kernel, ...]:
         make_kernel(
             "pseudo_inertia",
             {pi_: pi},
-            {Argument("P", (4, 4), "SI"): consistency.pseudo_inertia(pi)},
+            {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
             "P(pi), Eqs. 3.9, 3.10",
             "link",
             rare=True,

@@ -8,9 +8,9 @@ from collections.abc import Container
 from symgen.catalogue.units import STATE, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import control, mass_matrix
+from symgen.mechanics import dynamics, kinematics, mass_matrix
+from symgen.mechanics.base_parameters import regrouped
 from symgen.mechanics.inertia import N_PARAMETERS
-from symgen.mechanics.regrouping import regrouped
 
 
 def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
@@ -24,7 +24,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
     jacobians = make_kernel(
         "frame_jacobians",
         {q_: q},
-        {Argument("J", (6 * (links + 1), n), "m|1"): control.frame_jacobians(chain, q)},
+        {Argument("J", (6 * (links + 1), n), "m|1"): kinematics.frame_jacobians(chain, q)},
         "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
         "of the base, one below the other",
         rare=True,
@@ -47,7 +47,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
             "coriolis_matrix",
             {q_: q, dq_: dq, pi_: pi},
             {
-                Argument("C", (n, n), "d (C dq) / d dq / 2"): control.coriolis_matrix(
+                Argument("C", (n, n), "d (C dq) / d dq / 2"): dynamics.coriolis_matrix(
                     chain, q, dq, regrouped(chain, pi)
                 )
             },
@@ -60,7 +60,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
             {q_: q, dq_: dq, dq_r_: dq_r, ddq_r_: ddq_r},
             {
                 Argument("Y", (n, N_PARAMETERS * links), "d tau / d pi"): (
-                    control.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
+                    dynamics.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
                 )
             },
             "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",

@@ -5,7 +5,7 @@ import casadi as ca
 from symgen.catalogue.units import STATE, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, Matrix, make_kernel, with_further
-from symgen.mechanics import closure, coordinates, loop_seeds
+from symgen.mechanics import closure, kinematics, loop_equations
 from symgen.mechanics.loop_equations import closed_chain
 
 
@@ -19,11 +19,11 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
     q, dq, ddq = symbols
     last_ = Argument("last", (count,), state_unit(chain, 0))
     last = last_.symbol()
-    _, margin = loop_seeds.seed_values(closed_chain(chain), q)
-    after, after_margin = loop_seeds.values_from_last(
+    _, margin = loop_equations.seed_values(closed_chain(chain), q)
+    after, after_margin = loop_equations.values_from_last(
         closed_chain(chain), q, _dependent(chain, last)
     )
-    everything = coordinates.all_positions(chain, q)
+    everything = kinematics.all_positions(chain, q)
     blocks = len(chain.loops.blocks)
     return (
         make_kernel(
@@ -31,10 +31,10 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
             dict(zip(arguments, symbols, strict=True)),
             {
                 Argument("q_all", (count,), state_unit(chain, 0)): everything,
-                Argument("dq_all", (count,), state_unit(chain, 1)): coordinates.all_rates(
+                Argument("dq_all", (count,), state_unit(chain, 1)): kinematics.all_rates(
                     chain, q, dq
                 ),
-                Argument("ddq_all", (count,), state_unit(chain, 2)): coordinates.all_accelerations(
+                Argument("ddq_all", (count,), state_unit(chain, 2)): kinematics.all_accelerations(
                     chain, q, dq, ddq
                 ),
             },
@@ -46,7 +46,7 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
             {arguments[0]: q},
             {
                 Argument("G", (count, n), "d q_all / d q"): ca.densify(
-                    coordinates.joint_jacobian(chain, q)
+                    kinematics.joint_jacobian(chain, q)
                 ),
                 Argument("margin", (blocks,), "1"): margin,
             },

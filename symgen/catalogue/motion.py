@@ -8,10 +8,9 @@ import casadi as ca
 from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import dynamics, kinematics, lagrange, mass_matrix
-from symgen.mechanics.base_parameters import Array, BaseParameters
+from symgen.mechanics import dynamics, kinematics, mass_matrix
+from symgen.mechanics.base_parameters import Array, BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
-from symgen.mechanics.regrouping import regrouped
 
 
 def motion_kernels(
@@ -165,10 +164,10 @@ def _without_accelerations(
             {q_: q, dq_: dq},
             {
                 Argument("P_b", (n, b), "d p / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: lagrange.momentum(chain, q, dq, pi), base.columns
+                    chain, lambda pi: dynamics.momentum(chain, q, dq, pi), base.columns
                 ),
                 Argument("R_b", (n, b), "d r / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: lagrange.lagrange_force(chain, q, dq, pi), base.columns
+                    chain, lambda pi: dynamics.lagrange_force(chain, q, dq, pi), base.columns
                 ),
             },
             "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
@@ -179,7 +178,7 @@ def _without_accelerations(
             {q_: q, dq_: dq},
             {
                 Argument("E_b", (b,), "d (T + U) / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: sum(lagrange.energies(chain, q, dq, pi)), base.columns
+                    chain, lambda pi: sum(dynamics.energies(chain, q, dq, pi)), base.columns
                 ).T
             },
             "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",

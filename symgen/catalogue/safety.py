@@ -15,8 +15,8 @@ from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
 from symgen.kernel import Argument, Kernel, make_kernel
 from symgen.mechanics import dynamics, kinematics
+from symgen.mechanics.base_parameters import regrouped
 from symgen.mechanics.inertia import N_PARAMETERS
-from symgen.mechanics.regrouping import regrouped
 
 
 def safety_kernels(

@@ -15,8 +15,8 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.collision.model import CollisionModel, Pair, Proxy
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions, independent_forces
-from symgen.mechanics.pose import joint_pose
+from symgen.mechanics.kinematics import all_positions, independent_forces
+from symgen.mechanics.spatial import joint_pose
 
 _PARALLEL = 1e-12
 """Sine² of the angle below which two segments count as parallel: rounding of their directions."""

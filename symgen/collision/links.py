@@ -9,8 +9,8 @@ from symgen.chain import Chain
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.pose import joint_pose
+from symgen.mechanics.kinematics import all_positions
+from symgen.mechanics.spatial import joint_pose
 
 Array = NDArray[np.float64]
 

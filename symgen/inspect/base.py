@@ -14,9 +14,8 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model
-from symgen.mechanics import consistency, inertia
-from symgen.mechanics.base_parameters import BaseParameters, numeric_base
-from symgen.mechanics.combination import describe_combination
+from symgen.mechanics import inertia
+from symgen.mechanics.base_parameters import BaseParameters, describe_combination, numeric_base
 from symgen.mechanics.dynamics import sampled_regressor
 
 SNAP = 1e-4
@@ -156,7 +155,7 @@ def pseudo_of(pi: Array) -> Array:
 
     pi (10,) → (4, 4).
     """
-    return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(pi))))
+    return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
 
 
 def pi_of(pseudo: Array) -> Array:

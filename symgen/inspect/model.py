@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import inertia
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Body:
     @property
     def pseudo_inertia(self) -> Array:
         """(4, 4) P = [[Σ, mc], [mcᵀ, m]] about the link origin."""
-        return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(self.pi))))
+        return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(self.pi))))
 
     @property
     def sigma(self) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from symgen.errors import InertiaError
 from symgen.inspect.base import SampledBase, lumping, pi_of, pseudo_of
 from symgen.inspect.model import Array, Body, Model
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import inertia
 
 FLOOR = 1e-2
 """ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction."""
@@ -247,7 +247,7 @@ def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
 
 
 def _nearest(body: Body, floor: float) -> Array:
-    return np.asarray(ca.DM(consistency.nearest_realisable(ca.DM(body.pi), floor))).ravel()
+    return np.asarray(ca.DM(inertia.nearest_realisable(ca.DM(body.pi), floor))).ravel()
 
 
 def _whitened(root: Any, pseudo: Array) -> Array:

@@ -22,7 +22,7 @@ from symgen.collision.tables import tables_from_collision
 from symgen.errors import BuildError, InertiaError
 from symgen.make.config import Braking, home_of
 from symgen.make.request import BuildRequest
-from symgen.mechanics import consistency, inertia, passive
+from symgen.mechanics import inertia, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters
 from symgen.mechanics.passive import friction_coordinates
 
@@ -42,11 +42,11 @@ def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, fl
     for joint in chain.joints:
         pi = ca.DM(inertia.pi_from_com(joint.mass, ca.DM(joint.com), ca.DM(joint.inertia)))
         try:
-            consistency.require_realisable(pi, joint.link)
+            inertia.require_realisable(pi, joint.link)
         except InertiaError:
             if not project or not joint.mass > 0:
                 raise
-            repaired = ca.DM(consistency.nearest_realisable(pi, PROJECTION_FLOOR))
+            repaired = ca.DM(inertia.nearest_realisable(pi, PROJECTION_FLOOR))
             projected[joint.link] = float(ca.mmax(ca.fabs(repaired - pi)))
             pi = repaired
         blocks.append(np.asarray(pi).ravel())

@@ -6,7 +6,7 @@
 Kernels are written in d and W = φ_d⁻¹ as further symbols, the seeds. Two steps d − W φ(q, d) and
 two refinements y + W (b − φ_d y) of each solution lead from them to the coordinates. Where the
 seeds are exact, these change nothing, and they make derivatives by q right up to the second, by the
-implicit function theorem. The values of the seeds come from `loop_seeds`.
+implicit function theorem. The values of the seeds come from `loop_equations`.
 """
 
 import re
@@ -23,9 +23,9 @@ from symgen.mechanics.loop_equations import (
     closed_chain,
     equations,
     joined,
+    seed_values,
     slopes,
 )
-from symgen.mechanics.loop_seeds import seed_values
 
 _REFINED = 2
 """Order of derivatives by q that are exact."""

@@ -4,6 +4,19 @@
 velocities and accelerations, inwards for wrenches. It is linear in π by construction, so the
 regressor and every Jacobian follow by differentiation of this one function.
 Gravity enters as an acceleration −g of the base.
+
+Momentum and energies give the equations of motion without accelerations,
+
+    τ = dp/dt − r,   p = M(q) dq,   r = ∂(T − U)/∂q        dq·τ = d(T + U)/dt
+
+all linear in π. A linear, time-invariant filter F gives F τ = d(F p)/dt − F r: only what F has
+smoothed is differentiated. Terms of controllers: with c(q, dq) = C dq, quadratic in dq, and the
+Christoffel symbols Γ symmetric in their last two indices,
+
+    C = ½ ∂c/∂dq,   C(q, dq) x = ½ (∂c/∂dq) x,   dM/dt = C + Cᵀ
+
+Source: Slotine & Li, IJRR 6(3), 1987 (momentum, adaptive control); Gautier & Khalil 1988 (energy);
+Siciliano et al., Robotics, 2009, eqs. 7.44–7.47.
 """
 
 from collections.abc import Callable
@@ -16,14 +29,16 @@ from symgen.chain import Chain
 from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.coordinates import (
+from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
+from symgen.mechanics.kinematics import (
     all_accelerations,
+    all_positions,
     all_rates,
     independent_forces,
+    joint_poses,
     per_joint,
 )
-from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
-from symgen.mechanics.kinematics import joint_poses
+from symgen.mechanics.spatial import joint_pose
 
 Array = NDArray[np.float64]
 
@@ -198,3 +213,90 @@ def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
     """
     return inverse_dynamics(chain, q, dq, ca.SX(chain.freedom, 1), pi)
+
+
+def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [kg·m²/s, kg·m/s].
+    """
+    return inverse_dynamics(chain, q, ca.SX(len(chain.coordinates), 1), dq, pi, gravity=False)
+
+
+def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, Matrix]:
+    """T = Σ_k m v·v/2 + h·(v × ω) + ω·I ω/2 and U = −Σ_k g·(m p + R h), both linear in π.
+
+    v and ω are the velocities of the link frame, p and R its pose in the base frame, h = m c. U is
+    zero where every frame is at the base. Lagrange's equations of T − U are those of
+    `inverse_dynamics`.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,).
+    """
+    dq, q = all_rates(chain, q, dq), all_positions(chain, q)
+    omega: list[Matrix] = []
+    speed: list[Matrix] = []
+    down: list[Matrix] = []  # gravity in the link's frame
+    drop: list[Matrix] = []  # g · p
+    zero, gravity = ca.SX(3, 1), ca.SX(ca.DM(chain.gravity))
+    kinetic, potential = ca.SX(0), ca.SX(0)
+    bodies = bodies_of(pi)
+    for i, joint in enumerate(chain.joints):
+        pose, root = joint_pose(joint, q[i]), joint.parent < 0
+        w, v = (zero, zero) if root else (omega[joint.parent], speed[joint.parent])
+        g, fall = (gravity, 0) if root else (down[joint.parent], drop[joint.parent])
+        back, p = pose.rotation.T, pose.translation
+        w_here, v_here = ca.mtimes(back, w), ca.mtimes(back, v + ca.cross(w, p))
+        if joint.kind == "prismatic":
+            v_here = v_here + pose.axis * dq[i]
+        else:
+            w_here = w_here + pose.axis * dq[i]
+        omega.append(w_here)
+        speed.append(v_here)
+        down.append(ca.mtimes(back, g))
+        drop.append(fall + ca.dot(g, p))
+        mass, h, inertia = bodies[i]
+        spin = ca.dot(w_here, ca.mtimes(inertia, w_here)) / 2
+        lever = ca.dot(h, ca.cross(v_here, w_here))
+        kinetic = kinetic + mass * ca.dot(v_here, v_here) / 2 + lever + spin
+        potential = potential - mass * drop[i] - ca.dot(down[i], h)
+    return kinetic, potential
+
+
+def lagrange_force(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """r = ∂(T − U)/∂q, so that τ = dp/dt − r.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
+    """
+    kinetic, potential = energies(chain, q, dq, pi)
+    return ca.gradient(kinetic - potential, q)
+
+
+def coriolis_matrix(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """C(q, dq) of Christoffel symbols: dM/dt − 2 C is skew-symmetric.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n, n) [N·m·s/rad, N·s/m].
+    """
+    return ca.densify(ca.jacobian(_centrifugal(chain, q, dq, pi), dq) / 2)
+
+
+def slotine_li_regressor(
+    chain: Chain, q: Matrix, dq: Matrix, dq_r: Matrix, ddq_r: Matrix
+) -> Matrix:
+    """Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q), C of Christoffel symbols.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], dq_r (n,) [rad/s, m/s], ddq_r (n,) [rad/s², m/s²] → (n,
+    10 L).
+    """
+    still = ca.SX(len(chain.coordinates), 1)
+
+    def torque(pi: Matrix) -> Matrix:
+        pushed = inverse_dynamics(chain, q, still, ddq_r, pi)
+        return pushed + ca.jtimes(_centrifugal(chain, q, dq, pi), dq, dq_r) / 2
+
+    return by_parameters(chain, torque)
+
+
+def _centrifugal(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """c = C(q, dq) dq, Coriolis and centrifugal forces."""
+    still = ca.SX(len(chain.coordinates), 1)
+    return inverse_dynamics(chain, q, dq, still, pi, gravity=False)

@@ -1,11 +1,110 @@
-"""Poses of the frames of a `Chain`: joint by joint, of all links, and of the tip."""
+"""Independent coordinates of a `Chain`, and poses and Jacobians of its frames.
+
+    q_all = A x + b,   x = q or, with loops, x = g(q)
+    τ = (A G)ᵀ τ_all,   M = (A G)ᵀ M_all A G,   G = ∂x/∂q
+
+The recursions of the other modules run over all joints; these maps lead in and out of them. Where
+every joint is independent they return their argument itself, so that no operation is added.
+
+With a free base the first six entries are its own. q: position of the base in the world [m], and
+the rotation vector ω of its axes, R = exp(ω) [rad]. dq: its velocity [m/s] and angular velocity
+[rad/s], both in the axes of the base. ddq: the derivatives of these six numbers, so that the
+acceleration of the base's origin is ddq_v + ω × v. τ: force [N] and moment [N·m] on the base, in
+its axes, about its origin. dq is not the derivative of q there.
+"""
 
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions, per_joint
-from symgen.mechanics.pose import Pose, joint_pose
+from symgen.mechanics import closure
+from symgen.mechanics.spatial import Pose, joint_pose
+
+
+def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
+    """Entries of each joint.
+
+    values (N,) → (1,).
+    """
+    if not chain.floating:
+        return [values[i] for i in range(len(chain.joints))]
+    rest = range(BASE_FREEDOM, BASE_FREEDOM + len(chain.joints) - 1)
+    return [values[:BASE_FREEDOM], *(values[i] for i in rest)]
+
+
+def all_positions(chain: Chain, q: Matrix) -> Matrix:
+    """q_all = A x + b.
+
+    q (n,) [rad, m] → (N,) [rad, m].
+    """
+    coupling = chain.coupling
+    x = q if chain.loops is None else closure.positions(chain, q)
+    if coupling is None:
+        return x
+    offset = ca.DM(coupling.offset)
+    if chain.floating:
+        offset = ca.vertcat(ca.DM.zeros(BASE_FREEDOM), offset)
+    return ca.mtimes(_matrix(chain), x) + offset
+
+
+def all_rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
+    """A G dq.
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s] → (N,) [rad/s, m/s].
+    """
+    rate = dq if chain.loops is None else closure.rates(chain, q, dq)
+    return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
+
+
+def all_accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
+    """A (G ddq + Ġ dq).
+
+    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (N,) [rad/s², m/s²].
+    """
+    rate = ddq if chain.loops is None else closure.accelerations(chain, q, dq, ddq)
+    return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
+
+
+def independent_forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
+    """(A G)ᵀ τ_all: generalised forces of the independent joints, by virtual power.
+
+    q (n,) [rad, m], force (N, m) [N·m, N] → (n, m) [N·m, N].
+    """
+    if chain.coupling is not None:
+        force = ca.mtimes(_matrix(chain).T, force)
+    return force if chain.loops is None else closure.forces(chain, q, force)
+
+
+def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
+    """(A G)ᵀ M_all A G, symmetric to the bit.
+
+    q (n,) [rad, m], mass (N, N) → (n, n).
+    """
+    if chain.coupling is None and chain.loops is None:
+        return mass
+    moved = joint_jacobian(chain, q)
+    full = ca.mtimes(moved.T, ca.mtimes(mass, moved))
+    upper = ca.triu(full)  # the lower triangle is a copy: sums in another order would differ
+    return upper + ca.triu(full, False).T
+
+
+def joint_jacobian(chain: Chain, q: Matrix) -> Matrix:
+    """A G = ∂q_all/∂q.
+
+    q (n,) [rad, m] → (N, n).
+    """
+    if chain.loops is None:
+        return ca.DM.eye(q.numel()) if chain.coupling is None else _matrix(chain)
+    inner = closure.jacobian(chain, q)
+    return inner if chain.coupling is None else ca.mtimes(_matrix(chain), inner)
+
+
+def _matrix(chain: Chain) -> Matrix:
+    if chain.coupling is None:
+        return ca.DM()
+    matrix = ca.DM(chain.coupling.matrix)
+    return ca.sparsify(ca.diagcat(ca.DM.eye(BASE_FREEDOM), matrix) if chain.floating else matrix)
 
 
 def joint_poses(chain: Chain, q: Matrix) -> list[Pose]:
@@ -48,3 +147,49 @@ def link_poses(chain: Chain, q: Matrix) -> Matrix:
         step = ca.vertcat(ca.horzcat(pose.rotation, pose.translation), bottom)
         poses.append(step if joint.parent < 0 else ca.mtimes(poses[joint.parent], step))
     return ca.vertcat(*poses)
+
+
+def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
+    """Jacobians of the frames of all links and of the tip, v = J dq.
+
+    v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
+    base, with a free base in axes of the world.
+
+    q (n,) [rad, m].
+    """
+    poses = joint_poses(chain, q)
+    rotations: list[Matrix] = []
+    origins: list[Matrix] = []
+    for i, joint in enumerate(chain.joints):
+        pose = poses[i]
+        if joint.parent >= 0:
+            before = rotations[joint.parent]
+            origins.append(origins[joint.parent] + ca.mtimes(before, pose.translation))
+            rotations.append(ca.mtimes(before, pose.rotation))
+        else:
+            origins.append(pose.translation)
+            rotations.append(pose.rotation)
+    axes = [ca.mtimes(r, ca.DM(j.axis)) for r, j in zip(rotations, chain.joints, strict=True)]
+    frames = list(enumerate(origins))
+    if chain.tip.joint >= 0:
+        offset = ca.mtimes(rotations[chain.tip.joint], ca.DM(chain.tip.translation))
+        frames.append((chain.tip.joint, origins[chain.tip.joint] + offset))
+    else:  # a tip that no joint moves
+        frames.append((-1, ca.SX(3, 1)))
+    blocks = []
+    first = BASE_FREEDOM - 1 if chain.floating else 0  # joint k has column first + k
+    for last, origin in frames:
+        jacobian, k = ca.SX(6, first + len(chain.joints)), last
+        while k >= 0:
+            kind, lever = chain.joints[k].kind, origin - origins[k]
+            if kind == FLOATING:  # v = R v_b + (R ω_b) × lever, ω = R ω_b
+                jacobian[:3, :3] = jacobian[3:, 3:BASE_FREEDOM] = rotations[k]
+                jacobian[:3, 3:BASE_FREEDOM] = -ca.mtimes(ca.skew(lever), rotations[k])
+            elif kind == "prismatic":
+                jacobian[:3, first + k] = axes[k]
+            else:
+                jacobian[:3, first + k] = ca.cross(axes[k], lever)
+                jacobian[3:, first + k] = axes[k]
+            k = chain.joints[k].parent
+        blocks.append(independent_forces(chain, q, jacobian.T).T)  # J A of coupled joints
+    return ca.vertcat(*blocks)

@@ -1,4 +1,16 @@
-"""φ(x) = 0 of closed chains on symbols: rows of the poses of the loop joints' frames."""
+"""φ(x) = 0 of closed chains on symbols, and its solution d = g(q) by Newton with fixed steps.
+
+φ are rows of the poses of the loop joints' frames. Newton goes from the assembly pose along a
+straight line to q, or from the positions of the last sample. Joints that turn without end take the
+line to q less whole turns; dependent joints that turn with them, a whole number of times per turn,
+follow:  d(q + 2π e_i) = d(q) + 2π w_i. A pose that does not close, or whose margin has fallen on
+the way, gives NaN: its branch would be unknown.
+
+Its linear systems are solved by rotations of rows, without pivots and branches: Q A = U, an upper
+triangle of positive diagonal but for its last entry, which has the sign of det A. Source: Golub &
+Van Loan, Matrix Computations, 4th ed., Sec. 5.2.5. At a pair of zeros the rotation has no
+derivative, so the code is not differentiated, see `closure`.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +23,49 @@ from symgen.chain.mechanism import FREE_ROWS, IN_SHARED
 from symgen.chain.model import Closure, Frame, Loops
 from symgen.errors import BuildError
 from symgen.kernel import Matrix
-from symgen.mechanics.pose import joint_pose
+from symgen.mechanics.spatial import joint_pose
+
+STEPS = 10
+"""Steps from the assembly pose to q; the next step is predicted by the last two."""
+POLISH = 3
+"""Iterations of Newton at q: they double the digits, and the last step leaves about two."""
+CLOSED = 1e-9
+"""Largest |φ| of a closed pose, m or rad."""
+SINGULAR = 1e-3
+"""Share of the assembly pose's margin below which a posture counts as singular."""
+_TINY = 1e-150
+"""Makes the rotation of a pair of zeros the identity, and changes nothing else."""
+
+
+@dataclass(frozen=True, slots=True)
+class Triangle:
+    """A square system after elimination.
+
+    Attributes:
+        upper: (r, r) U.
+        right: (r, m) Q b, with Q A = U.
+    """
+
+    upper: Matrix
+    right: Matrix
+
+    @property
+    def margin(self) -> Matrix:
+        """det A of columns of unit length: ±1 for orthogonal columns, 0 for a singular matrix."""
+        share = ca.SX(1)
+        for k in range(self.upper.shape[0]):
+            column = self.upper[: k + 1, k]
+            share = share * self.upper[k, k] / ca.sqrt(ca.dot(column, column) + _TINY**2)
+        return share
+
+    def solution(self) -> Matrix:
+        """A⁻¹ b, (r, m)."""
+        r = self.upper.shape[0]
+        x = ca.SX(*self.right.shape)
+        for k in reversed(range(r)):
+            after = ca.mtimes(self.upper[k, k + 1 :], x[k + 1 :, :]) if k + 1 < r else 0
+            x[k, :] = (self.right[k, :] - after) / self.upper[k, k]
+        return x
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +86,7 @@ class ClosedChain:
 def closed_chain(chain: Chain) -> ClosedChain:
     """The part of a chain that its loops depend on."""
     if chain.loops is None:
-        raise BuildError(f"the robot '{chain.name}' has no loop; use the maps of `coordinates`")
+        raise BuildError(f"the robot '{chain.name}' has no loop; use the maps of `kinematics`")
     return ClosedChain(chain.joints, chain.coupling, chain.loops)
 
 
@@ -125,3 +179,132 @@ def _from_shared(
         origin = pose.translation + ca.mtimes(pose.rotation, origin)
         rotation = ca.mtimes(pose.rotation, rotation)
     return rotation, origin
+
+
+def seed_values(chain: ClosedChain, q: Matrix) -> tuple[Matrix, Matrix]:
+    """Values of the seeds, NaN where a loop cannot close or is singular, and the margins.
+
+    q (n,) [rad, m].
+    """
+    values, margins = _continued(chain)(q)
+    return values, margins
+
+
+@lru_cache(maxsize=8)
+def _continued(chain: ClosedChain) -> ca.Function:
+    """Seeds and margins as a function of q."""
+    loops = chain.loops
+    q = ca.SX.sym("q", len(loops.independent))
+    near = _within_a_turn(chain, q)
+    x0 = ca.DM(loops.assembly)
+    q0, d = x0[list(loops.independent)], ca.SX(x0[list(loops.dependent)])
+    before, least = None, None
+    for k in range(1, STEPS + 1):
+        here = q0 + k / STEPS * (near - q0)
+        start = d if before is None else 2 * d - before
+        before = d
+        d, margin = _newton(chain, here, start)
+        least = margin if least is None else ca.fmin(least, margin)
+    for turn in loops.turns:
+        d = d + ca.DM(turn.windings) * (q[turn.place] - near[turn.place])
+    return ca.Function("seeds", [q], list(_polished(chain, q, d, least, POLISH)))
+
+
+def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
+    """Positions less whole turns of the joints that turn without end, half a turn from assembly."""
+    loops = chain.loops
+    near = q[:]
+    for turn in loops.turns:
+        start = loops.assembly[loops.independent[turn.place]]
+        away = q[turn.place] - start
+        near[turn.place] = start + ca.atan2(ca.sin(away), ca.cos(away))
+    return near
+
+
+def values_from_last(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
+    """`seed_values` from the dependent positions of a sample shortly before.
+
+    q (n,) [rad, m], d (r,) [rad, m].
+    """
+    loops = chain.loops
+    return _polished(chain, q, d, ca.SX(ca.DM.ones(len(loops.blocks))), POLISH)
+
+
+def _newton(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
+    """One step of Newton from d at q, and the margins at d."""
+    systems = _systems(chain, q, d)
+    return d - _stacked(chain, [s.solution() for s in systems]), _margins(chain, systems)
+
+
+def _systems(chain: ClosedChain, q: Matrix, d: Matrix, inverse: bool = False) -> list[Triangle]:
+    """φ_d y = φ of each block after elimination, or φ_d [y, W] = [φ, 1]."""
+    loops = chain.loops
+    x = joined(chain, q, d)
+    phi, slope = equations(chain)(x), slopes(chain)(x)[:, list(loops.dependent)]
+    systems = []
+    for rows, columns in loops.blocks:
+        right: Matrix = phi[list(rows)]
+        if inverse:
+            right = ca.horzcat(right, ca.SX(ca.DM.eye(len(rows))))
+        systems.append(triangle(slope[list(rows), list(columns)], right))
+    return systems
+
+
+def _stacked(chain: ClosedChain, parts: list[Matrix]) -> Matrix:
+    """Columns of the blocks as one vector in the order of d."""
+    loops = chain.loops
+    whole = ca.SX(len(loops.dependent), 1)
+    for part, (_, columns) in zip(parts, loops.blocks, strict=True):
+        for k, place in enumerate(columns):
+            whole[place] = part[k, 0]
+    return whole
+
+
+def _margins(chain: ClosedChain, systems: list[Triangle]) -> Matrix:
+    return ca.vertcat(*(system.margin for system in systems)) / _assembled(chain)
+
+
+@lru_cache(maxsize=8)
+def _assembled(chain: ClosedChain) -> Matrix:
+    """Margins of the assembly pose, numbers with a sign."""
+    loops = chain.loops
+    x0 = ca.SX(ca.DM(loops.assembly))
+    systems = _systems(chain, x0[list(loops.independent)], x0[list(loops.dependent)])
+    return ca.evalf(ca.vertcat(*(system.margin for system in systems)))
+
+
+def _polished(
+    chain: ClosedChain, q: Matrix, d: Matrix, least: Matrix, count: int
+) -> tuple[Matrix, Matrix]:
+    """Newton at q; values of the seeds and margins, NaN where refused."""
+    for _ in range(count):
+        d, _ = _newton(chain, q, d)
+    systems = _systems(chain, q, d, inverse=True)
+    solutions = [system.solution() for system in systems]
+    margin = _margins(chain, systems)
+    apart = ca.fabs(equations(chain)(joined(chain, q, d)))  # before the last step
+    closed: Matrix = ca.SX(1)
+    for value in ca.vertsplit(apart):
+        closed = closed * (value < CLOSED)
+    for value in ca.vertsplit(ca.fmin(least, margin)):
+        closed = closed * (value > SINGULAR)
+    refused = ca.sqrt(closed - 1)  # 0, or NaN: the root of −1
+    inverses = [ca.vec(solution[:, 1:]) for solution in solutions]
+    return ca.vertcat(d - _stacked(chain, solutions) + refused, *inverses), margin + refused
+
+
+def triangle(matrix: Matrix, right: Matrix) -> Triangle:
+    """Eliminate a square system."""
+    r = matrix.shape[0]
+    upper, turned = ca.SX(matrix), ca.SX(right)
+    for k in range(r):
+        for i in range(k + 1, r):
+            if upper[i, k].is_zero():
+                continue
+            a, b = upper[k, k] + _TINY, upper[i, k]
+            share = 1 / ca.sqrt(a * a + b * b)
+            c, s = a * share, b * share
+            for m in (upper, turned):
+                m[k, :], m[i, :] = c * m[k, :] + s * m[i, :], c * m[i, :] - s * m[k, :]
+            upper[i, k] = 0
+    return Triangle(upper, turned)

@@ -1,6 +1,6 @@
 """Ranges of the independent joints of closed chains that keep away from singular postures.
 
-Within the box of the ranges every posture closes, the margin of every loop (`loop_seeds`)
+Within the box of the ranges every posture closes, the margin of every loop (`loop_equations`)
 stays above a share of the best one, and the dependent joints stay within their limits. The box is
 searched from the assembly pose on a grid along each joint, and shrunk until random postures in it
 and its corners comply. A joint without limits that complies all around, and comes back to the same
@@ -19,9 +19,8 @@ from symgen.chain import Chain, Joint
 from symgen.chain.model import Turn
 from symgen.errors import UrdfError
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.loop_equations import closed_chain
-from symgen.mechanics.loop_seeds import seed_values
+from symgen.mechanics.kinematics import all_positions
+from symgen.mechanics.loop_equations import closed_chain, seed_values
 
 Array = NDArray[np.float64]
 Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_], Array]]

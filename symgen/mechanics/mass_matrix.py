@@ -11,10 +11,9 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import independent_mass
 from symgen.mechanics.dynamics import bias_forces
 from symgen.mechanics.inertia import bodies_of, joined, seen_from
-from symgen.mechanics.kinematics import joint_poses
+from symgen.mechanics.kinematics import independent_mass, joint_poses
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:

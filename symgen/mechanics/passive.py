@@ -16,8 +16,7 @@ from symgen.chain.document import listing
 from symgen.chain.mechanism import KnownTorque, Spring
 from symgen.errors import UrdfError
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.kinematics import link_poses
+from symgen.mechanics.kinematics import all_positions, link_poses
 
 _PARALLEL = 1e-9
 """Distance of two unit rows below which they are the same friction coordinate."""

@@ -1,11 +1,15 @@
-"""Rotations and 3-vectors on CasADi `SX | DM`, independent of links and parameters.
+"""Rotations, 3-vectors and the pose of one joint on CasADi `SX | DM`.
 
 Every function is an expression, so one definition serves symbols and numbers.
 Source: document Sec. 2.1–2.2 with its errata (logarithm through the quaternion, 0 ≤ θ ≤ π).
 """
 
+from dataclasses import dataclass
+
 import casadi as ca
 
+from symgen.chain import Joint
+from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 
 _LEAST_ANGLE = 1e-100
@@ -14,6 +18,15 @@ _HALF_TURN = 1e-15
 """Magnitude of the quaternion's scalar (or vector) part that counts as zero."""
 _JACOBI_SWEEPS = 6
 """Sweeps after which cyclic Jacobi has converged for every 3×3 matrix, by its quadratic rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """R and p of a frame in its parent's frame, and the joint axis in the frame itself."""
+
+    rotation: Matrix
+    translation: Matrix
+    axis: Matrix
 
 
 def skew(v: Matrix) -> Matrix:
@@ -159,3 +172,17 @@ def _signed(v: Matrix) -> Matrix:
     for i in (1, 2):
         largest = ca.if_else(ca.fabs(v[i]) > ca.fabs(largest), v[i], largest)
     return ca.if_else(largest < 0, -1.0, 1.0) * v
+
+
+def joint_pose(joint: Joint, q: Matrix) -> Pose:
+    """Pose of a joint's frame in its parent's frame.
+
+    q (6,) [m].
+    """
+    rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
+    axis = ca.DM(joint.axis)
+    if joint.kind == FLOATING:
+        return Pose(exp_so3(q[3:]), q[:3], axis)
+    if joint.kind == "prismatic":
+        return Pose(rotation, translation + ca.mtimes(rotation, axis) * q, axis)
+    return Pose(ca.mtimes(rotation, axis_rotation(axis, q)), translation, axis)

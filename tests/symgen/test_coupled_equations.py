@@ -11,9 +11,9 @@ from symgen.collision.distance import clearance
 from symgen.collision.tables import collision_from_tables
 from symgen.errors import UrdfError
 from symgen.make.facts import initial_parameters
-from symgen.mechanics import dynamics, lagrange
+from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import numeric_base
-from symgen.mechanics.coordinates import independent_mass
+from symgen.mechanics.kinematics import independent_mass
 from tests.coupled_chains import TREE, WRIST, coupled
 from tests.oracle import random_states
 from tests.projected_tree import STATES, differences
@@ -78,8 +78,8 @@ def test_momentum_and_lagrange_force_are_those_of_the_torque() -> None:
     chain = coupled(WRIST)
     pi = ca.DM(initial_parameters(chain, False)[0])
     q, dq, ddq = (ca.SX.sym(name, 2) for name in ("q", "dq", "ddq"))
-    p = ca.Function("p", [q, dq], [lagrange.momentum(chain, q, dq, pi)])
-    r = ca.Function("r", [q, dq], [lagrange.lagrange_force(chain, q, dq, pi)])
+    p = ca.Function("p", [q, dq], [dynamics.momentum(chain, q, dq, pi)])
+    r = ca.Function("r", [q, dq], [dynamics.lagrange_force(chain, q, dq, pi)])
     tau = ca.Function("t", [q, dq, ddq], [dynamics.inverse_dynamics(chain, q, dq, ddq, pi)])
     x, v, a = np.array([0.3, -0.6]), np.array([1.0, -2.0]), np.array([3.0, 1.0])
     errors = []

@@ -17,7 +17,7 @@ from symgen.inspect import inspection as door
 from symgen.inspect.base import lumping, pseudo_of
 from symgen.inspect.repair import FLOOR, ROUND, THIN, repair
 from symgen.inspect.rewrite import with_bodies
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import inertia
 from tests.symgen.bodies import BRICK, FLAT, GOOD, POINT, arm, before_2024, block
 from tests.taylor import Array
 
@@ -141,7 +141,7 @@ def _body(body: Body | None) -> Body:
 
 
 def _near(body: Body, floor: float) -> Array:
-    return np.asarray(consistency.nearest_realisable(inertia.ca.DM(body.pi), floor)).ravel()
+    return np.asarray(inertia.nearest_realisable(inertia.ca.DM(body.pi), floor)).ravel()
 
 
 def _pi_of(p: cvxpy.Variable) -> cvxpy.Expression:

@@ -11,9 +11,8 @@ from symgen.chain.mechanism import mechanism_from_table, table_from_mechanism
 from symgen.cli import main
 from symgen.errors import UrdfError
 from symgen.make.facts import initial_parameters
-from symgen.mechanics.loop_equations import closed_chain
+from symgen.mechanics.loop_equations import closed_chain, seed_values, values_from_last
 from symgen.mechanics.loop_range import within_loops
-from symgen.mechanics.loop_seeds import seed_values, values_from_last
 from tests.linkages import Linkage, Projection, planar
 from tests.loop_equations import MAKERS, chain_of, differences, states
 from tests.oracle import Array

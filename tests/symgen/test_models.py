@@ -18,11 +18,10 @@ from symgen.inspect import inspect_file
 from symgen.make import ROBOTS
 from symgen.make.facts import initial_parameters
 from symgen.make.request import BuildRequest, bundled_request
-from symgen.mechanics.base_parameters import numeric_base
+from symgen.mechanics.base_parameters import numeric_base, regrouped
 from symgen.mechanics.dynamics import inverse_dynamics, sampled_regressor
 from symgen.mechanics.kinematics import end_effector
 from symgen.mechanics.mass_matrix import mass_matrix
-from symgen.mechanics.regrouping import regrouped
 from tests.oracle import Array, pinocchio_model, random_states
 from tests.robots import MORE
 

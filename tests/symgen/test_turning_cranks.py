@@ -7,10 +7,9 @@ import pytest
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.loop_equations import closed_chain
+from symgen.mechanics.kinematics import all_positions
+from symgen.mechanics.loop_equations import closed_chain, seed_values, values_from_last
 from symgen.mechanics.loop_range import within_loops
-from symgen.mechanics.loop_seeds import seed_values, values_from_last
 
 TURN = 2 * np.pi
 BODY = (

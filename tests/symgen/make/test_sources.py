@@ -14,8 +14,8 @@ from symgen.errors import BuildError, SymgenError
 from symgen.make.facts import initial_parameters
 from symgen.make.sources import Packages, Source, published_urdf, read_source
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.coordinates import all_accelerations, all_positions, all_rates
 from symgen.mechanics.dynamics import inverse_dynamics
+from symgen.mechanics.kinematics import all_accelerations, all_positions, all_rates
 from tests.conftest import TINY_URDF
 
 HAND = """<mujoco model="hand"><compiler angle="radian" autolimits="true"/>

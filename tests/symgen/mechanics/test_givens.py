@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.mechanics.givens import triangle
+from symgen.mechanics.loop_equations import triangle
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])

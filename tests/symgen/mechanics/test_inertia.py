@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from symgen.errors import InertiaError
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import inertia
 from tests.taylor import Array
 
 EPS = float(np.finfo(float).eps)
@@ -17,13 +17,13 @@ _lam, _pi, _floor = ca.SX.sym("lam", 10), ca.SX.sym("pi", 10), ca.SX.sym("floor"
 _slope = ca.SX.sym("slope", 10)
 PI = ca.Function("pi", [_lam], [inertia.pi_from_lam(_lam)])
 LAM = ca.Function("lam", [_pi], [inertia.lam_from_pi(_pi)])
-NEAREST = ca.Function("near", [_pi, _floor], [consistency.nearest_realisable(_pi, _floor)])
+NEAREST = ca.Function("near", [_pi, _floor], [inertia.nearest_realisable(_pi, _floor)])
 SPATIAL = ca.Function("M", [_lam], [inertia.spatial_inertia(_lam)])
 JACOBIAN = ca.Function("J", [_lam], [ca.jacobian(inertia.pi_from_lam(_lam), _lam)])
 ADJOINT = ca.Function(
     "g", [_lam, _slope], [inertia.pi_adjoint(_lam, inertia.lam_frame(_lam), _slope)]
 )
-PSEUDO = ca.Function("P", [_pi], [consistency.pseudo_inertia(_pi)])
+PSEUDO = ca.Function("P", [_pi], [inertia.pseudo_inertia(_pi)])
 
 PI_7_AS_PRINTED = [1.2543, 0.0057, 0.0108, -0.0203, 0.0009, 0.0008, 0.0003, -0.0001, 0.0002, 0.0004]
 """Link 7 of Table B.4: four decimals of a thin body are no body."""
@@ -170,7 +170,7 @@ def test_nearest_realisable_keeps_what_is_realisable(lam: Array, floor: float) -
     pi = call(PI, lam)
     once = call(NEAREST, pi, floor)
     # Raising three eigenvalues by `least` raises the next floor by 3·floor·least, moments by twice.
-    least = floor * (lam[7:] ** 2).sum() + np.exp(lam[0]) * consistency.THINNEST**2
+    least = floor * (lam[7:] ** 2).sum() + np.exp(lam[0]) * inertia.THINNEST**2
     scale = 64 * EPS * np.abs(pi).max()
     np.testing.assert_allclose(
         call(NEAREST, once, floor), once, rtol=0, atol=8 * floor * least + scale
@@ -191,11 +191,11 @@ def test_nearest_realisable_repairs_anything(mass: float, rest: list[float], flo
     assert repaired[0] == mass
     np.testing.assert_allclose(repaired[1:4], pi[1:4], rtol=2 * EPS, atol=0)
     assert np.isfinite(call(LAM, repaired)).all()
-    consistency.require_realisable(ca.DM(repaired), "any")
+    inertia.require_realisable(ca.DM(repaired), "any")
     sigma = call(LAM, repaired)[7:] ** 2
     # The thinnest allowed body, to the rounding of I about a far origin.
     scale = 64 * EPS * np.abs(repaired).max() + 2 * inertia.REALISABLE_TOLERANCE * sigma[0]
-    assert sigma.min() >= mass * consistency.THINNEST**2 - scale
+    assert sigma.min() >= mass * inertia.THINNEST**2 - scale
 
 
 def test_nearest_realisable_is_nearest() -> None:
@@ -205,7 +205,7 @@ def test_nearest_realisable_is_nearest() -> None:
     sigma = p[:3, :3] - np.outer(pi[1:4], pi[1:4]) / pi[0]
     values, vectors = np.linalg.eigh(sigma)
     assert values[0] < 0
-    least = 1e-4 * values[values > 0].sum() + pi[0] * consistency.THINNEST**2
+    least = 1e-4 * values[values > 0].sum() + pi[0] * inertia.THINNEST**2
     clipped = vectors @ np.diag(np.maximum(values, least)) @ vectors.T
     expected = clipped + np.outer(pi[1:4], pi[1:4]) / pi[0]
     repaired = call(PSEUDO, call(NEAREST, pi, 1e-4))
@@ -220,7 +220,7 @@ def test_printed_link_7_is_no_body() -> None:
     with pytest.raises(
         InertiaError, match=r"link 'link7' is not physically consistent: .* --project"
     ):
-        consistency.require_realisable(ca.DM(pi), "link7")
+        inertia.require_realisable(ca.DM(pi), "link7")
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_printed_link_7_is_no_body() -> None:
 def test_impossible_bodies_are_named(pi: list[float], message: str) -> None:
     """Property: the message names the link and what is wrong with it."""
     with pytest.raises(InertiaError, match=message) as caught:
-        consistency.require_realisable(ca.DM(pi), "elbow")
+        inertia.require_realisable(ca.DM(pi), "elbow")
     assert "'elbow'" in str(caught.value)
 
 
@@ -273,7 +273,7 @@ def test_a_thin_body_far_away_is_a_body() -> None:
     """Property: the rounding of m|c|² at a kilometre, far above the inertia, is forgiven."""
     for x in (900.0, 1000.0, 1100.0):
         pi = call(PI, [0.1, x, 2 * x, -x, 0.3, 0.2, 0.1, 1e-2, 1e-2, 0.0])
-        consistency.require_realisable(ca.DM(pi), "far")
+        inertia.require_realisable(ca.DM(pi), "far")
 
 
 def test_every_entry_has_a_name_and_a_unit() -> None:

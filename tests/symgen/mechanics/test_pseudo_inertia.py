@@ -4,16 +4,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.mechanics import consistency
+from symgen.mechanics import inertia
 from tests.symgen.mechanics.test_inertia import PI, PSEUDO, call
 from tests.taylor import Array
 
 _pi, _theta = ca.SX.sym("pi", 10), ca.SX.sym("theta", 10)
 SOME = np.random.default_rng(0).uniform(0.1, 0.9, (5, 10)) * [-1, 1, -1, 1, 1, -1, 1, 1, 0.5, 0.2]
 """λ of ordinary bodies, no two entries alike."""
-THETA = ca.Function("theta", [_pi], [consistency.cholesky_from_pi(_pi)])
-FROM_THETA = ca.Function("pi", [_theta], [consistency.pi_from_cholesky(_theta)])
-BARRIER = ca.Function("barrier", [_pi], list(consistency.barrier(_pi)))
+THETA = ca.Function("theta", [_pi], [inertia.cholesky_from_pi(_pi)])
+FROM_THETA = ca.Function("pi", [_theta], [inertia.pi_from_cholesky(_theta)])
+BARRIER = ca.Function("barrier", [_pi], list(inertia.barrier(_pi)))
 
 
 @pytest.mark.parametrize("lam", SOME)

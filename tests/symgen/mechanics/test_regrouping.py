@@ -9,9 +9,9 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.emit import forms_of
 from symgen.kernel import Kernel
 from symgen.make.request import bundled_request
+from symgen.mechanics.base_parameters import regrouped
 from symgen.mechanics.dynamics import sampled_regressor
 from symgen.mechanics.inertia import N_PARAMETERS, PI_NAMES
-from symgen.mechanics.regrouping import regrouped
 from tests.oracle import random_states
 from tests.robots import DATA
 

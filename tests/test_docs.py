@@ -1,5 +1,6 @@
 """The documentation site: built without a warning, searchable, its notebooks run."""
 
+import ast
 import functools
 import http.server
 import os
@@ -91,6 +92,87 @@ def test_options_named_in_pages_exist() -> None:
     for page in PAGES:
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page.read_text(encoding="utf-8")))
         assert named <= known, f"{page.name}: {sorted(named - known)}"
+
+
+def section_of(page: str, head: str) -> str:
+    """Text below a heading of the second level."""
+    text = (REPOSITORY / "docs" / page).read_text(encoding="utf-8")
+    return text.split(f"\n## {head}\n")[1].split("\n## ")[0]
+
+
+def names_of(text: str) -> set[str]:
+    """Names in code marks."""
+    return set(re.findall(r"`(\w[\w-]*)`", text))
+
+
+def test_public_names_are_those_of_the_code() -> None:
+    """Property: the page lists all names of runtime, commands, registries, formats and C."""
+    import runtime
+    from runtime.campaign.drivers import DRIVERS
+    from runtime.excitation.motion.basis import BASES
+    from runtime.excitation.motion_export import MOTION_FORMATS
+    from runtime.excitation.search.criteria import CRITERIA
+    from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+    from runtime.recording.formats import FORMATS
+    from runtime.recording.friction_column import COLUMNS
+    from symgen.command_list import GROUPS
+
+    page = "reference/public.md"
+    python = section_of(page, "Python").replace("`runtime`", "")
+    assert names_of(python) == set(runtime.__all__)
+    commands = names_of(section_of(page, "Commands")) - {"symgen"}
+    assert commands == {command.name for group in GROUPS.values() for command in group}
+    rows = section_of(page, "Names that files and options take").splitlines()
+    cells = {row.split("|")[3].strip(" `"): row.split("|")[2] for row in rows if "| `sym" in row}
+    kinds = (runtime.METHODS, COLUMNS, FORMATS, CRITERIA, BASES, MOTION_FORMATS)
+    for registry in (*kinds, EXPORT_FORMATS, DRIVERS):
+        assert names_of(cells.pop(registry.group)) == set(registry.builtin), registry.group
+    assert not cells
+    header = (REPOSITORY / "generated/fr3/fr3.h").read_text(encoding="utf-8")
+    declared = re.findall(r"^(?:void|int|const char \*) ?\*?fr3_(\w+)\(", header, re.MULTILINE)
+    functions = {name for name in declared if not name.endswith("_batch")}
+    assert names_of(section_of(page, "C")) == functions
+
+
+def test_numbers_of_public_formats_are_those_of_the_code() -> None:
+    """Property: the page states the number that the code writes into each file."""
+    from runtime.identification import result_schema, statistics_file
+    from runtime.identification.comparison import output
+    from runtime.identification.payload import known
+    from runtime.library import manifest
+
+    table = section_of("reference/public.md", "Files")
+    stated = dict(re.findall(r"\| `([\w.]+)` \| `\w+` (\d+) \|", table))
+    assert stated == {
+        "result.json": str(result_schema.FORMAT),
+        "payload.json": str(known.FORMAT),
+        "compare.json": str(output.FORMAT),
+        "statistics.npz": str(statistics_file.FORMAT),
+        "manifest.json": str(manifest.FORMAT),
+    }
+
+
+def templates() -> Iterator[str]:
+    """Every text of the code, with … in the place of what is inserted when it runs."""
+    for folder in ("runtime", "symgen"):
+        for path in (REPOSITORY / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.JoinedStr):
+                    yield "".join(str(getattr(part, "value", "")) if isinstance(part, ast.Constant)
+                                  else "…" for part in node.values)  # fmt: skip
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield node.value
+
+
+def test_sentences_that_pages_quote_are_those_of_the_code() -> None:
+    """Property: each sentence of the table of messages is part of one text of the code."""
+    page = (REPOSITORY / "docs/howto/messages.md").read_text(encoding="utf-8")
+    quoted = re.findall(r"^\| “(.+?)” \|", page, re.MULTILINE)
+    assert len(quoted) >= 25
+    texts = "\n".join(" ".join(text.split()) for text in templates())
+    for sentence in quoted:
+        parts = [re.escape(part) for part in sentence.strip("…").split("…")]
+        assert re.search(".*".join(parts), texts), sentence
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,8 @@ Needs the compiled FR3. `scripts/docs --figures` runs it; the pictures are commi
 
 import os
 import re
+import tempfile
+import textwrap
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +18,7 @@ import runtime
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.excitation.trajectory_file import read_trajectory
+from runtime.inspection import inspect_log
 from runtime.library.parameters import inertia_matrix
 from runtime.recording import Friction, Preparation
 
@@ -125,6 +128,83 @@ def _certificate(axes: plt.Axes, ink: str) -> None:
     axes.legend(frameon=False, labelcolor=ink, fontsize=8, ncols=2, loc="upper center")
 
 
+def _frames(axes: plt.Axes, ink: str) -> None:
+    """Two links with frames at their joints; of the second the centre of mass and inertia of π."""
+    joints = np.array([[0.0, 0.0], [1.5, 1.0], [3.3, 0.55]])
+    axes.plot(*joints.T, color=GREY, lw=22, alpha=0.25, solid_capstyle="round")
+    axes.plot(*joints[:2].T, "o", color=GREY, ms=9)
+    for k, turn in enumerate((0.6, -0.25)):
+        for angle, name in ((turn, "x"), (turn + np.pi / 2, "z")):
+            end = joints[k] + 0.55 * np.array([np.cos(angle), np.sin(angle)])
+            style = {"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6}
+            axes.annotate("", end, joints[k], arrowprops=style)
+            shift = (4, -12 if name == "x" else 2)
+            label = f"{name}{'₁₂'[k]}"
+            axes.annotate(label, end, shift, textcoords="offset points", color=ORANGE)
+    centre = np.array([2.5, 0.98])
+    style = {"arrowstyle": "-|>", "color": TEAL, "lw": 1.6}
+    axes.annotate("", centre, joints[1], arrowprops=style)
+    axes.add_patch(mpl.patches.Ellipse(tuple(centre), 1.2, 0.5, angle=-14, fc="none", ec=TEAL))
+    axes.plot(*centre, "o", color=TEAL, ms=7)
+    axes.annotate("c", (2.1, 1.03), color=TEAL)
+    axes.annotate("m, I", (2.58, 0.98), color=TEAL)
+    axes.annotate("joint 1", (0.0, -0.3), ha="center", color=ink, fontsize=9)
+    axes.annotate("joint 2", (1.5, 0.7), ha="center", color=ink, fontsize=9)
+    text = "π₂ = (m, m c, I)\n1 + 3 + 6 numbers\nin the frame of joint 2,\nI about its origin"
+    axes.annotate(text, (3.75, 0.95), va="center", color=ink, fontsize=10)
+    axes.set(xlim=(-0.4, 5.6), ylim=(-0.4, 1.8), aspect="equal")
+    axes.axis("off")
+
+
+def _road(axes: plt.Axes, ink: str) -> None:
+    """The bundled log on its way: samples, recipe, rows of the regressor, fit, errors."""
+    result = _identified()
+    names = ("log", "recipe", "rows", "fit", "report")
+    boxes = [axes.inset_axes((0.206 * k, 0.08, 0.17, 0.72)) for k in range(len(names))]
+    for k, (box, name) in enumerate(zip(boxes, names, strict=True)):
+        box.set_title(name, color=ink, fontsize=11)
+        box.set(xticks=[], yticks=[])
+        if k:
+            axes.annotate("→", (0.206 * k - 0.018, 0.44), ha="center", color=ORANGE, fontsize=15)
+    log, test = runtime.read_recording(EXAMPLES / "fr3_simulated.npz"), result.test
+    boxes[0].plot(log.t, log.q[:, 3], color=TEAL, lw=1)
+    boxes[0].plot(log.t, log.tau[:, 3] / 10, color=ORANGE, lw=0.6)
+    recipe = '[torque]\nunit = "N*m"\nsign = -1\n\n[preparation]\ncutoff_hz = 10\nrate_hz = 100'
+    boxes[1].annotate(recipe, (0.05, 0.5), va="center", color=ink, fontsize=7, family="monospace")
+    rows = result.lib.base_regressor(result.train.q, result.train.dq, result.train.ddq)[:12]
+    boxes[2].imshow(np.abs(rows.reshape(-1, rows.shape[-1])) ** 0.5, cmap="YlGnBu", aspect="auto")
+    boxes[2].set_xlabel("Y β + F φ = τ", fontsize=8)
+    near = slice(0, 150)
+    boxes[3].plot(test.t[near], test.tau[near, 4], color=ink, lw=2.2, alpha=0.45)
+    boxes[3].plot(test.t[near], result.before(test)[near, 4], color=ORANGE, lw=1.2)
+    boxes[3].plot(test.t[near], result.predict_recording(test)[near, 4], "--", color=TEAL, lw=1.2)
+    errors = [np.linalg.norm(tau - test.tau) / np.linalg.norm(test.tau) for tau in
+              (result.before(test), result.predict_recording(test))]  # fmt: skip
+    boxes[4].barh((1, 0), errors, 0.4, color=(ORANGE, TEAL))
+    for k, error, name in zip((1, 0), errors, ("URDF", "identified"), strict=True):
+        text = f" {name}: {100 * error:.2g} %"
+        boxes[4].annotate(text, (0, k + 0.25), color=ink, fontsize=8)
+    boxes[4].set(ylim=(-0.4, 1.6), xlabel="torque error")
+    axes.axis("off")
+
+
+def _finding(axes: plt.Axes, ink: str) -> None:
+    """A log whose torque of joint 4 has the wrong sign, the torque of the URDF, the sentence."""
+    lib, log = runtime.load("fr3"), runtime.read_recording(EXAMPLES / "fr3_simulated.npz")
+    wrong = log.replace(tau=log.tau * np.where(np.arange(7) == 3, -1.0, 1.0))
+    with tempfile.TemporaryDirectory() as folder:
+        runtime.write_recording(wrong, path := Path(folder) / "log.csv")
+        (finding,) = (f for f in inspect_log(path, lib).findings if f.kind == "torque_sign")
+    zero = np.zeros_like(log.q)
+    urdf = lib.inverse_dynamics(log.q, zero, zero, lib.pi0)
+    axes.plot(log.t, wrong.tau[:, 3], color=ORANGE, lw=1, label="measured, joint 4")
+    axes.plot(log.t, urdf[:, 3], color=TEAL, lw=1.4, label="gravity torque of the URDF")
+    axes.set(xlabel="time [s]", ylabel="torque [N·m]")
+    sentence = f"{finding.level} ({finding.kind}): {finding.sentence}"
+    axes.set_title(textwrap.fill(sentence, 88), color=ink, fontsize=8, loc="left")
+    _legend(axes, ink)
+
+
 def _house(axes: plt.Axes, ink: str) -> None:
     """Levels of the import contract of pyproject.toml, one box per room of either package."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
@@ -167,6 +247,9 @@ FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] 
     "uncertainty": (_uncertainty, SIZE),
     "excitation": (_excitation, SIZE),
     "certificate": (_certificate, SIZE),
+    "frames": (_frames, (6.4, 2.6)),
+    "road": (_road, (9.0, 2.2)),
+    "finding": (_finding, SIZE),
     "house": (_house, (7.2, 4.4)),
 }
 

@@ -1,5 +1,6 @@
 """mkdocs calls these: they add the pages and tables that are written from the code."""
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,11 @@ if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
 from scripts.site import api, c_api, commands  # noqa: E402
 
 API = "Python API"
+PICTURE, BOTH = (
+    re.compile(r"(!\[.*?\]\(.*?)-light(\.\w+)\)"),
+    r"\1-light\2#only-light) \1-dark\2#only-dark)",
+)
+"""A picture of a tutorial, which a terminal names once, and its two schemes on the site."""
 
 
 def on_config(config: Any) -> Any:
@@ -65,7 +71,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def generated_pages() -> Iterator[tuple[str, str]]:
     """Path inside the site and Markdown text of every generated page."""
     for tutorial in sorted((ROOT / "runtime/tutorials").glob("*.md")):
-        yield f"tutorials/{tutorial.name}", tutorial.read_text(encoding="utf-8")
+        text = tutorial.read_text(encoding="utf-8").replace("../../docs/", "../")
+        yield f"tutorials/{tutorial.name}", PICTURE.sub(BOTH, text)
     yield "changelog.md", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     yield "reference/commands.md", commands.markdown()
     yield "reference/c.md", c_api.markdown()

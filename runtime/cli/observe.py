@@ -246,7 +246,7 @@ def _calibration(tails: tuple[Tail, ...]) -> dict[str, Any]:
 def _write(
     lib: Library, saved: SavedResult, seen: Observation, facts: dict[str, Any], folder: Path
 ) -> None:
-    from runtime.outputs.report.external_torque_figure import draw_external_torque
+    from runtime.outputs.report.log_figure import draw_external_torque
 
     with replacing(folder / "external_torque.npz") as file:
         np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)

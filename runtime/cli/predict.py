@@ -290,7 +290,7 @@ def _gains(
 def _draw(
     situation: Situation, more: str | None, options: LogOptions, log_rate: float | None, path: Path
 ) -> None:
-    from runtime.outputs.report.accuracy_figure import draw_growth  # matplotlib loads slowly
+    from runtime.outputs.report.log_figure import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
     further = None if more in {None, SAME} else _further(situation, str(more), options, log_rate)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RuntimeFault
 from runtime.files import json_of
+from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 
 NAME = "compare.json"
@@ -202,9 +203,7 @@ def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
     why = Section("Recommendation and reasons", items=tuple(map(_sentence, methods.sentences)))
     if not ran:
         return (why, table, messages)
-    from runtime.outputs.report import figures  # matplotlib is slow to import
-
-    drawn = figures.method_bars(
+    drawn = method_bars(
         methods.joints,
         methods.units,
         [entry.method for entry in ran],

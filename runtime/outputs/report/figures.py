@@ -1,19 +1,107 @@
-"""Figures by matplotlib, as inline SVG: convergence of a descent, errors of several methods."""
+"""Figures of a result page: torques, masses, loss of a descent, errors of several methods."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from runtime.outputs.report.decimation import thinned
-from runtime.outputs.report.svg import AFTER, BEFORE, INK, page_figure, svg
+from runtime.outputs.report.canvas import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    PAGE_INK,
+    page_figure,
+    pauses,
+    svg,
+    thinned,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 Array = NDArray[np.float64]
 
-POINTS = 6000
-"""Largest number of points of a trace."""
+POINTS, PANEL_POINTS = 6000, 1200
+"""Largest number of points of a trace over the whole page, and over a part of its width."""
+
+
+CURVES = (("measured", MEASURED), ("predicted before", BEFORE), ("predicted after", AFTER))
+"""Label and colour of the torques."""
+
+
+def torques(
+    joints: Sequence[str],
+    units: Sequence[str],
+    t: Array,
+    measured: Array,
+    before: Array,
+    after: Array,
+) -> Markup:
+    """Torque (left) and measured − predicted (right) of each joint over the test split.
+
+    t (N,) [s], measured (N, n) [N·m, N], before (N, n) [N·m, N], after (N, n) [N·m, N].
+    """
+    n, gaps = len(joints), pauses(t)
+    height = 0.75 + 1.15 * n
+    with page_figure(height, layout=None) as figure:
+        axes = figure.subplots(n, 2, squeeze=False, sharex=True, width_ratios=(3, 2))
+        # Fixed margins: the layout engine would draw every panel once more.
+        top, bottom = 1 - 0.6 / height, 0.45 / height
+        figure.subplots_adjust(0.06, bottom, 0.99, top, wspace=0.12, hspace=0.35)
+        for j, (left, right) in enumerate(axes):
+            values = [a[:, j] for a in (measured, before, after)]
+            for value, (label, colour) in zip(values, CURVES, strict=True):
+                left.plot(*thinned(t, value, PANEL_POINTS, gaps), color=colour, label=label)
+            for value, (_, colour) in zip(values[1:], CURVES[1:], strict=True):
+                right.plot(*thinned(t, values[0] - value, PANEL_POINTS, gaps), color=colour)
+            left.set_title(f"{joints[j]}  [{units[j]}]")
+            for axis in (left, right):
+                axis.margins(x=0)
+                axis.locator_params(axis="y", nbins=4)
+        axes[0, 1].set_title("measured − predicted")
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center", ncols=3)
+        return svg(figure, "torques")
+
+
+def mass_change(
+    links: Sequence[str], before: Array, after: Array, sigma: Array | None = None
+) -> Markup:
+    """Bars of m_after − m_before per link, labelled with the two masses and σ of the second.
+
+    before (n,) [kg], after (n,) [kg], sigma (n,) [kg].
+    """
+    n, change = len(links), np.nan_to_num(after - before)
+    reach = np.zeros(n) if sigma is None else np.nan_to_num(sigma)
+    spread = [""] * n if sigma is None else [f" ± {s:.2g}" for s in sigma]
+    with page_figure(height=0.5 + 0.28 * n) as figure:
+        axis = figure.subplots()
+        axis.barh(range(n), change, color=AFTER, height=0.6)
+        if sigma is not None:
+            bars: dict[str, Any] = {"ecolor": PAGE_INK, "elinewidth": 0.9, "capsize": 2}
+            axis.errorbar(change, range(n), xerr=reach, fmt="none", **bars)
+        axis.axvline(0, color=PAGE_INK, linewidth=0.8)
+        for k in range(n):
+            away = 1 if change[k] >= 0 else -1
+            axis.annotate(
+                f"{before[k]:.3g} → {after[k]:.3g}{spread[k]}",
+                (change[k] + away * reach[k], k),
+                xytext=(4 * away, 0),
+                textcoords="offset points",
+                ha="left" if away > 0 else "right",
+                va="center",
+            )
+        # The labels need more room than the bars, on the side to which a bar points.
+        axis.margins(x=0.35)
+        axis.set_yticks(range(n), list(links))
+        axis.invert_yaxis()
+        axis.grid(visible=False, axis="y")
+        axis.set_xlabel("change of mass [kg]")
+        return svg(figure, "mass")
 
 
 def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
@@ -66,7 +154,7 @@ def method_bars(
             labels = [
                 f"{x:.3g}{' →' if far else ''}" for x, far in zip(rms[:, j], cut, strict=True)
             ]
-            axis.bar_label(bars, labels, padding=2, color=INK, fontsize=6)
+            axis.bar_label(bars, labels, padding=2, color=PAGE_INK, fontsize=6)
             axis.set_xlim(0, 1.35 * end)
             axis.set_title(f"{joints[j]}  [{units[j]}]")
             axis.set_yticks(range(m), list(methods))
@@ -77,7 +165,7 @@ def method_bars(
         return svg(figure, "methods")
 
 
-def _logarithmic(axis: Axes, values: Array) -> None:
+def _logarithmic(axis: "Axes", values: Array) -> None:
     positive = values[np.isfinite(values) & (values > 0)]
     if not positive.size:
         return

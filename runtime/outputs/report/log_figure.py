@@ -7,9 +7,93 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.files import replacing
-from runtime.outputs.report.decimation import thinned
-from runtime.outputs.report.style import BLUE, CYCLE, GREY, VERMILION, blank, settings
+from runtime.identification.expected_accuracy import Growth
+from runtime.monitoring.observation import Observation
+from runtime.outputs.report.canvas import (
+    BLUE,
+    CYCLE,
+    GREY,
+    INK,
+    VERMILION,
+    blank,
+    settings,
+    thinned,
+)
 from runtime.recording import Recording
+
+
+def draw_external_torque(
+    observation: Observation, names: tuple[str, ...], units: tuple[str, ...], path: Path
+) -> None:
+    """Write a figure with one panel per joint: r, its thresholds, contacts shaded."""
+    suffix, t = picture_format(path), observation.t
+    rows = np.arange(0, len(t), max(1, len(t) // POINTS))
+    with blank((10.0, 1.2 + 1.1 * len(names)), settings(), dpi=110) as figure:
+        axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
+        for j, (axis, name, unit) in enumerate(zip(axes, names, units, strict=True)):
+            for contact in observation.contacts:
+                if contact.number == j:
+                    axis.axvspan(contact.time_s, contact.end_s, color=VERMILION, alpha=0.3, lw=0)
+            axis.plot(*thinned(t, observation.r[:, j], POINTS), color=BLUE, linewidth=0.8)
+            for sign in (1, -1):
+                axis.plot(t[rows], sign * observation.threshold[rows, j], color=GREY, linewidth=0.8)
+            axis.set_title(f"{name} [{unit.replace('*', '·')}]")
+            axis.margins(x=0)
+        axes[-1].set_xlabel("t [s]")
+        figure.suptitle(
+            "external torque (blue), thresholds (grey), contacts (shaded)",
+            fontsize=9,
+            x=0.01,
+            ha="left",
+        )
+        with replacing(path) as file:
+            figure.savefig(file, format=suffix)
+
+
+_DASHES = ("-", "--", ":")
+
+
+def draw_growth(growth: Growth, path: Path) -> None:
+    """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
+    suffix = picture_format(path)
+    with blank((10.0, 4.6), settings(), dpi=130) as figure:
+        masses, worst = figure.subplots(1, 2, sharex=True)
+        for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
+            style = _DASHES[k // len(CYCLE) % len(_DASHES)]
+            colour = CYCLE[k % len(CYCLE)]
+            masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
+        is_known = np.isfinite(growth.payload)
+        if is_known.any():
+            masses.plot(
+                growth.seconds[is_known],
+                1e3 * growth.payload[is_known],
+                color=INK,
+                linewidth=2.0,
+                label="payload of 1 kg on a known arm",
+            )
+        masses.set_title("σ of masses [g], MAP with the URDF as prior")
+        worst.plot(growth.seconds, 100 * growth.worst, color=INK)
+        worst.set_title("largest σ of a base parameter [% of its value]; "
+                        f"at the end: {growth.worst_name}")  # fmt: skip
+        for axis in (masses, worst):
+            axis.set_yscale("log")
+            axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axis.margins(x=0)
+            axis.set_xlabel("recording time [s]")
+            if growth.seconds[-1] > growth.recorded:
+                span = growth.recorded, float(growth.seconds[-1])
+                axis.axvspan(*span, color=GREY, alpha=0.25, linewidth=0)
+        figure.legend(*masses.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
+        figure.suptitle(
+            f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}",
+            fontsize=9,
+            x=0.01,
+            ha="left",
+        )
+        with replacing(path) as file:
+            figure.savefig(file, format=suffix)
+
 
 FORMATS = ("png", "pdf", "svg")
 POINTS = 4000

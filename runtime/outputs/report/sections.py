@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
+from runtime.outputs.report.figures import convergence, mass_change, torques
 from runtime.outputs.report.layout import ReportTable, Section, Tile
 from runtime.outputs.report.result import Link, Result
-from runtime.outputs.report.result_figures import mass_change, torques
 from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.sides import sides_section
 from runtime.outputs.report.uncertainty import uncertainty_sections
@@ -228,9 +228,7 @@ def _convergence(result: Result) -> Section | None:
     if result.convergence is None:
         return None
     c = result.convergence
-    from runtime.outputs.report import figures  # matplotlib is slow to import
-
-    return Section("Convergence", figure=figures.convergence(c.iteration, c.training, c.validation))
+    return Section("Convergence", figure=convergence(c.iteration, c.training, c.validation))
 
 
 def _preparation(result: Result) -> Section:

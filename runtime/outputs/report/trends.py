@@ -5,20 +5,22 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.library import Array
 from runtime.monitoring.history import read_history
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, trends_of
+from runtime.outputs.report.canvas import CYCLE, PAGE_INK, page_figure, svg
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 from runtime.outputs.report.page import write_page
-from runtime.outputs.report.style import CYCLE
-from runtime.outputs.report.svg import INK, page_figure, svg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 GLOSSARY = (
     ("size", "estimate of one change from one log, as if nothing else had changed; bars are 95 %"),
@@ -126,21 +128,21 @@ def _figure(many: tuple[Series, ...], axis: _Axis, trends: Trends, name: str) ->
         return svg(figure, f"trend-{name}")
 
 
-def _panel(panel: Axes, series: Series, axis: _Axis, trends: Trends) -> None:
+def _panel(panel: "Axes", series: Series, axis: _Axis, trends: Trends) -> None:
     x = axis.x[list(series.at)]
     known = np.isfinite(x)
     x, size, half = x[known], series.size[known], NORMAL_95 * series.sigma[known]
     panel.errorbar(x, size, yerr=half, fmt=".", color=CYCLE[0], elinewidth=0.8, markersize=3)
-    panel.axhline(0, color=INK, linewidth=0.6)
+    panel.axhline(0, color=PAGE_INK, linewidth=0.6)
     slope = axis.slope(series)
     if slope is not None:
         ends = np.array([x.min(), x.max()])
         panel.plot(ends, slope.offset + slope.value * ends, color=CYCLE[3])
     panel.set_title(f"{series.where or 'robot'} [{series.unit}]")
-    panel.xaxis.set_major_locator(MaxNLocator(3))
+    panel.locator_params(axis="x", nbins=3)
     if axis.word == "time":
         panel.xaxis.set_major_formatter(
-            FuncFormatter(lambda value, _: _date(trends.days[0] + value * 365.25 / 12)[:10])
+            lambda value, _: _date(trends.days[0] + value * 365.25 / 12)[:10]
         )
     else:
         panel.set_xlabel(axis.unit)

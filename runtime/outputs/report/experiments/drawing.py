@@ -6,20 +6,32 @@ which the filter of the page hides them.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
 
-from runtime.outputs.report.decimation import thinned
+from runtime.outputs.report.canvas import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    OWNER,
+    PURPLE,
+    SKY,
+    VERMILION,
+    page_figure,
+    svg,
+    thinned,
+)
 from runtime.outputs.report.experiments.labels import DOCUMENT, case_name, curve_name, method_name
 from runtime.outputs.report.experiments.reading import Array, Experiment, Key, SavedView, Value
 from runtime.outputs.report.experiments.tables import cases_of
-from runtime.outputs.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
-from runtime.outputs.report.svg import OWNER, page_figure, svg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 LINES = (
     *((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":")),
@@ -56,12 +68,12 @@ def inline(experiment: Experiment, view: SavedView) -> Markup:
         return svg(figure, view.id)
 
 
-def draw(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def draw(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     """Draw a view."""
     _KINDS[view.kind](figure, experiment, view)
 
 
-def _band(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _band(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     iteration, mean, std = (experiment.series[name] for name in view.series)
     name = curve_name(view.series[1])
     axis = figure.subplots()
@@ -74,7 +86,7 @@ def _band(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     _finish(axis, view)
 
 
-def _lines(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _lines(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     if _is_per_joint(experiment, view):
         _joints(figure, experiment, view)
         return
@@ -103,7 +115,7 @@ def _is_per_joint(experiment: Experiment, view: SavedView) -> bool:
     return any(experiment.series[name].ndim == 2 for name in view.series)
 
 
-def _joints(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _joints(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     """Draw one panel per joint with all curves."""
     across = 4
     down = -(-len(experiment.joints) // across)
@@ -121,12 +133,11 @@ def _joints(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
 
-def _path(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _path(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     path = experiment.series[view.series[0]]
     if path.ndim == 3:  # poses (N, 4, 4) of the tip
         path = path[:, :3, 3]
     axis: Any = figure.add_subplot(projection="3d")
-    assert isinstance(axis, Axes3D)  # noqa: S101  what the projection makes
     kept = path[:: max(1, len(path) // POINTS)]
     axis.plot(*kept.T, color=BLUE)
     axis.plot(*path[:1].T, "o", color=GREEN, label="start and end")
@@ -140,7 +151,7 @@ def _path(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     axis.legend(loc="upper right")
 
 
-def _motion(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _motion(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     t, *motion = (experiment.series[name] for name in view.series)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for axis, values, name, unit in zip(axes, motion, MOTION, UNITS, strict=True):
@@ -155,7 +166,7 @@ def _motion(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     figure.legend(*handles, loc="outside lower center", ncols=len(experiment.joints))
 
 
-def _loglog(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _loglog(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     x, curve, reference = (experiment.series[name] for name in view.series)
     axis = figure.subplots()
     name, other = (curve_name(key) for key in view.series[1:])
@@ -168,7 +179,7 @@ def _loglog(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     _finish(axis, view)
 
 
-def _bars(figure: Figure, experiment: Experiment, view: SavedView) -> None:
+def _bars(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     """Draw one panel per case, a group of bars per metric, a bar per method and source."""
     cases = cases_of(experiment, view)
     document = experiment.document.get(view.document, {})
@@ -219,14 +230,14 @@ def _joint(metric: str) -> str:
     return f"joint {metric.rpartition('_')[2]}"
 
 
-def _finish(axis: Axes, view: SavedView) -> None:
+def _finish(axis: "Axes", view: SavedView) -> None:
     axis.margins(x=0.01)
     axis.set_xlabel(view.axes[0])
     axis.set_ylabel(view.axes[1])
     axis.legend()
 
 
-_KINDS: dict[str, Callable[[Figure, Experiment, SavedView], None]] = {
+_KINDS: "dict[str, Callable[[Figure, Experiment, SavedView], None]]" = {
     "band": _band,
     "lines": _lines,
     "path": _path,

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from runtime.files import replacing
+from runtime.outputs.report.canvas import blank, settings
 from runtime.outputs.report.experiments.drawing import draw, has_figure, height
 from runtime.outputs.report.experiments.reading import Experiment, SavedView
-from runtime.outputs.report.style import blank, settings
 
 DPI = 130
 _WIDTH = 10.0

@@ -16,9 +16,13 @@ from runtime.excitation import Safety, Trajectory
 from runtime.excitation.motion_profile import MotionProfile, profile_of
 from runtime.excitation.proof.certified_motion import certified
 from runtime.library import Library
-from runtime.outputs.report.motion_figures import draw_motion, draw_speed, write_pictures
-from runtime.outputs.report.style import VERMILION, blank, settings
-from runtime.outputs.report.tip_path_figure import draw_space
+from runtime.outputs.report.canvas import VERMILION, blank, settings
+from runtime.outputs.report.motion_figures import (
+    draw_motion,
+    draw_space,
+    draw_speed,
+    write_pictures,
+)
 
 SAFETY = Safety(table=0.0, box=(-1.0, 1.0, -1.0, 1.0, 0.1, np.inf), viscous=(0.5,))
 NAMES = ["a.png", "a-speed.png", "a-space.png"]

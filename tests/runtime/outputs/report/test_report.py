@@ -12,8 +12,8 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.outputs.report import write_report
+from runtime.outputs.report.figures import mass_change
 from runtime.outputs.report.result import read_result
-from runtime.outputs.report.result_figures import mass_change
 from tests.runtime.pages import Change, Reader, predictions, read, write
 
 

@@ -28,8 +28,7 @@ from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET, dahl_state
-from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.derivatives import differentiate
+from runtime.recording.preprocessing import differentiate, prepare
 from runtime.recording.preprocessing.filters import low_pass
 
 MOTION_HZ, BELOW_RATE = 60.0, 0.4

@@ -32,7 +32,7 @@ from runtime.identification.without_prior import note_for, settings_for
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
-from runtime.recording.preprocessing.filter_noise import filter_inflation
+from runtime.recording.preprocessing.filters import filter_inflation
 
 
 @one_blas_thread

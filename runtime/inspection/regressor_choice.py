@@ -21,8 +21,8 @@ from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
+from runtime.recording.preprocessing.filters import butterworth_sections, scipy_signal
 from runtime.recording.preprocessing.pipeline import on_grid
-from runtime.recording.preprocessing.sections import butterworth_sections, squared_gain
 
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
@@ -160,5 +160,5 @@ def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> floa
     if preparation.cutoff_hz is None:
         return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
     sections = butterworth_sections(preparation.order, preparation.cutoff_hz * 2.0 * step)
-    w, gain = squared_gain(sections, 4096)
-    return float(np.mean(gain**2 * (np.sin(w) / step) ** (2 * derivatives)))
+    w, transfer = scipy_signal().sosfreqz(sections, 4096)
+    return float(np.mean(np.abs(transfer) ** 4 * (np.sin(w) / step) ** (2 * derivatives)))

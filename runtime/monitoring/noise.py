@@ -25,6 +25,7 @@ from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer_settings import ObserverSettings
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.preprocessing import segments
+from runtime.recording.preprocessing.filters import scipy_signal
 
 KEPT = 0.6
 """Share of a low-pass's cut-off up to which it leaves a residual as it is (2 % in amplitude)."""
@@ -220,16 +221,15 @@ def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Arra
 
     The last array is the variance of blocks, (B, n), NaN for those of contacts.
     """
-    from scipy.signal import butter, sosfiltfilt
-
-    sections = butter(4, limit, "highpass", fs=rate_hz, output="sos")
+    signal = scipy_signal()
+    sections = signal.butter(4, limit, "highpass", fs=rate_hz, output="sos")
     size = max(round(BLOCK_S * rate_hz), 8)
     squares, steps = [], []
     for part in segments(t):
         rows = r[part][np.isfinite(r[part]).all(axis=1)]
         if len(rows) < LEAST_BLOCKS * size:
             continue
-        high = sosfiltfilt(sections, rows, axis=0)
+        high = signal.sosfiltfilt(sections, rows, axis=0)
         high = high[: len(high) // size * size].reshape(-1, size, rows.shape[1])
         squares.append(np.mean(high**2, axis=1))
         steps.append(np.mean(np.diff(high, axis=1) ** 2, axis=1))

@@ -23,6 +23,7 @@ from runtime.library import Array, Library
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.observer_settings import BANDWIDTH, ObserverSettings
 from runtime.recording.preprocessing import segments
+from runtime.recording.preprocessing.filters import scipy_signal
 
 
 class Observer:
@@ -190,10 +191,8 @@ def _segment(
     lib: Library, model: MonitoredModel, s: ObserverSettings, q: Array, dq: Array, tau: Array
 ) -> Array:
     """r of one segment without the first steps + 1 samples."""
-    from scipy.signal import lfilter
-
     position, speed, torque = averaged(s, q, dq, tau)
     p, force = model.balance(lib, position, speed)
     rate = torque + force
     w = np.diff(p, axis=0) * s.rate_hz - (rate[1:] + rate[:-1]) / 2
-    return np.asarray(lfilter([1 - s.decay], [1, -s.decay], w, axis=0))
+    return np.asarray(scipy_signal().lfilter([1 - s.decay], [1, -s.decay], w, axis=0))

@@ -2,10 +2,11 @@
 
 from runtime.recording import Preparation, Split, check_consistency
 from runtime.recording.preprocessing.clock_repair import repair_clock
-from runtime.recording.preprocessing.derivatives import differentiate
 from runtime.recording.preprocessing.filters import (
     is_filtered,
     low_pass,
+    moving_average,
+    savitzky_golay,
 )
 from runtime.recording.preprocessing.parts import before_test, prepared_parts, split
 from runtime.recording.preprocessing.pipeline import (
@@ -18,12 +19,12 @@ from runtime.recording.preprocessing.pipeline import (
 from runtime.recording.preprocessing.segments import (
     advance_torque,
     decimate,
+    differentiate,
     drop_rest,
     resample,
     segments,
     trim,
 )
-from runtime.recording.preprocessing.smoothing import moving_average, savitzky_golay
 
 __all__ = [
     "DOCUMENT",

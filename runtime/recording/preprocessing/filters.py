@@ -1,20 +1,20 @@
-"""Zero-phase low-pass filters, segment by segment: no filter crosses a hole.
+"""Linear filters, segment by segment: none crosses a hole.
 
-Every filter, here and in `smoothing`, treats q, dq, ddq, τ and the friction columns alike, because
-a linear relation between signals survives only if all of them pass the same filter.
+Zero-phase low-pass, moving average and Savitzky–Golay polynomials treat q, dq, ddq, τ and the
+friction columns alike, because a linear relation between signals survives only if all of them pass
+the same filter. `lagged` has the phase of a sensor instead.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import gamma
+from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording import Recording
-from runtime.recording.preprocessing.sections import butterworth_sections
-from runtime.recording.preprocessing.segments import holes, segments, uniform_step
-from runtime.recording.preprocessing.zero_phase import zero_phase
+from runtime.recording import Preparation, Recording
+from runtime.recording.preprocessing.segments import segments, uniform_step, without_short
 from runtime.recording.recording import ALL, FloatArray
 
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
@@ -24,7 +24,15 @@ LOWEST = 1e-7
 """Cut-off over rate at which the poles of a low-pass are 1 in double precision."""
 
 
-class Butterworth(NamedTuple):
+def scipy_signal() -> ModuleType:
+    """`scipy.signal`, for the whole package: its import takes a third of a second."""
+    from scipy import signal
+
+    return signal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Butterworth:
     """A low-pass for one clock.
 
     Attributes:
@@ -49,22 +57,9 @@ def is_filtered(history: Iterable[str]) -> bool:
     )
 
 
-def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:
-    """Butterworth low-pass for the clock of a recording."""
-    step = uniform_step(recording, "low-pass")
-    if not 0.0 < cutoff_hz * step < 0.499:
-        raise RecordingError(
-            f"cutoff_hz expects a value between 0 and {0.5 / step:.4g} Hz (half the rate), "
-            f"got {cutoff_hz:g}; lower it"
-        )
-    if not cutoff_hz * step > LOWEST:
-        raise RecordingError(
-            f"cutoff_hz expects at least {LOWEST:g} of the rate, {1.0 / step:.4g} Hz, got "
-            f"{cutoff_hz:g} Hz; raise it, or state the unit of time"
-        )
-    sections = butterworth_sections(order, cutoff_hz * 2.0 * step)
-    minimum = 3 * (order + 1)
-    return Butterworth(sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), minimum), minimum)
+def butterworth_sections(order: int, cutoff: float) -> FloatArray:
+    """Second-order sections (s, 6) of a low-pass; the cut-off is relative to half the rate."""
+    return np.asarray(scipy_signal().butter(order, cutoff, output="sos"))
 
 
 def low_pass(
@@ -86,53 +81,167 @@ def low_pass(
     Raises:
         RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
-    design = butterworth(recording, cutoff_hz, order)
-    data = without_short(recording, design.minimum)
-    filtered = low_passed(data, design, only, np.arange(len(data)))
-    return data.replace(**filtered).noted(low_pass_sentence(cutoff_hz, order))
+    design = _butterworth(recording, cutoff_hz, order)
+    both_directions = scipy_signal().sosfiltfilt
+
+    def smooth(values: FloatArray) -> FloatArray:
+        padding = min(design.padding, len(values) - 1)
+        return np.asarray(both_directions(design.sections, values, axis=0, padlen=padding))
+
+    sentence = f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
+    return _per_segment(recording, smooth, design.minimum, sentence, only)
 
 
-def low_passed(
-    recording: Recording,
-    design: Butterworth,
-    only: tuple[str, ...],
-    rows: NDArray[np.int64],
-    period: int = 1,
-) -> dict[str, FloatArray]:
-    """Selected rows of every signal, filtered segment by segment."""
-    present = {k: v for k in only if (v := getattr(recording, k)) is not None}
-    flat = [values.reshape(len(recording), -1) for values in present.values()]
-    parts = []
-    for part in segments(recording.t):
-        length = part.stop - part.start
-        inside = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
-        padding = min(design.padding, length - 1)
-        segment = [values[part] for values in flat]
-        parts.append(zero_phase(design.sections, segment, padding, inside - part.start, period))
-    whole = [
-        pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-        for pieces in zip(*parts, strict=True)
+def _butterworth(recording: Recording, cutoff_hz: float, order: int) -> Butterworth:
+    step = uniform_step(recording, "low-pass")
+    if not 0.0 < cutoff_hz * step < 0.499:
+        raise RecordingError(
+            f"cutoff_hz expects a value between 0 and {0.5 / step:.4g} Hz (half the rate), "
+            f"got {cutoff_hz:g}; lower it"
+        )
+    if not cutoff_hz * step > LOWEST:
+        raise RecordingError(
+            f"cutoff_hz expects at least {LOWEST:g} of the rate, {1.0 / step:.4g} Hz, got "
+            f"{cutoff_hz:g} Hz; raise it, or state the unit of time"
+        )
+    sections = butterworth_sections(order, cutoff_hz * 2.0 * step)
+    minimum = 3 * (order + 1)
+    return Butterworth(sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), minimum), minimum)
+
+
+def filter_inflation(steps: Preparation, rate_hz: float) -> float:
+    """N / N_eff of white noise after the low-pass filter of a prepared recording.
+
+    A Butterworth filter of order N, forwards and backwards, has the power gain (1 + x^2N)⁻² at
+    x = f/f_c and the noise bandwidth
+
+        B = f_c ∫₀^∞ (1 + x^2N)⁻² dx = f_c Γ(1 + 1/2N) Γ(2 − 1/2N)
+
+    so that white noise at the rate f_s after it has N/N_eff = f_s / 2B.
+    Source: Bendat & Piersol 2010 for the noise bandwidth; the integral is a beta function.
+    """
+    if steps.filter != "butterworth" or not steps.cutoff_hz or steps.regressor != "acceleration":
+        return 1.0
+    half = 1 / (2 * steps.order)
+    bandwidth = steps.cutoff_hz * gamma(1 + half) * gamma(2 - half)
+    return max(1.0, rate_hz / (2 * bandwidth))
+
+
+def lagged(recording: Recording, values: FloatArray, cutoff_hz: float) -> FloatArray:
+    """First-order low-pass of signals, from rest at the start of every segment.
+
+        H(s) = 1 / (1 + s / (2 π f))
+
+    Drivers of force sensors often contain such a filter. A linear relation between forces and the
+    other signals survives if these pass it, too; the inverse filter would amplify the noise of the
+    forces instead. Forwards only.
+
+    values (N, m) → (N, m).
+    """
+    step = uniform_step(recording, "delay")
+    if not cutoff_hz * step < 0.499:
+        raise RecordingError(
+            f"{recording.name}: contact_force_z_cutoff is {cutoff_hz:g} Hz, expected a value below "
+            f"{0.5 / step:.4g} Hz (half the rate); correct it, or remove it where the sensors have "
+            "no such low-pass"
+        )
+    signal, sections = scipy_signal(), butterworth_sections(1, 2.0 * cutoff_hz * step)
+    still = signal.sosfilt_zi(sections)[:, :, None]
+    parts = [
+        signal.sosfilt(sections, values[part], axis=0, zi=still * values[part][0])[0]
+        for part in segments(recording.t)
     ]
-    return {
-        key: values.reshape(len(rows), *present[key].shape[1:])
-        for key, values in zip(present, whole, strict=True)
-    }
+    return np.concatenate(parts)
 
 
-def low_pass_sentence(cutoff_hz: float, order: int) -> str:
-    """Sentence of the history about a low-pass."""
-    return f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
+def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] = ALL) -> Recording:
+    """Mean over a centred window of an odd number of samples; it narrows at the ends.
+
+    Args:
+        recording: on a uniform clock.
+        window_s: length of the window [s].
+        only: names of the signals.
+
+    Returns:
+        The averaged recording.
+
+    Raises:
+        RecordingError: the clock is not uniform.
+    """
+    half = _half_window(recording, window_s, "average")
+
+    def smooth(values: FloatArray) -> FloatArray:
+        n = len(values)
+        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        i = np.arange(n)
+        reach = np.minimum(half, np.minimum(i, n - 1 - i))
+        width = (2 * reach + 1).reshape(-1, *[1] * (values.ndim - 1))
+        return (sums[i + reach + 1] - sums[i - reach]) / width
+
+    what = "all signals" if only == ALL else ", ".join(only)
+    sentence = f"Averaged {what} over {2 * half + 1} samples ({window_s:g} s)."
+    return _per_segment(recording, smooth, 1, sentence, only)
 
 
-def without_short(recording: Recording, minimum: int) -> Recording:
-    """The recording without segments that hold fewer samples than a step needs."""
-    edges = np.flatnonzero(np.concatenate([[True], holes(recording.t), [True]]))
-    lengths = np.diff(edges)
-    short = lengths < minimum
-    if not short.any():
-        return recording
-    keep = np.repeat(~short, lengths)
-    return recording.take(
-        keep,
-        f"Dropped {short.sum()} segments with fewer than {minimum} samples ({np.sum(~keep)} rows).",
+def savitzky_golay(
+    recording: Recording, window_s: float, order: int = 4, only: tuple[str, ...] = ALL
+) -> Recording:
+    """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives.
+
+    Args:
+        recording: on a uniform clock.
+        window_s: length of the window [s].
+        order: degree of the polynomials.
+        only: names of the signals.
+
+    Returns:
+        The smoothed recording.
+
+    Raises:
+        RecordingError: the clock is not uniform, or the window holds too few samples.
+    """
+    half = _half_window(recording, window_s, "fit polynomials")
+    width = 2 * half + 1
+    if width <= order:
+        raise RecordingError(
+            f"the Savitzky–Golay window of {width} samples expects more than {order}, the degree; "
+            "widen window_s"
+        )
+    step = uniform_step(recording, "fit polynomials")
+
+    def smooth(values: FloatArray, derivative: int = 0) -> FloatArray:
+        polynomials = scipy_signal().savgol_filter
+        return np.asarray(polynomials(values, width, order, deriv=derivative, delta=step, axis=0))
+
+    missing = [key for key in ("dq", "ddq") if key in only and getattr(recording, key) is None]
+    recording = without_short(recording, width)
+    derived: dict[str, FloatArray] = {}
+    for key in missing:
+        base, derivative = ("q", 1) if key == "dq" else ("dq", 1)
+        if key == "ddq" and "dq" in missing:
+            base, derivative = "q", 2
+        values = getattr(recording, base)
+        parts = segments(recording.t)
+        derived[key] = np.concatenate([smooth(values[part], derivative) for part in parts])
+    suffix = f", {' and '.join(missing)} by its derivatives" if missing else ""
+    sentence = f"Smoothed by Savitzky–Golay, degree {order} over {width} samples{suffix}."
+    return _per_segment(recording, smooth, width, sentence, only).replace(**derived)
+
+
+def _half_window(recording: Recording, window_s: float, purpose: str) -> int:
+    """Half of the odd window, in samples: the largest that fits into window_s."""
+    return int(window_s / uniform_step(recording, purpose) + 1e-6) // 2
+
+
+def _per_segment(
+    recording: Recording,
+    function: Callable[[FloatArray], FloatArray],
+    minimum: int,
+    sentence: str,
+    only: tuple[str, ...],
+) -> Recording:
+    recording = without_short(recording, minimum)
+    parts = segments(recording.t)
+    return recording.mapped(
+        lambda values: np.concatenate([function(values[part]) for part in parts]), sentence, only
     )

@@ -7,7 +7,7 @@ rotation. What the log states of velocities and accelerations is filtered and ta
 Torques and wrenches are filtered piece by piece, where a piece ends with a change of what is
 unknown of the contacts: the force of a foot without a sensor enters the torques, and a filter
 across its lift-off would bring it into rows whose equations do not contain it. Where the sensors of
-the contacts have a low-pass of their own, everything else passes it first, see `sensor_lag`.
+the contacts have a low-pass of their own, everything else passes it first, see `lagged`.
 """
 
 from dataclasses import dataclass, replace
@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.preprocessing.derivatives import differentiate
-from runtime.recording.preprocessing.filters import low_pass
+from runtime.recording.preprocessing.filters import lagged, low_pass
 from runtime.recording.preprocessing.free_base_conventions import (
     require_acceleration,
     require_twist,
 )
-from runtime.recording.preprocessing.segments import holes, resample
-from runtime.recording.preprocessing.sensor_lag import lagged
+from runtime.recording.preprocessing.segments import differentiate, holes, resample
 from runtime.recording.recording import FloatArray, Recording
 
 BoolArray = NDArray[np.bool_]

@@ -18,8 +18,7 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.friction import COLUMNS, add_columns
-from runtime.recording.preprocessing.filters import without_short
-from runtime.recording.preprocessing.segments import segments, uniform_step
+from runtime.recording.preprocessing.segments import segments, uniform_step, without_short
 from runtime.recording.recording import FloatArray
 
 HELD = 16_000_000

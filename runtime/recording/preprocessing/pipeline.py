@@ -10,22 +10,17 @@ from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing.clock_repair import repair_clock
-from runtime.recording.preprocessing.decimated_filter import thinned
-from runtime.recording.preprocessing.derivatives import differentiate
-from runtime.recording.preprocessing.filters import (
-    ALL,
-    low_pass,
-)
+from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
 from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of, torque_of_rows
 from runtime.recording.preprocessing.segments import (
     advance_torque,
     decimate,
+    differentiate,
     drop_rest,
     resample,
     trim,
 )
-from runtime.recording.preprocessing.smoothing import moving_average, savitzky_golay
-from runtime.recording.recording import FloatArray
+from runtime.recording.recording import ALL, FloatArray
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
 """Preparation of the source document, Sec. 5.2: means over 51 ms of q, dq and τ; ddq from
@@ -197,14 +192,8 @@ def _reduced(
     late: Callable[[Recording], Recording] | None = None,
 ) -> Recording:
     """Filter, derivatives where rows need them, columns that need these, trim, rate."""
-    derived = recording.rows is None
-    whole = preparation.filter != "butterworth" or preparation.rate_hz is None or late is not None
-    if derived and not whole:
-        rows = thinned(recording, preparation)
-        if rows is not None:
-            return rows
     data = _filtered(recording, preparation)
-    if derived:
+    if recording.rows is None:
         data = _derived(data, preparation)
     if late is not None:
         data = _filtered(late(data), preparation, ("columns",))

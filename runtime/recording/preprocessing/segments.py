@@ -1,4 +1,4 @@
-"""Holes, and the steps that depend on them: resample, trim, drop rest, decimate.
+"""Holes, and the steps that depend on them: derivatives, resample, trim, drop rest, decimate.
 
 A hole is a gap longer than 1.5 median steps of time. `segments` is its only definition; filters and
 derivatives stay inside one segment.
@@ -46,6 +46,68 @@ def uniform_step(recording: Recording, purpose: str) -> float:
             "first"
         )
     return step
+
+
+def without_short(recording: Recording, minimum: int) -> Recording:
+    """The recording without segments that hold fewer samples than a step needs."""
+    edges = np.flatnonzero(np.concatenate([[True], holes(recording.t), [True]]))
+    lengths = np.diff(edges)
+    short = lengths < minimum
+    if not short.any():
+        return recording
+    keep = np.repeat(~short, lengths)
+    return recording.take(
+        keep,
+        f"Dropped {short.sum()} segments with fewer than {minimum} samples ({np.sum(~keep)} rows).",
+    )
+
+
+def differentiate(recording: Recording, from_position: bool = False) -> Recording:
+    """Fill in dq from q and ddq from dq by central differences, of second order at the ends as
+    well.
+
+    Args:
+        recording: with q.
+        from_position: replace measured dq and ddq too.
+
+    Returns:
+        The recording with dq and ddq.
+    """
+    result = recording
+    if from_position or recording.dq is None:
+        result = without_short(result, 3)
+        result = result.replace(dq=slopes(result.t, result.q)).noted(
+            "Differentiated q to dq by central differences."
+        )
+    if from_position or recording.ddq is None:
+        result = without_short(result, 3)
+        result = result.replace(ddq=slopes(result.t, result.required("dq"))).noted(
+            "Differentiated dq to ddq by central differences."
+        )
+    return result
+
+
+def slopes(t: FloatArray, values: FloatArray) -> FloatArray:
+    """Derivative by central differences: the slope of the parabola through three neighbours.
+
+    The middle one is the row itself, or next to an edge the neighbour inside.
+
+    t (N,), values (N, m) → (N, m).
+    """
+    hole = holes(t)
+    centre = np.arange(len(t))
+    centre[0] += 1
+    centre[1:] += hole
+    centre[:-1] -= hole
+    centre[-1] -= 1
+    before, after = t[centre] - t[centre - 1], t[centre + 1] - t[centre]
+    off = 2.0 * (t - t[centre])  # 0 but at edges
+    left = (off - after) / (before * (before + after))
+    right = (off + before) / (after * (before + after))
+    here = values.take(centre, axis=0)
+    slope = left[:, None] * (values.take(centre - 1, axis=0) - here)
+    slope += right[:, None] * (values.take(centre + 1, axis=0) - here)
+    return slope
 
 
 def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recording:

@@ -5,7 +5,7 @@ import pytest
 
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.filter_noise import filter_inflation
+from runtime.recording.preprocessing.filters import filter_inflation
 
 COUNT = 40_000
 

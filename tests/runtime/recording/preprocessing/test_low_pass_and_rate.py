@@ -1,10 +1,8 @@
-"""Filters as matrix products, of rows that stay alone, held against the long way round."""
+"""Low-pass, derivatives and decimation of a preparation, held against the single steps."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy import signal as scipy_signal
+from scipy import signal
 
 from runtime.recording import Friction, Recording
 from runtime.recording.friction import COLUMNS, JointMotion, add_columns, columns
@@ -13,90 +11,29 @@ from runtime.recording.preprocessing import (
     decimate,
     differentiate,
     low_pass,
-    pipeline,
     prepare,
     resample,
     segments,
     trim,
 )
-from runtime.recording.preprocessing import zero_phase as blocked
-from runtime.recording.preprocessing.zero_phase import zero_phase
 from tests.runtime.signals import sine, with_hole
 
 BUTTERWORTH = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)
 
 
-@settings(max_examples=40, deadline=None)
-@given(
-    order=st.integers(1, 6),
-    cutoff=st.floats(0.004, 0.8),
-    count=st.integers(60, 3000),
-    period=st.sampled_from([1, 2, 7, 10, 100]),
-    seed=st.integers(0, 2**16),
-)
-def test_zero_phase_is_scipys(order, cutoff, count, period, seed):
-    """Oracle: `sosfiltfilt` itself, for any filter, length, padding and choice of rows.
-
-    The slowest filter of order 6 turns rounding of 1e-16 into 1e-9 in scipy's own states; ours
-    are nearer to what 80 bits give (1e-13 at a cut-off of 0.01).
-    """
-    rng = np.random.default_rng(seed)
-    sections = scipy_signal.butter(order, cutoff, output="sos")
-    signals = [rng.normal(3.0, 1.0, (count, m)) for m in (1, 3)]
-    padding = int(rng.integers(3 * (order + 1), count))
-    some = rng.random(count) < 0.1
-    some[rng.integers(count) :: period] = True
-    rows = np.flatnonzero(some)
-    found = zero_phase(sections, signals, padding, rows, period)
-    for x, y in zip(signals, found, strict=True):
-        expected = scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)[rows]
-        np.testing.assert_allclose(y, expected, atol=1e-14 / min(cutoff, 0.1) ** 3)
-
-
-@pytest.mark.parametrize("padding", [1, 2, 999])
-def test_zero_phase_of_few_and_many_padding_rows(padding):
-    """Oracle: `sosfiltfilt` with the fewest and the most rows of odd extension, at all rows."""
-    sections = scipy_signal.butter(2, 0.2, output="sos")
-    x = np.random.default_rng(7).normal(size=(1000, 2))
-    (y,) = zero_phase(sections, [x], padding, np.arange(1000))
-    expected = scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)
-    np.testing.assert_allclose(y, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("period", [1, 2, 7, 100])
-def test_zero_phase_filters_only_the_rows_it_needs(period, monkeypatch):
-    """Property: a log of eight blocks or more takes the matrices, whatever the period of rows."""
-
-    def refused(*_):
-        raise AssertionError("all rows were filtered")
-
-    monkeypatch.setattr(blocked, "both_directions", refused)
-    sections = scipy_signal.butter(4, 0.1, output="sos")
-    rows = np.arange(0, 2000, period)
-    assert len(zero_phase(sections, [np.ones((2000, 1))], 15, rows, period)[0]) == len(rows)
-
-
-def test_a_slow_filter_keeps_its_digits():
-    """Oracle: the recursion in 80 bits or more: 2 Hz at 1 kHz loses no more digits than scipy does.
-
-    With z₁ and z₂ themselves as state the error is a hundred times larger.
-    """
-    if np.finfo(np.longdouble).eps > 1e-18:
-        pytest.skip("no long double here")
-    rng = np.random.default_rng(1)
-    x = 5.0 + np.cumsum(rng.normal(size=(6000, 1)), axis=0) / 100
-    sections = scipy_signal.butter(4, 0.004, output="sos")
-    still = scipy_signal.sosfilt_zi(sections)[:, :, None].astype(np.longdouble)
-    long = np.vstack([2 * x[0] - x[2000:0:-1], x, 2 * x[-1] - x[-2:-2002:-1]])
-    for _ in range(2):
-        long, _ = scipy_signal.sosfilt(
-            sections.astype(np.longdouble), long, axis=0, zi=still * long[0]
-        )
-        long = long[::-1]
-    (y,) = zero_phase(sections, [x], 2000, np.arange(6000))
-    usual = scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=2000)
-    lost, usually_lost = (np.abs(each - long[2000:-2000]).max() for each in (y, usual))
-    assert lost < 2 * usually_lost
+@pytest.mark.parametrize("cutoff", [2.1, 21.0, 300.0])
+def test_low_pass_is_scipys_on_every_stretch(cutoff):
+    """Oracle: `sosfiltfilt` of each stretch between holes, padded by less than its length."""
+    data = with_hole(with_hole(sine(1.0), 1.0, 1.5), 1.53, 1.6)
+    lengths = [part.stop - part.start for part in segments(data.t)]
+    assert min(lengths) == 30
+    sections = signal.butter(4, 2.0 * cutoff / data.rate_hz, output="sos")
+    done = low_pass(data, cutoff)
+    padding = max(15, int(np.ceil(4000.0 / cutoff)))
+    for part in segments(data.t):
+        short = min(padding, part.stop - part.start - 1)
+        expected = signal.sosfiltfilt(sections, data.q[part], axis=0, padlen=short)
+        np.testing.assert_allclose(done.q[part], expected, rtol=1e-12, atol=1e-12)
 
 
 def recorded(measured: tuple[str, ...]) -> Recording:
@@ -153,16 +90,6 @@ def test_derivatives_are_numpys():
     for part in segments(data.t):
         expected = np.gradient(data.q[part], data.t[part], axis=0, edge_order=2)
         np.testing.assert_allclose(done.dq[part], expected, atol=1e-11)
-
-
-def test_only_rows_that_stay_are_filtered(monkeypatch):
-    """Property: the short way is taken, and falls back where the new rate has no whole ratio."""
-    taken = []
-    usual = pipeline.thinned
-    monkeypatch.setattr(pipeline, "thinned", lambda *a: taken.append(usual(*a)) or taken[-1])
-    prepare(sine(1.0), BUTTERWORTH, Friction())
-    prepare(sine(1.0), Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=300.0))
-    assert [each is None for each in taken] == [False, True]
 
 
 def test_linear_columns_need_no_filter():

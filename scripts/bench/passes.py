@@ -16,7 +16,7 @@ from bench.compiled import BenchError, find
 from bench.machine import limits
 from bench.ours import Ours
 from runtime.library import Library
-from symgen.emit.elimination import eliminate
+from symgen.emit.programs import eliminate
 
 TILES = 512
 """Samples whose Y_b stays in the second cache."""

@@ -96,7 +96,7 @@ def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
 def _torque_cpu(urdf: str) -> float:
     """CPU time of the kernel of τ alone: expressions, C text, compilation for one level."""
     from symgen import __version__
-    from symgen.catalogue.units import state_unit
+    from symgen.catalogue.motion import state_unit
     from symgen.chain import read_chain
     from symgen.emit import emit
     from symgen.kernel import Argument, make_kernel

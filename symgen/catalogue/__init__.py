@@ -6,14 +6,10 @@ Batches run over time samples, over links (maps of one body) or over points of a
 from dataclasses import dataclass, field
 
 from symgen.catalogue.bodies import body_kernels
-from symgen.catalogue.control import control_kernels
+from symgen.catalogue.design import proof_kernels, safety_kernels, trajectory_kernels
 from symgen.catalogue.loops import loop_kernels, without_seeds
-from symgen.catalogue.motion import motion_kernels
+from symgen.catalogue.motion import control_kernels, motion_kernels, passive_kernels
 from symgen.catalogue.omitted import omitted_kernels, shortened
-from symgen.catalogue.passive import passive_kernels
-from symgen.catalogue.proof import proof_kernels
-from symgen.catalogue.safety import safety_kernels
-from symgen.catalogue.trajectory import trajectory_kernels
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.kernel import Kernel

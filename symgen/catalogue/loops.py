@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from symgen.catalogue.units import STATE, state_unit
+from symgen.catalogue.motion import STATE, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, Matrix, make_kernel, with_further
 from symgen.mechanics import closure, kinematics, loop_equations

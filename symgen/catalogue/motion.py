@@ -1,16 +1,23 @@
-"""Kernels of the robot's motion: torques, regressors, mass matrix, base parameters."""
+"""Kernels of the robot's motion: torques, regressors, mass matrix, springs, terms of controllers.
+
+Kernels of springs and torque curves exist only where a mechanism has any. Those of controllers are
+called once per period, so that no vector code is compiled for them. The units of joint quantities
+stand at the end.
+"""
 
 from collections.abc import Container
 from typing import Any
 
 import casadi as ca
 
-from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import dynamics, kinematics, mass_matrix
+from symgen.mechanics import dynamics, kinematics, mass_matrix, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
+
+STATE = ("q", "dq", "ddq", "dddq", "ddddq")
+"""Positions and their time derivatives."""
 
 
 def motion_kernels(
@@ -198,3 +205,113 @@ def _expanded(base: BaseParameters, beta: Any) -> Any:
 def _times(matrix: Array, vector: Any) -> Any:
     """matrix · vector without the zeros of the matrix."""
     return ca.mtimes(ca.sparsify(ca.DM(matrix)), vector)
+
+
+def state_unit(chain: Chain, power: int) -> str:
+    """Unit of a time derivative of q of all joints."""
+    kinds = {"m" if slides else "rad" for slides in _slides(chain)}
+    return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3", "/s^4")[power]
+
+
+def effort_unit(chain: Chain) -> str:
+    """Unit of τ of all joints: "N*m", "N" or both."""
+    return "|".join({True: "N", False: "N*m"}[s] for s in _slides(chain))
+
+
+def inertia_unit(chain: Chain) -> str:
+    """Unit of the inertia of the rotors of all joints: "kg*m^2", "kg" or both."""
+    return "|".join({True: "kg", False: "kg*m^2"}[s] for s in _slides(chain))
+
+
+def _slides(chain: Chain) -> list[bool]:
+    if chain.floating:  # slides and turns
+        return [False, True]
+    return sorted({j.kind == "prismatic" for j in chain.coordinates})
+
+
+def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
+    """Return the kernels of torques that depend on q alone."""
+    n, kernels = len(chain.coordinates), []
+    q_ = Argument(STATE[0], (n,), state_unit(chain, 0))
+    q = q_.symbol()
+    springs = passive.unknown_springs(chain)
+    if springs:
+        kernels.append(
+            make_kernel(
+                "spring_columns",
+                {q_: q},
+                {Argument("S", (n, len(springs)), "d tau / d k"): passive.spring_columns(chain, q)},
+                "tau = S k of the springs, S = (x - rest) dx / dq",
+                rare=True,
+            )
+        )
+    if len(springs) < len(chain.mechanism.spring) or chain.mechanism.known_torque:
+        kernels.append(
+            make_kernel(
+                "known_torque",
+                {q_: q},
+                {Argument("tau", (n,), effort_unit(chain)): passive.known_torque(chain, q)},
+                "tau = p(x) dx / dq of torque curves and of springs of known stiffness",
+                rare=True,
+            )
+        )
+    return tuple(kernels)
+
+
+def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
+    """Return the kernels of computed-torque, adaptive and impedance controllers."""
+    n, links = chain.freedom, len(chain.joints)
+    q_, dq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(2))
+    dq_r_ = Argument("dq_r", (n,), state_unit(chain, 1))
+    ddq_r_ = Argument("ddq_r", (n,), state_unit(chain, 2))
+    pi_ = Argument("pi", (P * links,), "SI", shared=True)
+    q, dq, dq_r, ddq_r, pi = (a.symbol() for a in (q_, dq_, dq_r_, ddq_r_, pi_))
+    jacobians = make_kernel(
+        "frame_jacobians",
+        {q_: q},
+        {Argument("J", (6 * (links + 1), n), "m|1"): kinematics.frame_jacobians(chain, q)},
+        "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
+        "of the base, one below the other",
+        rare=True,
+        unhurried=True,
+    )
+    if chain.floating:
+        return (jacobians,)
+    bound = make_kernel(
+        "mobility_bound",
+        {pi_: pi},
+        {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
+        "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
+        rare=True,
+        unhurried=True,
+    )
+    if "coriolis_matrix" in omitted:
+        return (jacobians, bound)
+    return (
+        make_kernel(
+            "coriolis_matrix",
+            {q_: q, dq_: dq, pi_: pi},
+            {
+                Argument("C", (n, n), "d (C dq) / d dq / 2"): dynamics.coriolis_matrix(
+                    chain, q, dq, regrouped(chain, pi)
+                )
+            },
+            "C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric",
+            rare=True,
+            unhurried=True,
+        ),
+        make_kernel(
+            "slotine_li_regressor",
+            {q_: q, dq_: dq, dq_r_: dq_r, ddq_r_: ddq_r},
+            {
+                Argument("Y", (n, P * links), "d tau / d pi"): (
+                    dynamics.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
+                )
+            },
+            "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",
+            rare=True,
+            unhurried=True,
+        ),
+        jacobians,
+        bound,
+    )

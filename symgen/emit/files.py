@@ -1,9 +1,11 @@
 """Files of a generated folder: C, header, manifest, README; equal input gives equal bytes.
 
-The files are rendered from `templates/`, which hold loops and names, never mathematics.
+The files are rendered from `templates/`, which hold loops and names, never mathematics. Names of
+links and joints come from a URDF and may hold anything; they are escaped in comments and Markdown.
 """
 
 import hashlib
+import html
 import json
 import re
 from collections.abc import Callable
@@ -14,11 +16,9 @@ from typing import Any
 
 import jinja2
 
-from symgen.emit.escape import in_code, in_comment, in_markdown
 from symgen.emit.forms import forms_of
-from symgen.emit.parts import LONG, parts_of
 from symgen.emit.programs import programs
-from symgen.emit.reference import reference_code
+from symgen.emit.sample import LONG, parts_of, reference_code
 from symgen.emit.stack import BLOCK, stack_bounds
 from symgen.kernel import Argument, Kernel
 
@@ -171,3 +171,22 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
     )
     environment.tests["containing"] = lambda line, text: text in line
     return lambda template, context: environment.get_template(template).render(context)
+
+
+def in_comment(name: str) -> str:
+    """Name within a comment of C.
+
+    `*/` ends a comment; so do its spellings by a trigraph (`??/` is a backslash) and a line splice.
+    """
+    return re.sub(r"[*?\\]|[^\S ]|[^\w\s!-~]", "_", name)
+
+
+def in_markdown(name: str) -> str:
+    """Name within a paragraph or a cell of a table in Markdown."""
+    flat = "".join(c if c.isprintable() else "_" for c in name)
+    return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(flat, quote=False))
+
+
+def in_code(name: str) -> str:
+    """Name within a code span of Markdown, where nothing can be escaped."""
+    return re.sub(r"[`<>]|[^\S ]", "_", name)

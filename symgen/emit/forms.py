@@ -1,12 +1,47 @@
-"""The forms of every kernel that the templates write: for one sample, on tiles, as a product."""
+"""The forms of every kernel that the templates write: for one sample, on tiles, as a product.
 
+A composition calls other kernels: τ(λ) = τ(β(π(λ))), h = τ(ddq = 0). Its last input goes through
+maps; inputs that the kernel does not have are zero. Written out, it would repeat the text of the
+kernel it calls, for the compiler to process at every level.
+
+A product is a regressor times a block-diagonal Jacobian over the links, as tables for loops:
+∂τ/∂λ = Y blockdiag(∂π/∂λ) has three times the operations of Y. Written out it was a fifth of all
+compiled code, and slower: the compiler keeps neither Y nor the blocks in registers.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from symgen.emit.composition import composed_body, composed_program, compositions
-from symgen.emit.product import Product, product, product_program
 from symgen.emit.sample import c_body
 from symgen.emit.ssa import TileProgram, tile_program
-from symgen.kernel import Kernel
+from symgen.kernel import Argument, Kernel
+
+Kernels = dict[str, Kernel]
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """Tables for the loops of `templates/`.
+
+    Attributes:
+        regressor, block: kernels of the factors; the block is the second output of its kernel.
+        joints, links, size: Y is joints × (links · size).
+        entries: (row, column) of the structural nonzeros of a block, column by column.
+        rows: joints whose rows of Y are not zero, link by link; first[k] to first[k + 1] belong to
+            link k.
+        first: start of each link in `rows`.
+        zeros: entries of Y in such rows that no statement writes.
+    """
+
+    regressor: str
+    block: str
+    joints: int
+    links: int
+    size: int
+    entries: list[tuple[int, int]]
+    rows: list[int]
+    first: list[int]
+    zeros: list[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,3 +88,146 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     vector = {name: p for name, p in products.items() if not by_name[name].rare}
     tiles |= {name: product_program(by_name[name], p, tiles) for name, p in vector.items()}
     return Forms(bodies, tiles, products)
+
+
+def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TileProgram]) -> Product:
+    """Tables of a kernel with `factors`."""
+    left, right = kernel.factors
+    (y,), jacobian = kernels[left].outputs, kernels[right].outputs[1]
+    joints, width = y.shape
+    size = jacobian.shape[0]
+    links = width // size
+    inside = set(tiles[right].filled[jacobian.name])
+    filled = set(tiles[left].filled[y.name])
+    rows, first, zeros = list[int](), [0], list[int]()
+    for link in range(links):
+        for joint in range(joints):
+            at = joint * width + link * size
+            block = set(range(at, at + size))
+            if block & filled:
+                rows.append(joint)
+                zeros += sorted(block - filled)
+        first.append(len(rows))
+    entries = [(i, j) for j in range(size) for i in range(size) if i * size + j in inside]
+    return Product(left, right, joints, links, size, entries, rows, first, zeros)
+
+
+def product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) -> TileProgram:
+    """Tile form of a product; the templates write its statements."""
+    y = tiles[p.regressor]
+    per_row = 2 * len(p.entries) - p.size
+    entries = [
+        (joint * p.links + link) * p.size + j
+        for link in range(p.links)
+        for joint in p.rows[p.first[link] : p.first[link + 1]]
+        for j in range(p.size)
+    ]
+    return TileProgram(
+        [],
+        p.links * p.size**2,
+        y.turned,
+        y.turns,
+        [],
+        y.operations + len(p.rows) * per_row,
+        {kernel.outputs[0].name: sorted(entries)},
+    )
+
+
+def compositions(kernels: Kernels) -> list[Kernel]:
+    """Return the kernels that are calls of other kernels.
+
+    A kernel whose parts are not all in the catalogue is written out instead, and is not returned.
+    """
+    return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
+
+
+def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
+    """C statements of a composition for one sample."""
+    *maps, last = (kernels[name] for name in kernel.through)
+    image = last.inputs[-1] if maps else kernel.inputs[-1]
+    words = [*_state(last), image.name, *(a.name for a in kernel.outputs)]
+    return [
+        *([f"double {image.name}[{image.size}];"] if maps else []),
+        *(f"static const double {a.name}[{a.size}] = {{0}};" for a in _missing(kernel, last)),
+        *_images(robot, kernel, maps, image.name),
+        f"{robot}_{last.name}({', '.join(words)});",
+    ]
+
+
+def composed_program(
+    robot: str, kernel: Kernel, kernels: Kernels, tiles: dict[str, TileProgram]
+) -> TileProgram:
+    """Tile form of a composition; the maps are computed once per batch.
+
+    `u` holds the mapped value, followed by what the last kernel prepares.
+    """
+    *maps, last = (kernels[name] for name in kernel.through)
+    inner, size = tiles[last.name], last.inputs[-1].size if maps else 0
+    image, rest = ("u", f"u + {size}") if maps else (kernel.inputs[-1].name, "u")
+    missing = {a.name: a.size for a in _missing(kernel, last)}
+    state = [f"(const vu *){name}" if name in missing else name for name in _state(last)]
+    words = ["sc", *state, image, rest, *(a.name for a in kernel.outputs)]
+    outputs = zip(kernel.outputs, last.outputs, strict=True)
+    return TileProgram(
+        [
+            *_images(robot, kernel, maps, "u"),
+            f"{robot}_{last.name}_prepare({image}, {rest});",
+        ],
+        size + inner.uniform,
+        inner.turned,
+        inner.turns,
+        [
+            *(f"static const double {name}[{n} * LANES] = {{0}};" for name, n in missing.items()),
+            f"{last.name}_lanes({', '.join(words)});",
+        ],
+        inner.operations,
+        {ours.name: inner.filled[theirs.name] for ours, theirs in outputs},
+    )
+
+
+def _state(last: Kernel) -> list[str]:
+    return [a.name for a in last.inputs[:-1]]
+
+
+def _missing(kernel: Kernel, last: Kernel) -> list[Argument]:
+    available = {a.name for a in kernel.inputs}
+    return [a for a in last.inputs[:-1] if a.name not in available]
+
+
+def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
+    """Calls of the maps, one after the other; maps of one link are called link by link."""
+    lines = list[str]()
+    given = kernel.inputs[-1].name
+    for one, count in _with_counts(kernel, maps):
+        (source,), (result,) = one.inputs, one.outputs
+        target = result.name
+        if one is maps[-1]:
+            target = last
+        else:
+            lines.append(f"double {target}[{count * result.size}];")
+        if count == 1:
+            lines.append(f"{robot}_{one.name}({given}, {target});")
+        else:
+            at, to = f"{given} + link * {source.size}", f"{target} + link * {result.size}"
+            lines += [
+                f"for (int link = 0; link < {count}; ++link) {{",
+                f"    {robot}_{one.name}({at}, {to});",
+                "}",
+            ]
+        given = target
+    return lines
+
+
+def composed_numbers(kernel: Kernel, kernels: Kernels) -> int:
+    """Numbers that the calls keep on the stack at most: all mapped values."""
+    maps = [kernels[name] for name in kernel.through[:-1]]
+    return sum(count * one.outputs[0].size for one, count in _with_counts(kernel, maps))
+
+
+def _with_counts(kernel: Kernel, maps: list[Kernel]) -> Iterator[tuple[Kernel, int]]:
+    """Each map and the number of its calls: one per block of the value before it."""
+    length = kernel.inputs[-1].size
+    for one in maps:
+        count = length // one.inputs[0].size
+        length = count * one.outputs[0].size
+        yield one, count

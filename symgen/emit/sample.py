@@ -1,4 +1,17 @@
-"""CasADi's instruction list → C for one sample."""
+"""CasADi's instruction list → C for one sample; long bodies in parts; CasADi's own C code.
+
+Long straight-line bodies become several functions, so that compiling them takes linear time. The
+statements keep their order. A value that a later part needs is stored in `w`, whose places are used
+again once the last part that needs a value has passed.
+
+C code by CasADi is the reference for all other forms. The functions that `casadi.CodeGenerator`
+writes are kept verbatim. Its entry points, sparsity tables and macros are left out: they would
+export names that other robots export as well.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -8,6 +21,38 @@ from symgen.kernel import Kernel
 
 SHORT = 100
 """Characters of an expression that may stand where it is read."""
+LONG = 2400
+"""Statements above which a body is split; arms of seven joints stay whole."""
+PART = 600
+"""Statements of a part: compilers take about as long per statement as in short functions."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceCode:
+    """Text by CasADi.
+
+    Attributes:
+        helpers: static functions that the bodies call.
+        bodies: kernel → its static function, in the order of the file.
+        functions: kernel → name of its function.
+    """
+
+    helpers: str
+    bodies: dict[str, str]
+    functions: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A split body.
+
+    Attributes:
+        bodies: statements of the parts, in the order of their calls.
+        stored: length of `w`.
+    """
+
+    bodies: list[list[str]]
+    stored: int
 
 
 def c_body(kernel: Kernel) -> list[str]:
@@ -65,3 +110,74 @@ def _bare(value: str) -> str:
         if depth == 0:  # the first character already, unless it opens a parenthesis
             return value[1:-1] if k == len(value) - 1 and k > 0 else value
     return value
+
+
+def parts_of(lines: Sequence[str], size: int = PART) -> Parts:
+    """Split statements `const double tK = …;` and `output[i] = …;`."""
+    chunks = [list(lines[k : k + size]) for k in range(0, len(lines), size)]
+    defined: dict[str, int] = {}
+    last: dict[str, int] = {}
+    for k, chunk in enumerate(chunks):
+        for line in chunk:
+            target = _DEFINED.match(line)
+            for name in _VALUE.findall(line[target.end() :] if target else line):
+                last[name] = k
+            if target:
+                defined[target[1]] = k
+    places: dict[str, int] = {}
+    free: list[int] = []
+    stored = 0
+    bodies = []
+    for k, chunk in enumerate(chunks):
+        known = dict(places)
+
+        def placed(match: re.Match[str], known: dict[str, int] = known) -> str:
+            name = match[0]
+            return f"w[{known[name]}]" if name in known else name
+
+        body = []
+        for line in chunk:
+            body.append(_VALUE.sub(placed, line))
+            target = _DEFINED.match(line)
+            if target and last.get(target[1], k) > k:
+                if not free:
+                    free, stored = [stored], stored + 1
+                places[target[1]] = free.pop()
+                body.append(f"w[{places[target[1]]}] = {target[1]};")
+        bodies.append(body)
+        for name in [name for name in places if last[name] <= k]:
+            free.append(places.pop(name))
+    return Parts(bodies, stored)
+
+
+_DEFINED = re.compile(r"const double (t\d+) = ")
+_VALUE = re.compile(r"\bt\d+\b")
+
+
+def reference_code(kernels: tuple[Kernel, ...]) -> ReferenceCode:
+    """Return CasADi's C code of the kernels."""
+    generator = ca.CodeGenerator("reference", {"casadi_int": "long"})
+    for kernel in kernels:
+        generator.add(kernel.function)
+    text = generator.dump()
+    _, visibility, rest = text.partition(_BEFORE_HELPERS)
+    helpers, configuration, rest = rest.partition(_AFTER_HELPERS)
+    bodies, functions = {}, {}
+    for match in _HEAD.finditer(rest):
+        end = rest.index("\n}\n", match.end()) + len("\n}\n")
+        bodies[match["name"]] = rest[match.start("definition") : end]
+        functions[match["name"]] = match["function"]
+    if not visibility or not configuration or list(bodies) != [k.name for k in kernels]:
+        raise BuildError(
+            f"the C code of CasADi {ca.CasadiMeta.version()} is laid out differently from what "
+            "symgen.emit.sample reads; install the version that pyproject.toml names"
+        )
+    return ReferenceCode(_DEFINITION.sub(r"static \g<0>", helpers).strip(), bodies, functions)
+
+
+_BEFORE_HELPERS = "    #define CASADI_SYMBOL_EXPORT\n  #endif\n#endif\n"
+_AFTER_HELPERS = "/* Configuration this file was compiled with */"
+_HEAD = re.compile(
+    r"^/\* (?P<name>\w+):\(.*\n(?P<definition>static int (?P<function>casadi_f\d+)\()", re.MULTILINE
+)
+_DEFINITION = re.compile(r"^casadi_real (?=casadi_\w+\()", re.MULTILINE)

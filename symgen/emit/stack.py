@@ -8,9 +8,8 @@ file; functions of the C library come on top.
 import re
 from dataclasses import dataclass
 
-from symgen.emit.composition import composed_numbers, compositions
-from symgen.emit.forms import Forms
-from symgen.emit.reference import ReferenceCode
+from symgen.emit.forms import Forms, composed_numbers, compositions
+from symgen.emit.sample import ReferenceCode
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Kernel
 

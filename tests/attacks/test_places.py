@@ -12,7 +12,7 @@ from runtime.files import replacing
 from runtime.identification.comparison.output import _markdown
 from runtime.library import load
 from runtime.library.compile_cache import _roots, compiled_library, is_whole
-from symgen.emit.escape import in_code, in_comment, in_markdown
+from symgen.emit.files import in_code, in_comment, in_markdown
 from symgen.errors import SymgenError
 from symgen.inspect.rewrite import write_text
 from symgen.make.compiler import find_compiler

@@ -1,20 +1,20 @@
-"""symgen.emit.elimination: patterns of toys, against elimination of random numbers."""
+"""symgen.emit.programs: patterns of toys, against elimination of random numbers."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from symgen.emit import tile_program
-from symgen.emit.elimination import (
+from symgen.emit.programs import (
     PANEL,
     Panel,
     Range,
     Run,
+    _statistics,
     eliminate,
     fill_in,
     shared_columns,
 )
-from symgen.emit.programs import _statistics
 from symgen.kernel import Argument, make_kernel
 
 STAIRS = [[1, 1, 1, 1], [0, 1, 1, 1], [0, 0, 0, 1]]

@@ -14,8 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from symgen.emit import c_body, c_constant, emit
-from symgen.emit.reference import reference_code
-from symgen.emit.sample import SHORT
+from symgen.emit.sample import SHORT, reference_code
 from symgen.emit.ssa import EXPRESSIONS
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel

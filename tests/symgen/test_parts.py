@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.library import Library, load
-from symgen.emit.parts import LONG, parts_of
+from symgen.emit.sample import LONG, parts_of
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import DATA, ONE_LEVEL

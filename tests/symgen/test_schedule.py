@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symgen.emit.schedule import Statement, scheduled
+from symgen.emit.ssa import Statement, scheduled
 
 
 def chains(width: int, length: int) -> list[Statement]:

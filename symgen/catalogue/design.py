@@ -1,7 +1,9 @@
-"""Kernels for the limits of a motion: torque and its rate, tip, distances, with derivatives.
+"""Kernels for the design of a motion: its bases, its limits with derivatives, bounds for proofs.
 
-Distance kernels exist only where a robot has proxies. A design spends its time in other kernels, so
-most of these run sample by sample: vector code for them would double the build time.
+The limits are those of torque and its rate, tip, and distances. Bounds hold on an interval of
+time, for proofs between samples. Distance kernels exist only where a robot has proxies. A design
+spends its time in other kernels, so most of these run sample by sample: vector code for them would
+double the build time.
 """
 
 from collections.abc import Container
@@ -9,13 +11,14 @@ from typing import Any
 
 import casadi as ca
 
-from symgen.catalogue.units import STATE, effort_unit, state_unit
+from symgen.catalogue.motion import STATE, effort_unit, state_unit
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
-from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import dynamics, kinematics
-from symgen.mechanics.base_parameters import regrouped
+from symgen.kernel import Argument, Kernel, Matrix, make_kernel
+from symgen.mechanics import derivative_bounds as bounds
+from symgen.mechanics import dynamics, excitation, kinematics
+from symgen.mechanics.base_parameters import BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS
 
 
@@ -151,3 +154,106 @@ def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
             )
         )
     return tuple(kernels)
+
+
+def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
+    """Return the kernels of bounds over intervals; a batch runs over intervals."""
+    if chain.loops is not None:
+        return ()
+    n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)
+    pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
+    pi = pi_.symbol()
+    (six_, six), (four_, four), (two_, two) = (_interval(chain, k) for k in (6, 4, 2))
+    speed, turn = bounds.speed_bounds(chain, two[1])
+    return (
+        make_kernel(
+            "torque_bounds",
+            {six_: six[0], pi_: pi},
+            {
+                Argument("tau_sup", (4, n), f"({effort}, /s, /s^2, /s^3)"): bounds.torque_bounds(
+                    chain, six[1], pi
+                )
+            },
+            "sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|",
+            rare=True,
+        ),
+        make_kernel(
+            "tip_bounds",
+            {four_: four[0]},
+            {Argument("p_sup", (4,), "(m, m/s, m/s^2, m/s^3)"): bounds.tip_bounds(chain, four[1])},
+            "sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|",
+            rare=True,
+        ),
+        make_kernel(
+            "speed_bounds",
+            {two_: two[0]},
+            {
+                Argument("origin", (links, links), "m/s"): speed,
+                Argument("turn", (links,), "rad/s"): turn,
+            },
+            "sup of the speed of the origin of link i by joint j, and of the joint's turning",
+            rare=True,
+        ),
+    )
+
+
+def _interval(chain: Chain, orders: int) -> tuple[Argument, tuple[Matrix, Matrix]]:
+    """Bounds of q and its derivatives: argument, and its symbol with the matrix (orders, n)."""
+    n = len(chain.coordinates)
+    unit = ", ".join(state_unit(chain, k) for k in range(2))
+    argument = Argument("q_sup", (orders, n), f"({unit}, ...)")
+    symbol = argument.symbol()
+    return argument, (symbol, ca.reshape(symbol, n, orders).T)
+
+
+def trajectory_kernels(
+    chain: Chain, base: BaseParameters, omitted: Container[str] = ()
+) -> tuple[Kernel, ...]:
+    """Return the kernels that the design of a motion needs beside those of its limits."""
+    n, b = len(chain.coordinates), len(base.columns)
+    m_, t_, tf_ = (
+        Argument("m", (1,), "1"),
+        Argument("t", (1,), "s"),
+        Argument("t_f", (1,), "s", shared=True),
+    )
+    m, t, tf = m_.symbol(), t_.symbol(), tf_.symbol()
+    motion = {
+        Argument(STATE[k], (n,), state_unit(chain, k)): ca.SX.sym(STATE[k], n) for k in range(3)
+    }
+    q, dq, ddq = motion.values()
+    seed_ = Argument("seed", (n, b), "d cost / d Y_b")
+    seed = seed_.symbol()
+    bases = (
+        make_kernel(
+            "harmonic_basis",
+            {m_: m, t_: t, tf_: tf},
+            {Argument("phi", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.harmonic_basis(m, t, tf)},
+            "cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27",
+            "point",
+            rare=True,
+        ),
+        make_kernel(
+            "transfer_basis",
+            {t_: t, tf_: tf},
+            {Argument("S", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.transfer_basis(t, tf)},
+            "10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27",
+            "point",
+            rare=True,
+        ),
+    )
+    if "regressor_adjoint" in omitted:
+        return bases
+    return (
+        *bases,
+        make_kernel(
+            "regressor_adjoint",
+            motion | {seed_: seed},
+            {
+                Argument("gradient", (3, n), "d cost / d (q, dq, ddq)"): (
+                    excitation.regressor_adjoint(chain, q, dq, ddq, base.columns, seed)
+                )
+            },
+            "d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29",
+            unhurried=True,  # loops call its tiles
+        ),
+    )

@@ -1,51 +1,45 @@
-"""A mutation run: sample of the rooms, tests on a copy of the repository, outcomes in a folder.
+"""A mutation run: a seeded sample of the mutants of rooms, each against the tests of its room.
 
-`outcomes.jsonl` has one line per mutant, `survivors-ROOM.txt` what no test noticed; both are
-written
-as the outcomes come.
+Mutants are written into copies of the repository. `outcomes.jsonl` has one line per mutant,
+`survivors-ROOM.txt` what no test noticed; both are written as the outcomes come.
 """
 
 import json
-import os
-import subprocess
+import re
+import shlex
+import shutil
 import sys
-import tempfile
+import time
 import tomllib
-from collections.abc import Callable, Container, Sequence
-from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
-from shutil import copy2, which
+from queue import SimpleQueue
+from typing import Any
 
-import pytest
+from cosmic_ray.testing import run_tests
+from cosmic_ray.util import restore_contents
+from cosmic_ray.work_item import TestOutcome
 
-from scripts.mutation.children import Ended
-from scripts.mutation.line_map import LineMap
-from scripts.mutation.mutants import Mutant, mutants_of
-from scripts.mutation.plan import Planner
-from scripts.mutation.rooms import ROOMS
-from scripts.mutation.server import HEAVY, QUIET, Job, Report, Server, enter, serve_cold
+from scripts.bench.grid import markdown as table_of
+from scripts.mutation.mutants import Mutant, sample
+from scripts.mutation.rooms import ROOMS, Room
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 RESULTS = ROOT / "results" / "mutation"
-TEMPORARY = tempfile.gettempdir()
-"""As this process found it; a run points its tests to a folder of its own, which it removes."""
-NOTICED, SURVIVED, EQUIVALENT = "noticed", "survived", "equivalent"
+NOTICED, SURVIVED, EQUIVALENT, INVALID = "noticed", "survived", "equivalent", "invalid"
+"""A mutant is invalid if it does not compile."""
+PATIENCE_S = 60.0
+"""Time that the tests of a mutant may take beyond four times the usual one [s]."""
+LEFT_OUT = (".git", ".venv", "results", "__pycache__", ".*_cache", ".hypothesis")
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Outcome of one mutant.
-
-    Attributes:
-        room: its room.
-        path, line, before, after: as in `Mutant`.
-        verdict: noticed, survived or equivalent.
-        by: test that failed or exceeded its time.
-        n_tests: number of tests started.
-        seconds: CPU time [s].
-    """
+    """Outcome of one mutant."""
 
     room: str
     path: str
@@ -53,228 +47,135 @@ class Outcome:
     before: str
     after: str
     verdict: str
-    by: str = ""
-    n_tests: int = 0
-    seconds: float = 0.0
+    seconds: float = 0.0  # until the first test failed
 
     @property
     def key(self) -> tuple[str, str, str, str]:
         """Room, path, before and after."""
         return self.room, self.path, self.before, self.after
 
-    def text(self) -> str:
-        """Return the lines of a list of survivors."""
-        where = f"{self.path}:{self.line}  ({self.n_tests} tests)"
-        return f"{where}\n  - {self.before}\n  + {self.after}"
-
-
-class Journal:
-    """Outcomes so far; the last one of a mutant counts."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.file = folder / "outcomes.jsonl"
-        folder.mkdir(parents=True, exist_ok=True)
-
-    def read(self) -> list[Outcome]:
-        """Return the last outcome of each mutant, in the order of the run."""
-        rows = self.file.read_text("utf-8").splitlines() if self.file.is_file() else []
-        last: dict[tuple[str, ...], Outcome] = {}
-        for row in rows:
-            outcome = Outcome(**json.loads(row))
-            last[outcome.key] = outcome
-        return list(last.values())
-
-    def keep(self, rooms: Sequence[str], wanted: Container[tuple[str, ...]]) -> None:
-        """Drop the outcomes of rooms, except some.
-
-        Args:
-            rooms: their names.
-            wanted: room, path, before and after of those that stay.
-        """
-        kept = [o for o in self.read() if o.room not in rooms or o.key in wanted]
-        lines = [json.dumps(asdict(o), ensure_ascii=False) + "\n" for o in kept]
-        self.file.write_text("".join(lines), encoding="utf-8")
-
-    def add(self, outcome: Outcome) -> None:
-        """Write an outcome, and the survivors of its room again."""
-        with self.file.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(outcome), ensure_ascii=False) + "\n")
-        lines = [o.text() for o in self.read() if (o.room, o.verdict) == (outcome.room, SURVIVED)]
-        target = self.folder / f"survivors-{outcome.room}.txt"
-        target.write_text("\n".join([*lines, ""]), encoding="utf-8")
-
-
-def sample(room: str, count: int, seed: int) -> list[Mutant]:
-    """Return the mutants of a room that a run draws.
-
-    Args:
-        room: key of `ROOMS`.
-        count: number of mutants, fewer where the room has no more.
-        seed: of the choice.
-
-    Returns:
-        Mutants in the order of a hash of seed and text: changes elsewhere do not redraw them.
-        Of equal lines of a file only the first counts.
-    """
-    every = {
-        (mutant.path, mutant.before, mutant.after): mutant
-        for file in reversed(ROOMS[room].files(ROOT))
-        for mutant in reversed(mutants_of(file, ROOT))
-    }
-    keys = sorted(every, key=lambda key: sha256("\n".join([str(seed), *key]).encode()).digest())
-    return [every[key] for key in keys[:count]]
-
 
 def run(
-    rooms: Sequence[str],
+    names: Sequence[str],
     count: int,
     seed: int,
-    budget_s: float,
-    processes: int,
+    processes: int = 1,
     again: bool = False,
-    resume: bool = False,
+    rooms: dict[str, Room] = ROOMS,
+    root: Path = ROOT,
     folder: Path = RESULTS,
 ) -> list[Outcome]:
-    """Run a seeded sample of the mutants of rooms.
+    """Outcomes of `count` mutants per room; those known are kept, with `again` but survivors."""
+    folder.mkdir(parents=True, exist_ok=True)
+    known = {outcome.key: outcome for outcome in outcomes_in(folder)}
+    idle, trees = equivalents(), SimpleQueue[Path]()
+    for k in range(processes):
+        shutil.rmtree(folder / f"tree-{k}", ignore_errors=True)
+        shutil.copytree(root, folder / f"tree-{k}", ignore=shutil.ignore_patterns(*LEFT_OUT))
+        trees.put(folder / f"tree-{k}")
 
-    Args:
-        rooms: keys of `ROOMS`.
-        count: number of mutants per room.
-        seed: of the sample.
-        budget_s: CPU time of the tests per mutant [s].
-        processes: number at a time.
-        again: True keeps the outcomes so far and runs those mutants that survived.
-        resume: True keeps the outcomes so far and runs the mutants without one.
-        folder: of map, outcomes and survivors.
+    def on_a_tree(work: Callable[[Path], Any]) -> Any:
+        tree = trees.get()
+        try:
+            return work(tree)
+        finally:
+            trees.put(tree)
 
-    Returns:
-        The outcomes of these rooms.
+    with ThreadPoolExecutor(processes) as threads:
+        usual = dict(
+            zip(
+                names,
+                threads.map(lambda name: on_a_tree(lambda t: _usual(t, rooms[name])), names),
+                strict=True,
+            )
+        )
 
-    Raises:
-        RuntimeError: no map, or the tests cannot be collected.
-    """
-    LineMap(ROOT, folder / "map")  # before any work: its error says how to record one
-    journal = Journal(folder)
-    drawn = {room: sample(room, count, seed) for room in rooms}
-    last = {o.key: o.verdict for o in journal.read()} if again or resume else {}
-    keys = {(room, m.path, m.before, m.after) for room, ms in drawn.items() for m in ms}
-    journal.keep(rooms, keys & last.keys())
-    wanted = ({SURVIVED} if again else set()) | (set() if again and not resume else {None})
-    drawn = {
-        room: [m for m in mutants if last.get((room, m.path, m.before, m.after)) in wanted]
-        for room, mutants in drawn.items()
-    }
-    known = {(e["path"], e["before"], e["after"]) for e in equivalents()}
-    jobs: dict[str, list[tuple[str, Job]]] = {}
-    for room, mutants in drawn.items():
-        for m in mutants:
-            if (m.path, m.before, m.after) in known:
-                journal.add(Outcome(room, m.path, m.line, m.before, m.after, EQUIVALENT))
-            else:
-                package = m.path.split("/")[0]
-                one = Job(m, ROOMS[room].tests, robots=ROOMS[room].robots)
-                jobs.setdefault(package, []).append((room, one))
-    for library in HEAVY:
-        __import__(library)
-    os.environ.setdefault("SYMGEN_DATA", str(ROOT.parent / "shared"))
-    tree = update_copy(folder / "tree")
-    for some in jobs.values():
-        room_of = {id(job.mutant): room for room, job in some}
+        def outcome_of(job: tuple[str, Mutant]) -> Outcome:
+            name, mutant = job
+            head = name, mutant.path, mutant.line, mutant.before, mutant.after
+            if _plain(mutant.path, mutant.before, mutant.after) in idle:
+                return Outcome(*head, EQUIVALENT)
+            return on_a_tree(lambda t: Outcome(*head, *_met(t, rooms[name], mutant, usual[name])))
 
-        def report(job: Job, ended: Ended, room_of: dict[int, str] = room_of) -> None:
-            m = job.mutant
-            verdict = NOTICED if ended.noticed else SURVIVED
-            words = (m.path, m.line, m.before, m.after, verdict, ended.by, ended.n_tests)
-            journal.add(Outcome(room_of[id(m)], *words, round(ended.seconds, 1)))
-
-        def planner_of(known: Sequence[str]) -> Planner:
-            return Planner(ROOT, LineMap(ROOT, folder / "map"), known, budget_s)
-
-        _run_package(tree, [job for _, job in some], planner_of, processes, report)
-    return [o for o in journal.read() if o.room in rooms]
+        jobs = []
+        for name in names:
+            for mutant in islice(sample(rooms[name].files(root), root, seed), count):
+                last = known.get((name, mutant.path, mutant.before, mutant.after))
+                if last is None or (again and last.verdict == SURVIVED):
+                    jobs.append((name, mutant))
+        for outcome in threads.map(outcome_of, jobs):
+            known[outcome.key] = outcome
+            _write(folder, known.values())
+    return [outcome for outcome in known.values() if outcome.room in names]
 
 
-def equivalents() -> list[dict[str, str]]:
-    """Return the mutants that change no result, each with path, before, after and reason."""
-    entries = tomllib.loads(EQUIVALENTS.read_text(encoding="utf-8"))
-    return list(entries.get("equivalent", []))
+def _usual(tree: Path, room: Room) -> float:
+    """Time that the tests of a room take without a mutant [s]; they must pass."""
+    start = time.monotonic()
+    outcome, said = run_tests(_command(tree, room), 3600.0)
+    if outcome is not TestOutcome.SURVIVED:
+        raise RuntimeError(f"the tests of a room fail without any mutant:\n{said[-3000:]}")
+    return time.monotonic() - start
 
 
-def update_copy(folder: Path) -> Path:
-    """Make a folder equal to the files that git knows and to the built libraries.
-
-    Args:
-        folder: of the copy; what is not in the repository any more is removed.
-
-    Returns:
-        The folder.
-    """
-    listed = subprocess.run(
-        [which("git") or "git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    built = [p.relative_to(ROOT).as_posix() for p in (ROOT / "generated").rglob("*") if p.is_file()]
-    names = {n for n in [*listed.split("\0"), *built] if n and (ROOT / n).is_file()}
-    for path in [p for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"]:
-        if path.relative_to(folder).as_posix() not in names:
-            path.unlink()
-    for name in names:
-        source, target = ROOT / name, folder / name
-        if not target.is_file() or target.read_bytes() != source.read_bytes():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            copy2(source, target)
-    return folder
+def _met(tree: Path, room: Room, mutant: Mutant, usual: float) -> tuple[str, float]:
+    """Verdict of the tests of a room, and their time [s]; one that hangs is noticed."""
+    start = time.monotonic()
+    with restore_contents(tree / mutant.path):
+        (tree / mutant.path).write_text(mutant.make(), encoding="utf-8")
+        outcome, said = run_tests(_command(tree, room), PATIENCE_S + 4.0 * usual)
+    verdict = SURVIVED if outcome is TestOutcome.SURVIVED else NOTICED
+    if verdict == NOTICED and "CompilerError" in said:
+        verdict = INVALID
+    return verdict, round(time.monotonic() - start, 1)
 
 
-def _run_package(
-    tree: Path,
-    jobs: Sequence[Job],
-    planner_of: Callable[[Sequence[str]], Planner],
-    processes: int,
-    report: Report,
-) -> None:
-    """Run the mutants of one package: those of functions in a process that has imported it.
-
-    Those that take effect at import come next, then the templates, one at a time.
-    """
-    with tempfile.TemporaryDirectory(prefix="mutate-", dir=TEMPORARY) as scratch:
-        os.environ |= {"TMPDIR": scratch, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
-        tempfile.tempdir = None
-        left = Path(scratch, "left.json")
-        child = os.fork()
-        if child == 0:
-            _serve(tree, Server(tree, jobs, planner_of, processes, report), left)
-        _, status = os.waitpid(child, 0)
-        if os.waitstatus_to_exitcode(status) != 0:
-            raise RuntimeError("the run ended before its last mutant; its output says why")
-        facts = json.loads(left.read_text("utf-8"))
-        cold = [replace(jobs[k], tests=tuple(tests)) for k, tests in facts["jobs"]]
-        planner = planner_of([test for job in cold for test in job.tests])
-        planner.sound |= set(facts["sound"])
-        planner.broken |= set(facts["broken"])
-        python = [job for job in cold if job.mutant.path.endswith(".py")]
-        templates = [job for job in cold if job not in python]
-        serve_cold(tree, python, planner, processes, report)
-        serve_cold(tree, templates, planner, 1, report)
+def _command(tree: Path, room: Room) -> str:
+    """Pytest in a copy of the repository, which begins with the tests that failed last."""
+    words = ["env", "-C", str(tree), f"PYTHONPATH={tree}", sys.executable, "-m", "pytest"]
+    words += ["-x", "-q", "--failed-first", "--basetemp", str(tree / ".tests"), *room.tests]
+    return shlex.join([*words, "-k", room.only] if room.only else words)
 
 
-def _serve(tree: Path, server: Server, left: Path) -> None:
-    """Serve in this process, write what it leaves, and end it."""
-    code = 1
-    try:
-        enter(tree)
-        sys.dont_write_bytecode = False  # of the unaltered sources, before the forks
-        pytest.main([*QUIET, "--continue-on-collection-errors", "tests"], plugins=[server])
-        places = {id(job.mutant): k for k, job in enumerate(server.jobs)}
-        rows = [(places[id(job.mutant)], job.tests) for job in server.cold]
-        sound, broken = (sorted(names) for names in (server.planner.sound, server.planner.broken))
-        facts = {"jobs": rows, "sound": sound, "broken": broken}
-        left.write_text(json.dumps(facts), encoding="utf-8")
-        code = 0 if server.served else 1
-    finally:
-        sys.stdout.flush()
-        os._exit(code)
+def outcomes_in(folder: Path) -> list[Outcome]:
+    """Outcomes of a folder, in the order of the run."""
+    file = folder / "outcomes.jsonl"
+    rows = file.read_text("utf-8").splitlines() if file.is_file() else []
+    return [Outcome(**json.loads(row)) for row in rows]
+
+
+def _write(folder: Path, outcomes: Iterable[Outcome]) -> None:
+    rows = [json.dumps(asdict(o), ensure_ascii=False) + "\n" for o in outcomes]
+    (folder / "outcomes.jsonl").write_text("".join(rows), encoding="utf-8")
+    for room in {o.room for o in outcomes}:
+        left = [o for o in outcomes if (o.room, o.verdict) == (room, SURVIVED)]
+        lines = [f"{o.path}:{o.line}\n  - {o.before}\n  + {o.after}\n" for o in left]
+        (folder / f"survivors-{room}.txt").write_text("".join(lines), encoding="utf-8")
+
+
+def equivalents() -> dict[tuple[str, ...], str]:
+    """Reason by path, line and altered line without spaces of mutants that change no result."""
+    entries = tomllib.loads(EQUIVALENTS.read_text(encoding="utf-8"))["equivalent"]
+    return {_plain(e["path"], e["before"], e["after"]): e["reason"] for e in entries}
+
+
+def _plain(*words: str) -> tuple[str, ...]:
+    return tuple(re.sub(r"\s", "", word) for word in words)
+
+
+def share(outcomes: Sequence[Outcome]) -> float:
+    """Share of the mutants noticed, equivalent ones left out; 1 where there are none."""
+    noticed = sum(o.verdict == NOTICED for o in outcomes)
+    counted = noticed + sum(o.verdict == SURVIVED for o in outcomes)
+    return noticed / counted if counted else 1.0
+
+
+def markdown(outcomes: Sequence[Outcome]) -> str:
+    """Counts by room and their sum; what does not compile does not count."""
+    valid = [o for o in outcomes if o.verdict != INVALID]
+    groups = {o.room: [one for one in valid if one.room == o.room] for o in valid}
+    rows = []
+    for name, some in [*groups.items(), ("all", valid)]:
+        counts = [sum(o.verdict == v for o in some) for v in (NOTICED, SURVIVED, EQUIVALENT)]
+        rows.append([name, *map(str, (len(some), *counts)), f"{100 * share(some):.0f} %"])
+    return table_of(("room", "mutants", "noticed", "survived", "equivalent", "share"), rows)

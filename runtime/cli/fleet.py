@@ -16,11 +16,15 @@ from runtime.files import replacing
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library
 from runtime.library.parameters import links, mass
-from runtime.monitoring.fleet.friction import FleetFriction, fit_friction
+from runtime.monitoring.fleet.fleet_prior import (
+    FleetFriction,
+    fit_friction,
+    fit_noise,
+    prior_text,
+    write_prior,
+)
 from runtime.monitoring.fleet.gather import gather, remove_parts, statistics_files
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
-from runtime.monitoring.fleet.noise import fit_noise
-from runtime.monitoring.fleet.prior_text import prior_text, write_prior
 from runtime.monitoring.fleet.unit import Unit
 from runtime.parallel import one_blas_thread
 

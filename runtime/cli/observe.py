@@ -20,6 +20,7 @@ from runtime.identification.saved_result import SavedResult, read_result, requir
 from runtime.library import Array, Library
 from runtime.library.torque_units import file_units
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated, tails_of, verified
+from runtime.monitoring.contacts import wrench_at
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import read_held_out
@@ -32,7 +33,6 @@ from runtime.monitoring.observation import (
     prepared_for,
     signals_of,
 )
-from runtime.monitoring.wrench import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
 from runtime.recording import Recording, read_recording

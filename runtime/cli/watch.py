@@ -20,9 +20,9 @@ from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library
 from runtime.monitoring.drift import ALPHA, Change, Verdict, verdict_of
-from runtime.monitoring.history import append_history, read_history
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.trends import append_history, read_history
 from runtime.recording import Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.extra_column import mean_of_column

@@ -15,6 +15,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import pdtrc
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
@@ -98,8 +100,6 @@ def _edge(s: Array, k: int, way: int, low: float) -> int:
 
 def tail_of(peaks: Array, seconds: float) -> Tail:
     """Generalised Pareto tail of the squares of peaks, most probable a posteriori."""
-    from scipy.optimize import minimize
-
     kept = np.sort(peaks)[::-1][: PEAKS + 1]
     excess = kept[:-1] ** 2 - kept[-1] ** 2
     mean = max(float(excess.mean()), 1e-300)
@@ -160,8 +160,6 @@ class FreeMotion:
 
 def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:
     """Number of alarms in a log of free motion, against the stated rate."""
-    from scipy.special import pdtrc
-
     seen = observe(lib, detector, recording)
     expected = detector.rate.per_second * seen.seconds
     alarms = len(seen.contacts)

@@ -13,23 +13,37 @@ the log. The part is named by the likelihood with unknown noise per joint,
 a single inner link only where it explains clearly more than all base parameters do, and a single
 part only where it leaves no other significant change. The p-value of that hypothesis is multiplied
 by the number of hypotheses (Bonferroni).
+
+A hypothesis, one per part of the robot, is e = τ − τ̂ = C_h x + noise. The columns C_h are those of
+the gain of one sensor (τ̂_j), the bias of one sensor (1), friction of one joint or of all (τ_f
+without its offset), one link (its ten columns of Y), a body on the last link, all base parameters,
+or a delay of the torque (−dτ̂/dt).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.residuals import NORMAL_95, weights_from
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.monitoring.hypotheses import Hypothesis, hypotheses
-from runtime.monitoring.model import model_of
+from runtime.library.parameters import link_columns
+from runtime.library.torque_units import torque_units
+from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.recording import Recording
+from runtime.recording.friction_column import COLUMNS
+from runtime.recording.preprocessing import segments
 
+GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
+"""Parts of a robot that are distinguished."""
+RARE = 0.01
+"""Probability of a change of a link relative to one of the tip, where tools are changed."""
 ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""
 RANK = 1e-6
@@ -40,6 +54,68 @@ penalties, below which the whole model is named. Bodies of 0.3 kg on one link of
 by 0.3 to 0.5, the best link of a virtual FR3 whose links all differ by 4 % by 0.2 and less."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """Linear change of the torque.
+
+    Attributes:
+        group: of `GROUPS`.
+        where: joint or link; "" for the whole robot.
+        columns: C, (N, n, k).
+        scale: factor from the first coefficient to the size that is stated.
+        unit: of that size.
+        prior: relative probability before the data.
+    """
+
+    group: str
+    where: str
+    columns: Array
+    scale: float
+    unit: str
+    prior: float = 1.0
+
+
+def hypotheses(
+    lib: Library, model: MonitoredModel, pi: Array, t: Array, samples: Samples
+) -> Iterator[Hypothesis]:
+    """Hypotheses on a log, one at a time.
+
+    pi (10 n,), t (N,) [s].
+    """
+    count, n = samples.tau.shape
+    rigid = samples.rigid(lib, pi)
+    friction = samples.friction(model.phi) if model.phi.size else np.zeros_like(rigid)
+    changing = [not COLUMNS[name].is_constant for name in model.terms.columns]
+    dry = samples.friction(model.phi * changing) if model.phi.size else friction
+    tau = rigid + friction
+    slope = np.zeros_like(tau)
+    for part in segments(t):
+        if part.stop - part.start > 2:
+            slope[part] = np.gradient(tau[part], t[part], axis=0)
+    yield Hypothesis("clock", "", -slope[:, :, None], 1e3, "ms")
+    units = torque_units(lib.manifest)
+    for j, name in enumerate(lib.joint_names):
+        only = np.zeros((count, n, 1))
+        for group, values, scale, unit in (
+            ("sensor gain", tau[:, j], 100.0, "%"),
+            ("sensor bias", np.ones(count), 1.0, units[j]),
+            ("friction", dry[:, j], 100.0, "%"),
+        ):
+            if np.any(values):
+                columns = only.copy()
+                columns[:, j, 0] = values
+                yield Hypothesis(group, name, columns, scale, unit)
+    if dry.any():
+        yield Hypothesis("friction", "", dry[:, :, None], 100.0, "%")
+    rows = lib.regressor(samples.q, samples.dq, samples.ddq)
+    for k, name in enumerate(lib.link_names):
+        is_tip = k == len(lib.link_names) - 1
+        columns = rows[:, :, link_columns(k)]
+        prior = 1.0 if is_tip else RARE
+        yield Hypothesis("payload" if is_tip else "links", name, columns, 1.0, "kg", prior)
+    yield Hypothesis("model", "", samples.base_rows(lib), 1.0, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +266,6 @@ def _left(hypothesis: Hypothesis, e: Array, over: Array) -> Array:
 
 def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:
     """χ² of a hypothesis, with residuals e and posterior rows over the noise."""
-    from scipy.special import chdtrc
-
     columns = hypothesis.columns * over[:, None]
     coloured = coloured_noise_of_rows(columns, e)
     flat = columns.reshape(e.size, -1)

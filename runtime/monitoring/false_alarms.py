@@ -13,6 +13,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from runtime.errors import IdentificationError
 from runtime.library import Array
@@ -57,8 +58,6 @@ def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
 
     z (m,), correlation (m,) → (m,) [1/s].
     """
-    from scipy.special import ndtr
-
     rest = np.sqrt(np.maximum(1 - correlation**2, 1e-12))
     # Most of the integral lies within some of these widths below the level.
     width = np.minimum(8.0 * rest / np.maximum(1 + correlation, 1e-3) + 8.0 * rest, 40.0)

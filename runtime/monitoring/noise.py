@@ -17,12 +17,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct, idct
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.files import require_file
 from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
-from runtime.monitoring.observer_settings import ObserverSettings
+from runtime.monitoring.observer import ObserverSettings
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.preprocessing import segments
 from runtime.recording.preprocessing.filters import scipy_signal
@@ -187,8 +188,6 @@ def _slow(
 
     The last array is the variance of blocks, (B, n), NaN where less than half of one counts.
     """
-    from scipy.fft import dct, idct
-
     n = held_out.rest.shape[1]
     power, cosines, largest, count = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     blocks = [np.empty((0, n))]

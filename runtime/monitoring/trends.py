@@ -1,4 +1,4 @@
-"""Trends of a robot in its history: estimated changes over time and over temperature.
+"""History of checks of a robot, one JSON object per line, and trends over time and temperature.
 
     y_i = a + s x_i + N(0, f σ_i²)   by weighted least squares, f = max(1, χ² / (N − 2))
 
@@ -6,9 +6,12 @@ for the estimated size y_i of one change in log i, with its standard deviation �
 significant where its p-value (Student's t), times the number of slopes, is below `ALPHA`.
 """
 
+import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,15 +19,48 @@ from scipy.special import stdtr, stdtrit
 
 from runtime.errors import RecordingError
 from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.files import text_of
 from runtime.library import Array
 
+KEYS = ("checked", "model_hash", "log", "changed", "p_value")
+"""Keys that every line has."""
 ALPHA = 0.01
 """Probability that a history without a trend shows one."""
 MONTH = 365.25 / 12
 """Days of a month."""
 LEAST = 4
 """Smallest number of logs for a slope."""
-LARGEST = 1e12
+LARGEST_SIZE = 1e12
+
+
+def read_history(path: Path) -> list[dict[str, Any]]:
+    """Entries of a history in the order of the file; none where it does not exist."""
+    if not os.path.lexists(path):
+        return []
+    try:
+        entries = [json.loads(line) for line in text_of(path).splitlines() if line.strip()]
+        if not all(isinstance(each, dict) and set(KEYS) <= set(each) for each in entries):
+            raise ValueError
+    except (OSError, ValueError, RecursionError):
+        raise RecordingError(
+            f"expected a history of watch in '{path}' (one JSON object per line), got another "
+            "file; name another one with --history"
+        ) from None
+    return entries
+
+
+def append_history(path: Path, entries: list[dict[str, Any]]) -> None:
+    """Append entries to a history; what it has is kept as it is."""
+    read_history(path)
+    lines = "".join(f"{json.dumps(each, ensure_ascii=False)}\n" for each in entries)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("ab") as file:
+            file.write(lines.encode())
+    except OSError as error:
+        raise RecordingError(
+            f"cannot append to '{path}' ({error.strerror}); name another file with --history"
+        ) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +154,7 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
             for each in entry.get("sizes", ()):
                 size, (low, high) = float(each["size"]), map(float, each["interval"])
                 sigma = (high - low) / (2 * NORMAL_95)
-                if not (abs(size) < LARGEST and 0 < sigma < LARGEST):
+                if not (abs(size) < LARGEST_SIZE and 0 < sigma < LARGEST_SIZE):
                     continue
                 key = (str(each["group"]), str(each["where"]), str(each["unit"]))
                 values.setdefault(key, []).append((k, size, sigma))

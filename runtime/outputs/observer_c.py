@@ -13,8 +13,7 @@ from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.monitoring.model import SLOW
 from runtime.monitoring.noise import REVERSAL_S
-from runtime.monitoring.observation import Detector
-from runtime.monitoring.state_terms import SLOPE_STEPS
+from runtime.monitoring.observation import SLOPE_STEPS, Detector
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
 FORMS = {

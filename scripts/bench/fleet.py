@@ -19,10 +19,8 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.statistics_file import statistics_of
 from runtime.library import Library
-from runtime.monitoring.fleet.friction import fit_friction
+from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, prior_text, write_prior
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
-from runtime.monitoring.fleet.noise import fit_noise
-from runtime.monitoring.fleet.prior_text import prior_text, write_prior
 from runtime.monitoring.fleet.unit import unit_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare

@@ -221,10 +221,9 @@ def units(folder: Path, lib: Library) -> None:
 
 def fleet(folder: Path, lib: Library) -> None:
     """Prior of a type of robot."""
-    from runtime.monitoring.fleet.friction import fit_friction
+    from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
     from runtime.monitoring.fleet.gather import gather
     from runtime.monitoring.fleet.hierarchy import fit_fleet
-    from runtime.monitoring.fleet.prior_text import prior_text
 
     units(folder, lib)
     known = gather(lib, folder / "units", folder / "parts")

@@ -12,9 +12,8 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
 from runtime.library import Library
 from runtime.library.parameters import links, mass
-from runtime.monitoring.fleet.friction import fit_friction
+from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text, write_prior
 from runtime.monitoring.fleet.hierarchy import fit_fleet
-from runtime.monitoring.fleet.prior_text import prior_text, write_prior
 from runtime.recording import Preparation
 from tests.runtime.monitoring.virtual_units import (
     TERMS,

@@ -9,11 +9,10 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.library import Library
-from runtime.monitoring.contacts import contacts_of
+from runtime.monitoring.contacts import contacts_of, wrench_at
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import noise_of_observer, read_held_out
-from runtime.monitoring.observer_settings import ObserverSettings
-from runtime.monitoring.wrench import wrench_at
+from runtime.monitoring.observer import ObserverSettings
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command

@@ -9,8 +9,7 @@ from runtime.errors import IdentificationError
 from runtime.identification.identified import Identification
 from runtime.library import Library
 from runtime.monitoring.model import model_of
-from runtime.monitoring.observer import external_torque
-from runtime.monitoring.observer_settings import ObserverSettings, observer_settings
+from runtime.monitoring.observer import ObserverSettings, external_torque, observer_settings
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, with_parameters
 from tests.runtime.monitoring.conftest import Monitored

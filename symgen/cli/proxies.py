@@ -21,11 +21,11 @@ from symgen.cli.common import (
     say,
 )
 from symgen.collision import MARGIN, CollisionModel
-from symgen.collision.tables import toml_from_collision
+from symgen.collision.model import toml_from_collision
 from symgen.errors import BuildError, CollisionError
 
 if TYPE_CHECKING:
-    from symgen.collision.coverage import Coverage
+    from symgen.collision.capsules import Coverage
     from symgen.collision.selection import Selection
 
 
@@ -66,8 +66,7 @@ def proxies_command(
     from symgen.chain import ChainOptions, read_chain
 
     # scipy's optimisers take a while to load, and no other command needs them
-    from symgen.collision.capsules import fit_link
-    from symgen.collision.coverage import coverage
+    from symgen.collision.capsules import coverage, fit_link
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
     from symgen.inspect.rewrite import require_unused, write_text

@@ -1,8 +1,7 @@
 """Capsules that enclose the links: their placement, pairs that must keep a distance, their fit.
 
-`model` holds the data, `tables` reads and writes them as TOML, `distance` gives distances and
-gradients as expressions. `geometry`, `capsules`, `coverage` and `selection` fit the proxies of a
-URDF and are imported only by the command `proxies`.
+`model` holds the data and their TOML tables, `distance` gives distances and gradients as
+expressions. `geometry`, `capsules` and `selection` fit the proxies of a URDF.
 """
 
 from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy

@@ -7,11 +7,13 @@ whole range of the joints: random postures first, then descents from the closest
 Proxies are larger than their links, so a pair may be closer than its margin at rest although the
 links have room. The margin then follows from the links: the least margin that keeps the links apart
 by `MARGIN`, or by half of their distance at rest, in all sampled postures. It can be negative.
+Distances between the links themselves are those of coal.
 """
 
 from dataclasses import dataclass
 
 import casadi as ca
+import coal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
@@ -19,8 +21,10 @@ from scipy.optimize import minimize
 from symgen.chain import Chain
 from symgen.collision.distance import clearance
 from symgen.collision.geometry import LinkGeometry
-from symgen.collision.links import link_distances
-from symgen.collision.model import MARGIN, CollisionModel, Pair, Proxy
+from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy
+from symgen.mechanics.closure import supplied
+from symgen.mechanics.kinematics import all_positions
+from symgen.mechanics.spatial import joint_pose
 
 Array = NDArray[np.float64]
 
@@ -148,3 +152,50 @@ def _range(chain: Chain) -> tuple[Array, Array]:
     ]
     upper = [f if j.upper is None else j.upper for j, f in zip(chain.coordinates, far, strict=True)]
     return np.array(lower), np.array(upper)
+
+
+def link_distances(
+    chain: Chain, first: LinkGeometry, second: LinkGeometry, postures: Array
+) -> Array:
+    """Distance of two links at each posture.
+
+    postures (N, n) [rad, m] → (N,).
+    """
+    meshes = [_mesh(first.triangles), _mesh(second.triangles)]
+    places = [poses_of_link(chain, part.link, postures) for part in (first, second)]
+    request, answer = coal.DistanceRequest(), coal.DistanceResult()
+    distances = np.empty(len(postures))
+    for k, (a, b) in enumerate(zip(*places, strict=True)):
+        where = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in (a, b)]
+        answer.clear()
+        distances[k] = coal.distance(meshes[0], where[0], meshes[1], where[1], request, answer)
+    return np.maximum(distances, 0.0)
+
+
+def poses_of_link(chain: Chain, link: str, postures: Array) -> Array:
+    """Pose of a link in the base frame at each posture.
+
+    postures (N, n) [rad, m] → (N, 4, 4).
+    """
+    q = ca.SX.sym("q", len(chain.coordinates))
+    positions = all_positions(chain, q)
+    pose = ca.SX.eye(4)
+    index = -1 if link == BASE else [j.link for j in chain.joints].index(link)
+    while index >= 0:
+        step = joint_pose(chain.joints[index], positions[index])
+        top = ca.horzcat(step.rotation, step.translation)
+        pose = ca.mtimes(ca.vertcat(top, ca.SX(ca.DM([[0, 0, 0, 1]]))), pose)
+        index = chain.joints[index].parent
+    function = ca.Function("pose", [q], [supplied(chain, ca.densify(ca.vec(pose.T)), q)])
+    rows = np.asarray(function.map(len(postures))(postures.T)).T
+    return rows.reshape(-1, 4, 4)
+
+
+def _mesh(triangles: Array) -> coal.BVHModelOBBRSS:
+    corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(triangles), len(corners))
+    mesh.addVertices(corners)
+    mesh.addTriangles(index.reshape(-1, 3).astype(np.int64))
+    mesh.endModel()
+    return mesh

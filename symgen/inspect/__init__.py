@@ -1,8 +1,8 @@
 """Check of a robot model file: physical consistency, plausibility, and the nearest consistent file.
 
-`urdf` and `mjcf` read a file without rejecting it; `geometry` measures shapes; `bodies`,
-`comparison` and `joints` check; `base` computes base parameters; `repair` projects; `rewrite`
-writes the result into the text; `inspection` combines them.
+`reading` reads a file without rejecting it; `geometry` measures shapes; `checks` and `comparison`
+check; `base` computes base parameters; `repair` projects; `rewrite` writes the result into the
+text; `inspection` combines them.
 """
 
 from symgen.inspect.inspection import (

@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from symgen.inspect.bodies import shifted_from_origin
+from symgen.inspect.checks import shifted_from_origin
 from symgen.inspect.model import WARNING, Array, Body, Finding, Model
 
 _SAME_MASS = 1e-6

@@ -4,22 +4,38 @@ Meshes are searched outside the folder of the model too, since packages keep the
 their shape is reported.
 
 The volume of the hull is at least that of the part, watertight or not. coal (in the `pin` wheel)
-loads STL, DAE and OBJ. Overlapping shapes count twice, so the density is approximate.
+loads STL, DAE and OBJ. Overlapping shapes count twice, so the density is approximate. Assimp, with
+which coal loads meshes, reads a list of indices of a COLLADA file until it has as many numbers as
+the file announces. A character that is not a digit stops its position, but not its loop: such files
+are refused before (`is_sound`).
+
+Links that are fixed to each other are one body; motion and simulators depend on their sum only:
+P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest one. Files divide one
+part into several links (a drive, its cover, a camera), with placeholders of a gram in some of them.
 """
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import ParseError
 
+import coal
 import numpy as np
+from defusedxml.ElementTree import iterparse
+from scipy.spatial import ConvexHull, QhullError
 
-from symgen.inspect.collada import is_sound
-from symgen.inspect.model import Array, Link, Shape
+from symgen.inspect.model import Array, Body, Link, Model, Shape
 
 LARGEST_MESH = 200 * 2**20
 """Largest size of a mesh file that is read, bytes."""
 _ROUND = 32
 """Points on a circle."""
+INDICES = frozenset({"p", "ph", "h", "v", "vcount"})
+"""Elements that hold integers."""
+FLOATS = frozenset({"float_array", "matrix", "translate", "rotate", "scale", "lookat", "skew"})
+"""Elements that hold floating-point numbers."""
+DEEPEST = 200
+"""Largest depth of elements; exporters write about ten levels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +53,23 @@ class Extent:
     def reach(self, centre: Array) -> float:
         """Largest distance of a point from a centre, m."""
         return float(np.linalg.norm(self.points - centre, axis=1).max())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """A body of links that are fixed to each other, in the frame of its heaviest link.
+
+    Attributes:
+        where: place for findings.
+        body: sum of the consistent bodies.
+        extent: space of the shapes of all links; None where one is unknown, or without shapes.
+        reach: largest distance from the frame to the joints of the group and its centre, m.
+    """
+
+    where: str
+    body: Body
+    extent: Extent | None
+    reach: float
 
 
 class Meshes:
@@ -103,9 +136,6 @@ class Meshes:
 
 def _corners(path: Path, scale: tuple[float, ...]) -> Array | None:
     """Vertices of the convex hull, or None for a mesh that is not a solid."""
-    import coal
-    from scipy.spatial import ConvexHull, QhullError
-
     if path.suffix.lower() == ".dae" and not is_sound(path):
         return None
     try:
@@ -116,8 +146,6 @@ def _corners(path: Path, scale: tuple[float, ...]) -> Array | None:
 
 
 def _hull_volume(corners: Array) -> float:
-    from scipy.spatial import ConvexHull
-
     return float(ConvexHull(corners).volume)
 
 
@@ -141,3 +169,114 @@ def _primitive(shape: Shape) -> tuple[float, Array] | None:
         volume += 4 / 3 * np.pi * radius**3
         ends = np.vstack([ends, [[0, 0, z * (length / 2 + radius)] for z in (-1, 1)]])
     return float(volume), ends
+
+
+def is_sound(path: Path) -> bool:
+    """True for a .dae file of well-formed XML and moderate depth whose lists hold only numbers."""
+    depth = 0
+    try:
+        for event, element in iterparse(path, events=("start", "end"), forbid_dtd=True):
+            depth += 1 if event == "start" else -1
+            if depth > DEEPEST:
+                return False
+            if event == "end":
+                _require_numbers(str(element.tag).rpartition("}")[2], element.text or "")
+    except (ParseError, ValueError, OSError):
+        return False
+    return True
+
+
+def _require_numbers(tag: str, text: str) -> None:
+    if tag in INDICES and not all(word.isdecimal() and word.isascii() for word in text.split()):
+        raise ValueError(tag)
+    if tag in FLOATS:
+        for word in text.split():
+            float(word)
+
+
+def groups_of(model: Model, extents: dict[str, Extent | None]) -> list[Group]:
+    """Return the groups that have a consistent body."""
+    groups, seen = [], set()
+    for name in model.links:
+        joint = model.joint_of(name)
+        if joint is None or joint.moves or joint.parent not in model.links:
+            members = [member for member in model.subtree(name, rigid=True) if member not in seen]
+            seen.update(members)
+            groups.append(_group(model, members, extents))
+    return [group for group in groups if group is not None]
+
+
+def _group(model: Model, names: list[str], extents: dict[str, Extent | None]) -> Group | None:
+    bodies = {
+        name: body
+        for name in names
+        if (body := model.links[name].body) is not None and body.is_realisable
+    }
+    if not bodies:
+        return None
+    heaviest = max(bodies, key=lambda name: bodies[name].mass)
+    poses = _poses(model, names, heaviest)
+    where = f"link '{heaviest}'"
+    if len(bodies) > 1:
+        where += f" with what is fixed to it ({len(bodies) - 1} more)"
+    return Group(
+        where,
+        _sum([(bodies[name], poses[name]) for name in bodies], bodies[heaviest]),
+        _extent(model, poses, extents),
+        _reach(model, names[0], poses, bodies),
+    )
+
+
+def _poses(model: Model, names: list[str], reference: str) -> dict[str, Array]:
+    """T (4, 4) from the frame of each link to that of the reference; exactly 1 for itself."""
+    poses = {names[0]: np.eye(4)}
+    for name in names[1:]:  # a link comes after the one that carries it
+        joint, step = model.joint_of(name), np.eye(4)
+        if joint is None:
+            poses[name] = step
+        else:
+            step[:3, :3], step[:3, 3] = joint.rotation, joint.offset
+            # Two joints with one child are an error of the file, which is reported.
+            poses[name] = poses.get(joint.parent, np.eye(4)) @ step
+    back = np.linalg.inv(poses[reference])
+    return {name: back @ pose for name, pose in poses.items()} | {reference: np.eye(4)}
+
+
+def _sum(parts: list[tuple[Body, Array]], heaviest: Body) -> Body:
+    """Sum of bodies with their poses; one alone keeps its numbers to the last digit."""
+    if len(parts) == 1:
+        return heaviest
+    masses = np.array([body.mass for body, _ in parts])
+    places = np.array([pose[:3, :3] @ body.com + pose[:3, 3] for body, pose in parts])
+    com = masses @ places / masses.sum()
+    inertia = np.zeros((3, 3))
+    for (body, pose), place in zip(parts, places, strict=True):
+        way = place - com
+        turned = pose[:3, :3] @ body.inertia @ pose[:3, :3].T
+        inertia += turned + body.mass * (way @ way * np.eye(3) - np.outer(way, way))
+    return Body(float(masses.sum()), com, (inertia + inertia.T) / 2)
+
+
+def _extent(
+    model: Model, poses: dict[str, Array], extents: dict[str, Extent | None]
+) -> Extent | None:
+    volume, points = 0.0, []
+    for name, pose in poses.items():
+        extent = extents[name]
+        if extent is not None:
+            volume += extent.volume
+            points.append(extent.points @ pose[:3, :3].T + pose[:3, 3])
+        elif model.links[name].shapes:
+            return None
+    return Extent(volume, np.vstack(points)) if points else None
+
+
+def _reach(model: Model, root: str, poses: dict[str, Array], bodies: dict[str, Body]) -> float:
+    carrier = model.joint_of(root)
+    offsets = [pose[:3, 3] for pose in poses.values()]
+    offsets += [] if carrier is None else [carrier.offset]
+    for name, pose in poses.items():
+        ends = [child.offset for child in model.children(name)]
+        ends += [bodies[name].com] if name in bodies else []
+        offsets += [pose[:3, :3] @ end + pose[:3, 3] for end in ends]
+    return max(float(np.linalg.norm(offset)) for offset in offsets)

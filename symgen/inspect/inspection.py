@@ -8,15 +8,13 @@ import numpy as np
 
 from symgen.documents import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
-from symgen.inspect import bodies, comparison, joints
+from symgen.inspect import checks, comparison
 from symgen.inspect.base import SampledBase, base_of
-from symgen.inspect.geometry import Extent, Meshes
-from symgen.inspect.groups import groups_of
-from symgen.inspect.mjcf import read_mjcf
+from symgen.inspect.geometry import Extent, Meshes, groups_of
 from symgen.inspect.model import ERROR, Body, Finding, Link, Model
+from symgen.inspect.reading import read_mjcf, read_urdf
 from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
-from symgen.inspect.urdf import read_urdf
 
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
@@ -230,13 +228,13 @@ def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
     )
     for name in model.links:
         if f"link '{name}'" not in unread:
-            findings += bodies.consistency_errors(model, name)
+            findings += checks.consistency_errors(model, name)
     for group in groups_of(readable, extents):
-        findings += bodies.plausibility_warnings(model, group)
+        findings += checks.plausibility_warnings(model, group)
     findings += comparison.comparison_warnings(model)
     for joint in model.joints:
         if f"joint '{joint.name}'" not in unread:
-            findings += joints.joint_findings(joint)
+            findings += checks.joint_findings(joint)
     return findings
 
 

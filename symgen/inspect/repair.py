@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import clarabel
 import numpy as np
+from scipy import sparse
 
 from symgen.errors import InertiaError
 from symgen.inspect.base import SampledBase, lumping, pi_of, pseudo_of
@@ -182,8 +184,6 @@ class _Projection:
 
     def _cone(self, bound: float | None) -> Array:
         """Least torque change (bound None), else the nearest s whose change is within the bound."""
-        import clarabel
-
         # Variables (s, t): min t with A (s, t) + slack = b, slack in the cones of Clarabel.
         size = self.start.size
         masses, rows = self._masses(), self._rows()
@@ -227,9 +227,6 @@ class _Projection:
 
 
 def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
-    import clarabel
-    from scipy import sparse
-
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10

@@ -23,7 +23,7 @@ from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
 from symgen.chain.reading import parse_with_pinocchio
 from symgen.collision import BASE, CollisionModel, Proxy
-from symgen.collision.tables import collision_from_tables
+from symgen.collision.model import collision_from_tables
 from symgen.documents import toml_of
 from symgen.errors import BuildError
 

@@ -18,7 +18,7 @@ from symgen.chain.assumed_bodies import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDE
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
 from symgen.chain.model import FLOATING, Frame
 from symgen.collision.distance import moving
-from symgen.collision.tables import tables_from_collision
+from symgen.collision.model import tables_from_collision
 from symgen.errors import BuildError, InertiaError
 from symgen.make.config import Braking, home_of
 from symgen.make.request import BuildRequest

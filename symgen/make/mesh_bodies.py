@@ -18,7 +18,7 @@ from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, numbers, origin
 from symgen.documents import toml_of
 from symgen.errors import BuildError, UrdfError
-from symgen.inspect.collada import is_sound
+from symgen.inspect.geometry import is_sound
 from symgen.make.sources import Packages
 
 DEFAULT = "default"

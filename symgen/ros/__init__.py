@@ -4,8 +4,7 @@
 |---|---|
 | `packages` | the folder of a ROS package |
 | `xacro_file` | xacro file → text of a URDF, in a child process |
-| `xacro_child` | that process: limits of time and memory, files that may be read |
-| `xacro_expressions` | expressions that compute, and do not reach the interpreter |
+| `xacro_child` | that process: limits, files that may be read, expressions that only compute |
 """
 
 from symgen.ros.packages import Packages

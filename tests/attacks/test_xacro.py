@@ -13,7 +13,7 @@ from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
 from symgen.make.sources import Packages, Source, read_source
 from symgen.ros import Limits, expanded
-from symgen.ros.xacro_expressions import evaluate
+from symgen.ros.xacro_child import evaluate
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("xacro") is None,

@@ -8,7 +8,7 @@ import pytest
 
 from symgen.chain import ChainOptions, read_chain
 from symgen.collision.distance import clearance
-from symgen.collision.tables import collision_from_tables
+from symgen.collision.model import collision_from_tables
 from symgen.errors import UrdfError
 from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics

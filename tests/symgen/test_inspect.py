@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from symgen.errors import InertiaError, SymgenError
 from symgen.inspect import ERROR, Body, Inspection, inspect_file, inspect_text
 from symgen.inspect.geometry import Meshes
-from symgen.inspect.urdf import read_urdf
+from symgen.inspect.reading import read_urdf
 from symgen.mechanics.inertia import require_realisable
 from tests.conftest import TINY_URDF
 from tests.symgen.bodies import BOX, GOOD, POINT, TILTED, arm, before_2024, block, inspect, steiner

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import app
 from symgen.collision import BASE, Proxy
-from symgen.collision.links import link_poses
+from symgen.collision.selection import link_poses
 from symgen.errors import BuildError
 from symgen.make import pipeline
 from symgen.make.config import RobotConfig, reduced_config

@@ -1,4 +1,4 @@
-"""Checks of one link's mass properties: physical consistency and plausible density.
+"""Checks of one link and of one joint: physical consistency, plausible density, limits, friction.
 
 A body of mass m and second moments Σ_com about its centre has at least the mean density of the
 solid ellipsoid with the same m and Σ_com, ρ = m / (4/3 π 5^{3/2} √det(Σ_com/m)): among all bodies
@@ -11,9 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from symgen.inspect.geometry import Extent
-from symgen.inspect.groups import Group
-from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Model
+from symgen.inspect.geometry import Extent, Group
+from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Joint, Model
 from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
 OSMIUM = 22590.0
@@ -32,6 +31,8 @@ FLAT = 1e-6
 """Smallest over largest spread of a mass below which it has no thickness: rounding of a file."""
 STUB = 0.1
 """Smallest length of a link relative to the sum of all (joints of a wrist coincide)."""
+TURNS = 20.0
+"""Largest plausible limit, rad, about three turns: larger ones are usually in degrees."""
 
 
 def ellipsoid_density(body: Body) -> float:
@@ -255,3 +256,58 @@ def shifted_from_origin(body: Body) -> tuple[float, float]:
     moment: Array = body.mass * np.outer(body.com, body.com)
     smallest = float(np.linalg.eigvalsh(body.sigma - moment)[0])
     return float(np.trace(moment)) / trace, smallest / trace
+
+
+def joint_findings(joint: Joint) -> list[Finding]:
+    """Return all faults of one joint."""
+    if not joint.moves:
+        return []
+    where = f"joint '{joint.name}'"
+    findings = [
+        Finding(ERROR, "dissipation", where, f"the {key} is {value:g}", "expected 0 or more")
+        for key, value in (("damping", joint.damping), ("friction", joint.friction))
+        if value is not None and value < 0
+    ]
+    if joint.kind in {"revolute", "continuous", "prismatic"} and not np.any(joint.axis):
+        findings.append(Finding(ERROR, "axis", where, "its axis is 0 0 0", "expected a direction"))
+    given = joint.lower, joint.upper, joint.velocity, joint.effort
+    if joint.has_effort and joint.kind in {"revolute", "prismatic"} and given == (0, 0, 0, 0):
+        text = "all limits are 0, which counts as not stated"
+        return [*findings, Finding(WARNING, "limits", where, text, "expected lower < upper")]
+    if joint.kind in {"revolute", "prismatic"}:
+        findings += _range(joint, where)
+    if joint.has_effort and joint.kind in {"revolute", "continuous", "prismatic"}:
+        findings += _strength(joint, where)
+    return findings
+
+
+def _range(joint: Joint, where: str) -> list[Finding]:
+    lower, upper = joint.lower, joint.upper
+    if lower is None and upper is None:
+        text = "no position limits"
+        if joint.has_effort:
+            text += ", which URDF parsers read as 0 … 0"
+        return [Finding(WARNING, "limits", where, text, "expected lower < upper, or continuous")]
+    low, high = lower or 0.0, upper or 0.0  # the value that URDF gives to a missing limit
+    if low > high:
+        text = f"the lower limit {low:g} lies above the upper limit {high:g}"
+        return [Finding(ERROR, "limits", where, text, "expected lower < upper")]
+    if low == high:
+        text = f"both limits are {low:g}, so it cannot move"
+        return [Finding(WARNING, "limits", where, text, "expected lower < upper, or fixed")]
+    if joint.kind == "revolute" and max(abs(low), abs(high)) > TURNS:
+        text = f"the limits {low:g} … {high:g} rad are many turns"
+        return [Finding(WARNING, "limits", where, text, "expected radians; are these degrees?")]
+    return []
+
+
+def _strength(joint: Joint, where: str) -> list[Finding]:
+    findings = []
+    for key, value in (("velocity", joint.velocity), ("effort", joint.effort)):
+        if value is not None and value < 0:
+            text = f"the {key} limit is {value:g}"
+            findings.append(Finding(ERROR, "limits", where, text, "expected a positive one"))
+        elif not value:
+            text = f"the {key} limit is {'missing' if value is None else '0'}"
+            findings.append(Finding(WARNING, "limits", where, text, "expected a positive one"))
+    return findings

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
-from runtime.simulation.controller_file import read_controller
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_mechanism
 from symgen.make.config import read_config

@@ -283,7 +283,6 @@ def urdf_model(lib: Library) -> SavedResult:
         pi=lib.pi0,
         friction=Friction(()),
         phi=np.zeros((n, 0)),
-        net=None,
         history=(),
         preparation=Preparation(),
         model=None,

@@ -9,6 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from runtime.cli.common import Robot, Seed, command_line, console, say
+from runtime.cli.identify_request import inputs_of
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -40,7 +41,6 @@ from runtime.identification.comparison.output import HEAD, LEGEND, cells
 from runtime.identification.comparison.truth import beside
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
-from runtime.simulation.controller_file import read_controller
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")
 
@@ -114,8 +114,8 @@ def compare_command(
     notes = data.notes
     if data.streamed is None:
         names = names or tuple(METHODS)
-        loop = read_controller(controller, lib) if controller else None
-        assembly = assemble(data.recording, lib, controller=loop, **options)
+        inputs = inputs_of(names, lib, controller=controller)
+        assembly = assemble(data.recording, lib, inputs=inputs, **options)
     else:
         names = names or methods_from_statistics()
         for name in names:

@@ -89,7 +89,7 @@ def evaluate_command(
         notes.append(ALIKE)
     prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)
-    after = torque_of(lib, samples, saved.pi, saved.phi, saved.net)
+    after = torque_of(lib, samples, saved.pi, saved.phi)
     both = (samples.rigid(lib, lib.pi0), after)
     errors = [metrics.torque_error(samples.tau, tau) for tau in both]
     if is_filtered(saved.history) and not is_filtered(prepared.history):

@@ -79,8 +79,6 @@ def export_command(
         say(f"note: {note}")
     if springs := springs_left_out(lib):
         say(f"note: {springs}")
-    if saved.net is not None:
-        say("note: the friction network of the method nn has no counterpart in these formats")
     failed = [each.kind for each in done if each.path is None]
     # A result without friction has no file of friction; that is a failure only where --to names it.
     if failed and (to or not all(each.is_optional for each in done if each.path is None)):

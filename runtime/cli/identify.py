@@ -10,7 +10,7 @@ from runtime.cli.common import Robot, Seed
 from runtime.cli.free_base import Rows, require_fixed_base
 from runtime.cli.identify_output import Outputs, finish
 from runtime.cli.identify_request import (
-    controller_of,
+    inputs_of,
     prior_of,
     require_one_log,
 )
@@ -247,7 +247,7 @@ def identify_command(
             preparation=preparation,
             splitting=data.splitting,
             friction_columns=terms_of(data, method, friction or coulomb_speed),
-            controller=controller_of(controller, lib),
+            inputs=inputs_of([chosen], lib, controller=controller),
         ),
         drive_request(data.recording, delay, encoder_bias, chosen, sides if tie else ()),
     )

@@ -1,14 +1,15 @@
 """Options of `symgen identify`: files that they name, and those that do not fit together."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from runtime.errors import IdentificationError
+from runtime.estimators.methods import METHODS
 from runtime.library import Library
 
 if TYPE_CHECKING:
     from runtime.estimators.prior_file import PriorFile
-    from runtime.simulation.controller_file import ClosedLoop
 
 
 _ONE_LOG = {
@@ -43,10 +44,9 @@ def prior_of(path: Path | None, lib: Library) -> "PriorFile | None":
     return read_prior(path, lib)
 
 
-def controller_of(path: Path | None, lib: Library) -> "ClosedLoop | None":
-    """Closed loop of --controller."""
-    if path is None:
-        return None
-    from runtime.simulation.controller_file import read_controller
-
-    return read_controller(path, lib)
+def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dict[str, Any]:
+    """What these methods need beyond the log, from files by the names of the inputs."""
+    readers = {name: read for each in methods for name, read in METHODS[each].files.items()}
+    return {
+        name: readers[name](path, lib) for name, path in files.items() if path and name in readers
+    }

@@ -77,6 +77,4 @@ def sample_command(
         say(f"{kind}: {sentence}")
     for note in notes:
         say(f"note: {note}")
-    if saved.net is not None:
-        say("note: the friction network of the method nn has no counterpart in these formats")
     say(f"files: {folder / TABLE}")

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import ArrayLike
 from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
@@ -30,8 +31,8 @@ from runtime.simulation import (
     read_payload,
     record,
     settings_of,
+    write_controller,
 )
-from runtime.simulation.controller_file import ClosedLoop, write_controller
 from runtime.simulation.mechanism import require_no_springs
 
 
@@ -50,8 +51,10 @@ _ONLY_MUJOCO = ("payload", "settings", "truth_seed")
 
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
-Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
-"""A log, its true parameters, and its closed-loop description."""
+Loop = tuple[Controller, ArrayLike, float]
+"""Controller, rotors [kg·m²] and rate [Hz] of a simulated log."""
+Made = tuple[Recording, dict[str, Any], Loop | None]
+"""A log, its true parameters, and its closed loop."""
 
 
 def simulate_command(
@@ -221,8 +224,11 @@ def _virtual(
         progress=report,
     )
     controller = Controller(stiffness=settings.stiffness, damping=settings.damping)
-    loop = ClosedLoop(motion, controller, settings.rotor, settings.rate_hz)
-    known = loop if settings.law == "computed_torque" else None
+    known = (
+        (controller, settings.rotor, settings.rate_hz)
+        if settings.law == "computed_torque"
+        else None
+    )
     return log.recording, log.truth.facts(lib), known
 
 
@@ -253,7 +259,7 @@ def _compiled(
     if exact:
         return ideal(lib, motion, plant, rate, rng), truth, None
     recording = closed_loop(lib, motion, plant, rng, rate, report)
-    return recording, truth, ClosedLoop(motion, Controller(), parts["rotor"], rate)
+    return recording, truth, (Controller(), parts["rotor"], rate)
 
 
 def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:
@@ -266,7 +272,7 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
     truth, reference, controller = map(path.with_suffix, BESIDE)
     if loop is not None:
         write_motion(motion, lib, reference)
-        write_controller(loop, reference.name, controller)
+        write_controller(controller, reference.name, *loop)
         facts["motion_sha256"] = hashlib.sha256(reference.read_bytes()).hexdigest()
     facts["log_sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     with replacing(truth) as file:

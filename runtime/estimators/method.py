@@ -6,11 +6,13 @@ package adds one by an entry point of the group `symgen.estimators`:
     RIDGE = Method("ridge", "least squares with a quadratic penalty", fit_ridge)
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from runtime.estimators.problem import Fit
+from runtime.library import Library
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +30,8 @@ class Method:
         bounds_friction: its viscous, Coulomb and rotor coefficients are ≥ 0.
         every_joint: needs an equation per joint, not the power of all joints.
         uses_validation: stops or chooses by the validation part, which it does not train on.
-        needs_controller: simulates the robot under the controller of the recording.
+        takes_log: gets the keyword `log`, the `Origin` of the samples or None.
+        files: name of an input that only this method needs → reader of its file.
         unfiltered: works on the unfiltered recording, so that no low-pass is missed.
         columns: friction columns that it can use; None for any.
         default_columns: friction columns that it is given where none are named.
@@ -50,7 +53,8 @@ class Method:
     bounds_friction: bool = False
     every_joint: bool = False
     uses_validation: bool = False
-    needs_controller: bool = False
+    takes_log: bool = False
+    files: Mapping[str, Callable[[Path, Library], Any]] = field(default_factory=dict)
     unfiltered: bool = False
     columns: tuple[str, ...] | None = None
     default_columns: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.method import Method
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.registry import Registry
 
 METHODS: Registry[Method] = Registry(
@@ -19,11 +19,11 @@ METHODS: Registry[Method] = Registry(
         "pc-ols": "runtime.estimators.classical.pc_ols:PC_OLS",
         "ols": "runtime.estimators.classical.ols:OLS",
         "wls": "runtime.estimators.classical.wls:WLS",
-        "iv": "runtime.estimators.classical.iv_didim:IV",
-        "didim": "runtime.estimators.classical.iv_didim:DIDIM",
-        "ekf": "runtime.estimators.classical.ekf:EKF",
-        "ukf": "runtime.estimators.classical.ukf:UKF",
-        "nn": "runtime.estimators.classical.neural:NEURAL",
+        "iv": "runtime.estimators.literature.iv_didim:IV",
+        "didim": "runtime.estimators.literature.iv_didim:DIDIM",
+        "ekf": "runtime.estimators.literature.kalman:EKF",
+        "ukf": "runtime.estimators.literature.kalman:UKF",
+        "nn": "runtime.estimators.literature.neural:NEURAL",
     },
 )
 DEFAULT = "map"
@@ -62,15 +62,22 @@ def chosen_method(method: str | None, preset: Any, prior: Any) -> str:
     return method
 
 
-def fit_by(problem: Problem, method: str, preset: Any = None, prior: Any = None) -> Fit:
+def fit_by(
+    problem: Problem,
+    method: str,
+    preset: Any = None,
+    prior: Any = None,
+    log: Origin | None = None,
+) -> Fit:
     """Solve a problem by one of `METHODS`."""
     record = require_method(method)
     _require_rows(problem, record, preset)
-    _require_controller(problem, record)
     _require_columns(problem, record)
     options: dict[str, Any] = {"preset": preset} if record.takes_preset else {}
     if record.takes_prior:
         options["prior"] = prior
+    if record.takes_log:
+        options["log"] = log
     return record.fit(problem, **options)
 
 
@@ -93,12 +100,6 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
         "the regressor of the log has not; use --regressor acceleration, or one of "
         f"{', '.join(methods_from_statistics())}"
     )
-
-
-def _require_controller(problem: Problem, record: Method) -> None:
-    """Refuse a recording whose controller is unknown where it is to be simulated."""
-    if record.needs_controller:
-        problem.controlled(record.name)
 
 
 def _require_columns(problem: Problem, record: Method) -> None:

@@ -1,14 +1,14 @@
 """`Problem` and `Fit`: the input and the result of every estimator."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import IdentificationError, NeedsError
+from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress_all
 from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
@@ -16,13 +16,12 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
 
 if TYPE_CHECKING:
-    from runtime.estimators.friction_net import FrictionNet
     from runtime.estimators.optimizers import Trace
-    from runtime.simulation.controller_file import ClosedLoop
 
 
-class Origin(NamedTuple):
-    """Origin of the samples, for methods that simulate or filter.
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Log behind the samples, for methods that simulate or filter.
 
     Attributes:
         recording: the training recording before it was prepared and split.
@@ -30,14 +29,14 @@ class Origin(NamedTuple):
         aligned: another recording on the same clock, prepared alike → its rows of the training
             samples.
         span: first and last instant of the training samples, s.
-        controller: closed loop under which the recording was made, where it is known.
+        inputs: what single methods need beyond the log, by name.
     """
 
     recording: Recording
     friction: Friction
     aligned: Callable[[Recording], Samples]
     span: tuple[float, float]
-    controller: "ClosedLoop | None" = None
+    inputs: Mapping[str, Any] = field(default_factory=dict)
 
 
 class FrictionPrior(NamedTuple):
@@ -84,10 +83,9 @@ class Problem:
         start: λ of the first guess, (10 n,).
         seed: seed of the mini-batches.
         progress: called with iteration and best validation loss.
-        origin: of the samples, for methods that simulate or filter.
         pieces: all samples of "train" or "validation", piece by piece, where `train` and
             `validation` hold only some of them.
-        terms: friction columns, where there is no origin.
+        terms: friction columns.
         column_names: names of the k columns of the samples; those of several logs have an offset
             column per log beyond `terms`.
         friction_prior: of φ, for map.
@@ -101,7 +99,6 @@ class Problem:
     start: Array
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
-    origin: Origin | None = None
     pieces: Callable[[str], Iterable[Samples]] | None = None
     terms: Friction | None = None
     column_names: tuple[str, ...] = ()
@@ -130,23 +127,12 @@ class Problem:
             return self.pieces(part)
         return (self.train if part == "train" else self.validation,)
 
-    def controlled(self, method: str) -> "tuple[Origin, ClosedLoop]":
-        """Origin of the samples, and the closed loop under which they were recorded."""
-        if self.origin is None or self.origin.controller is None:
-            raise NeedsError(
-                f"the method {method} simulates the robot under its controller and needs its "
-                "description; give the controller's gains and the reference motion "
-                "by --controller FILE.toml"
-            )
-        return self.origin, self.origin.controller
-
     @property
     def friction_names(self) -> tuple[str, ...]:
         """Names of the friction columns; empty where they are unknown."""
         if self.column_names:
             return self.column_names
-        terms = self.origin.friction if self.origin else self.terms
-        return terms.columns if terms else ()
+        return self.terms.columns if self.terms else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +151,7 @@ class Fit:
         weights: diagonal of W, where the method has estimated it, (n,).
         statistics: of the training samples with these weights.
         coloured_noise: of the residuals with these weights, where the method estimates it.
-        net: friction beyond φ, where the method learned one.
+        learned: friction columns (N, n, k) → torque (N, n) beyond φ, where the method learned one.
         unrepaired: smallest relative eigenvalue of the links before thin axes were raised; None
             where the method raises none.
     """
@@ -181,7 +167,7 @@ class Fit:
     weights: Array | None = None
     statistics: Statistics | None = None
     coloured_noise: ColouredNoise | None = None
-    net: "FrictionNet | None" = None
+    learned: Callable[[Array], Array] | None = None
     unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:

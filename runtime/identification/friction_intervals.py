@@ -8,7 +8,8 @@ covariance of π (`posterior_file`) a root of the covariance of φ is
 The last column is what the estimate differs from the best φ at its π, as in methods with other
 weights. Where a delay or encoder biases are estimated too, the covariance is that of `drive`, which
 contains them. A coefficient without an interval of this kind has NaN: its column is zero or a
-combination of other friction columns, it is held at the bound 0, or a net shares its torque.
+combination of other friction columns, it is held at the bound 0, or learned friction shares its
+torque.
 """
 
 from typing import Any
@@ -34,7 +35,7 @@ def friction_sigma(result: Identification) -> Array | None:
     known, phi = result.uncertainty, result.usual_phi
     if result.drive is not None and phi.size:
         return result.drive.phi_sigma if result.drive.phi_sigma.shape == phi.shape else None
-    if known is None or known.information is None or result.net is not None or not phi.size:
+    if known is None or known.information is None or result.learned is not None or not phi.size:
         return None
     information, lib = known.information, result.lib
     logs = len(result.log_names)

@@ -1,5 +1,6 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +17,6 @@ from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
 
 if TYPE_CHECKING:
-    from runtime.estimators.friction_net import FrictionNet
     from runtime.estimators.optimizers import Trace
     from runtime.identification.drive.result import DriveFit
 
@@ -80,7 +80,7 @@ class Identification(Framed):
         one_run: True when the three are parts of one recording.
         seed: seed of mini-batches and nets.
         notes: sentences on steps that were taken on the way.
-        net: friction beyond φ, learned by "nn"; None for other methods.
+        learned: friction columns (N, n, k) → torque (N, n) beyond φ, where the method learned one.
         log_names: names of several logs, whose offsets are the last columns of φ.
         streamed: figures over all rows, where train, validation and test are windows of a log.
         urdf_phi: friction coefficients fitted with the inertial parameters of the URDF, (n, k);
@@ -114,7 +114,7 @@ class Identification(Framed):
     one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
-    net: "FrictionNet | None" = None
+    learned: Callable[[Array], Array] | None = None
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
@@ -177,7 +177,7 @@ class Identification(Framed):
         return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """τ̂ = Y π + F(dq) φ, plus known torques and those of the friction net where there are such.
+        """τ̂ = Y π + F(dq) φ, plus known torques and learned friction where there are such.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
@@ -196,8 +196,8 @@ class Identification(Framed):
         motion = friction.JointMotion(speed, position, acceleration, self.lib)
         columns = friction.columns(motion, self.friction)
         extra = friction.torque(columns, self.usual_phi, friction.coupling_of_terms(self.friction))
-        if self.net is not None:
-            extra = extra + self.net.torque(columns)
+        if self.learned is not None:
+            extra = extra + self.learned(columns)
         return rigid + extra.reshape(rigid.shape)
 
     def predict_recording(self, recording: Recording) -> Array:
@@ -206,14 +206,14 @@ class Identification(Framed):
 
     def predict_samples(self, samples: Samples) -> Array:
         """τ̂ of prepared samples, (N, n); their power where the rows are rows of power, (N, 1)."""
-        return torque_of(self.lib, samples, self.pi, self.phi, self.net)
+        return torque_of(self.lib, samples, self.pi, self.phi, self.learned)
 
     def predict_test(self) -> Array:
         """τ̂ of the test part by the fit to the training part, (N, n)."""
         samples = samples_of(self.test, self.lib)
         if self.trained is None:
             return self.predict_samples(samples)
-        return torque_of(self.lib, samples, self.trained.pi, self.trained.phi, self.net)
+        return torque_of(self.lib, samples, self.trained.pi, self.trained.phi, self.learned)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the URDF's parameters without friction, (N, n)."""
@@ -265,12 +265,16 @@ def friction_error(result: Identification) -> metrics.TorqueError | None:
     if result.urdf_phi is None:
         return None
     samples = samples_of(result.test, result.lib)
-    predicted = torque_of(result.lib, samples, result.lib.pi0, result.urdf_phi, None)
+    predicted = torque_of(result.lib, samples, result.lib.pi0, result.urdf_phi)
     return metrics.torque_error(samples.tau, predicted)
 
 
 def torque_of(
-    lib: Library, samples: Samples, pi: Array, phi: Array, net: "FrictionNet | None"
+    lib: Library,
+    samples: Samples,
+    pi: Array,
+    phi: Array,
+    learned: Callable[[Array], Array] | None = None,
 ) -> Array:
     """τ̂ of a model with its friction.
 
@@ -279,4 +283,4 @@ def torque_of(
     tau = samples.rigid(lib, pi)
     if phi.size:
         tau = tau + samples.friction(phi)
-    return tau if net is None else tau + net.torque(samples.columns)
+    return tau if learned is None else tau + learned(samples.columns)

@@ -86,10 +86,9 @@ def identify_friction(
             f"expected an earlier result of the joints {', '.join(lib.joint_names)}, got one of "
             f"{', '.join(saved.joints)}; give the library that it was identified with"
         )
-    if saved.net is not None or not saved.friction.columns:
+    if not saved.friction.columns:
         raise IdentificationError(
-            "expected an earlier result with friction columns, got one "
-            f"{'with a friction net' if saved.net is not None else 'without friction'}; identify "
+            "expected an earlier result with friction columns, got one without friction; identify "
             "the robot with --friction"
         )
     chosen = replace(settings or Settings(refit=True), friction_columns=saved.friction)

@@ -54,6 +54,7 @@ class Assembly:
             of the rows; None where `parts` are whole.
         notes: sentences on what was left out.
         is_joined: the training part includes the validation part.
+        origin: log behind the samples of the training part, for methods that simulate or filter.
     """
 
     problem: Problem
@@ -63,6 +64,7 @@ class Assembly:
     pieces: Callable[[str], Iterable[Recording]] | None = None
     notes: tuple[str, ...] = ()
     is_joined: bool = False
+    origin: Origin | None = None
 
     def recordings(self, name: str) -> Iterable[Recording]:
         """All rows of "train", "validation" or "test", one piece at a time."""
@@ -113,13 +115,7 @@ def assemble(
         start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
         seed=chosen.seed,
         progress=progress,
-        origin=Origin(
-            recording,
-            terms,
-            _aligned(parts[0], span, lib, preparation, terms, rounding),
-            (parts[0].t[0], parts[0].t[-1]),
-            chosen.controller,
-        ),
+        terms=terms,
         column_names=parts[0].column_names,
         left_out=rounding.ravel(),
         friction_prior=known_friction(chosen, parts[0].column_names, terms),
@@ -128,8 +124,15 @@ def assemble(
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
     if chosen.friction_columns is None and not terms.columns and np.any(train.dq):
         notes = (*notes, WITHOUT_FRICTION)
+    origin = Origin(
+        recording,
+        terms,
+        _aligned(parts[0], span, lib, preparation, terms, rounding),
+        (parts[0].t[0], parts[0].t[-1]),
+        chosen.inputs or {},
+    )
     one_run = chosen.test is None
-    return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
+    return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined, origin=origin)
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:

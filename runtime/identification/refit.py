@@ -38,7 +38,7 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     test = samples_of(assembly.parts[2], problem.lib)
     rest = (test,) if assembly.is_joined else (problem.validation, test)
     rows = joined((problem.train, *rest))
-    whole = replace(problem, train=rows, origin=None, terms=assembly.friction)
+    whole = replace(problem, train=rows, terms=assembly.friction)
     pieces = problem.pieces
     if pieces is not None:  # a streamed log: `rows` are those of its windows
         names = ("train", "test") if assembly.is_joined else ("train", "validation", "test")

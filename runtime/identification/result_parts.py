@@ -121,13 +121,8 @@ def friction_facts(result: Identification) -> dict[str, Any] | None:
         "values": result.usual_phi.tolist(),
         **interval_facts(result),
         **({} if motors is None else {"gear": motors.tolist()}),
-    } | _net_facts(result)
-
-
-def _net_facts(result: Identification) -> dict[str, Any]:
-    if result.net is None:
-        return {}
-    return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
+        **({} if result.learned is None else {"learned": True}),
+    }
 
 
 def trained_facts(result: Identification) -> dict[str, Any] | None:

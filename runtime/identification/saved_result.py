@@ -20,7 +20,7 @@ from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
 
 if TYPE_CHECKING:
-    from runtime.estimators.friction_net import FrictionNet
+    pass
 
 LARGEST = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
@@ -59,7 +59,6 @@ class SavedResult(Framed):
         pi: standard parameters, (10 n,).
         friction: friction model with k columns.
         phi: friction coefficients, (n, k).
-        net: friction net; None for none.
         history: sentences on the preparation of the log.
         preparation: settings of the preparation.
         model: model of the parameters; None in files that lack it.
@@ -73,7 +72,6 @@ class SavedResult(Framed):
     pi: Array
     friction: Friction
     phi: Array
-    net: "FrictionNet | None"
     history: tuple[str, ...]
     preparation: Preparation
     model: ModelOfResult | None
@@ -159,6 +157,12 @@ def read_result(folder: Path) -> SavedResult:
             )
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
+        if terms.get("learned"):
+            raise RecordingError(
+                f"'{file}': expected a result whose friction is its columns, got one of the method "
+                f"{facts['method']}, which learned more than a file holds; identify again by "
+                "another method"
+            )
         saved = SavedResult(
             robot=str(facts["robot"]),
             method=str(facts["method"]),
@@ -167,7 +171,6 @@ def read_result(folder: Path) -> SavedResult:
             pi=np.array(facts["pi"], dtype=float),
             friction=Friction.from_facts(terms),
             phi=np.array(terms["values"], dtype=float),
-            net=_net(terms.get("net")),
             history=tuple(map(str, facts["recording"]["history"])),
             preparation=_preparation(facts["recording"]["preparation"]),
             model=None if facts["model"] is None else _model(facts["model"]),
@@ -245,12 +248,3 @@ def require_model(
         f"here {now.digest[:12]}): the joints are the same, inertials, limits or the generator "
         "are not",
     )
-
-
-def _net(facts: Any) -> "FrictionNet | None":
-    """Networks of result.json; None where it has none."""
-    if not facts:
-        return None
-    from runtime.estimators.friction_net import FrictionNet
-
-    return FrictionNet(np.array(facts["theta"]), np.array(facts["scale"]))

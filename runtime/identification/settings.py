@@ -17,10 +17,6 @@ from runtime.recording import Friction, Preparation, Recording, Split, StreamedR
 if TYPE_CHECKING:
     from runtime.estimators.descent.adam import Preset
     from runtime.estimators.prior_file import PriorFile
-    from runtime.simulation.controller_file import ClosedLoop
-
-RENAMED = {"loop": "controller"}
-"""Old spelling of a keyword → field of `Settings`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,7 +37,8 @@ class Settings:
         validation: separate recording for validation, prepared like the first; None splits.
         test: separate recording for the test; given together with `validation` or not at all.
         lam0: first guess λ, (10 n,) [ln kg, m ×3, rad ×3, kg^½·m ×3]; None is that of the URDF.
-        controller: closed-loop description of the recording, which "iv" and "didim" simulate.
+        inputs: what single methods need beyond the log, by name, such as the closed loop
+            "controller" of "iv" and "didim".
         seed: of the mini-batches of "adam" and the initial weights of "nn".
         certify: False skips the convex optimum and the uncertainty, for thousands of trials; the
             gap is then NaN.
@@ -63,7 +60,7 @@ class Settings:
     validation: Recording | None = None
     test: Recording | None = None
     lam0: ArrayLike | None = None
-    controller: "ClosedLoop | None" = None
+    inputs: Mapping[str, Any] | None = None
     seed: int = 0
     certify: bool = True
     refit: bool = False
@@ -89,16 +86,12 @@ class Settings:
             )
 
 
-NAMES = tuple(field.name for field in fields(Settings))
+NAMES = tuple(each.name for each in fields(Settings))
 
 
 def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
     """Settings with some fields replaced by keywords."""
     for name in keywords:
-        if name in RENAMED:
-            raise IdentificationError(
-                f"the setting '{name}' is now called '{RENAMED[name]}'; use {RENAMED[name]}=…"
-            )
         if name not in NAMES:
             raise IdentificationError(
                 f"expected settings of {', '.join(NAMES)}, got '{name}'; correct or leave out "

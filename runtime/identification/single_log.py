@@ -60,7 +60,7 @@ def identify(
         settings: what is done; a string is the name of a method, None the defaults.
         progress: called by methods that iterate, with iteration and best validation loss.
         **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
-            prior, preparation, splitting, friction_columns, validation, test, lam0, controller,
+            prior, preparation, splitting, friction_columns, validation, test, lam0, inputs,
             seed, certify, refit, robust, friction_prior.
 
     Returns:
@@ -87,7 +87,7 @@ def identify_assembled(
     given, assembly = assembly, _weighted(assembly, method, chosen)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
-    fit = fit_by(problem, method, chosen.preset, chosen.prior)
+    fit = fit_by(problem, method, chosen.preset, chosen.prior, assembly.origin)
     seconds = time.perf_counter() - start
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
     if optimum is None:
@@ -122,7 +122,7 @@ def identify_assembled(
         is_joined=assembly.is_joined,
         seed=problem.seed,
         notes=(*assembly.notes, *fit.notes, *note_for(lib)),
-        net=fit.net,
+        learned=fit.learned,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
     if is_last:
@@ -206,7 +206,7 @@ def _uncertainty(
 
 def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
     """L of the fit in the weights of `statistics`, which are those of the optimum."""
-    if fit.net is None:
+    if fit.learned is None:
         return statistics.value(fit.pi, fit.phi)
-    rest = problem.train.tau - torque_of(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
+    rest = problem.train.tau - torque_of(problem.lib, problem.train, fit.pi, fit.phi, fit.learned)
     return float(np.mean(rest**2 @ problem.weights) / 2)

@@ -194,7 +194,7 @@ def verdict_of(
     recording = recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
     samples = samples_of(recording, lib)
     model = model_of(saved, lib)
-    tau = torque_of(lib, samples, saved.pi, saved.phi, saved.net)
+    tau = torque_of(lib, samples, saved.pi, saved.phi)
     rest = samples.tau - tau
     over = np.sqrt(weights_from(sigma, samples.tau))
     e = rest * over

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.friction_net import FrictionNet
 from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
@@ -35,14 +34,12 @@ class MonitoredModel:
         beta: base parameters β, (n_b,).
         terms: friction columns, with the gear of coupled motors.
         phi: friction coefficients, (n, k).
-        net: friction net; None for none.
         preparation: of the log that the model was identified from.
     """
 
     beta: Array
     terms: Friction
     phi: Array
-    net: FrictionNet | None
     preparation: Preparation
 
     @property
@@ -75,8 +72,6 @@ class MonitoredModel:
         rotors, columns = self.columns(lib, q, dq, zeta)
         momentum += friction.torque(rotors, self.phi, self.coupling)
         force -= friction.torque(columns, self.phi, self.coupling) + lib.known_torque(q)
-        if self.net is not None:
-            force -= self.net.torque(columns)
         return momentum, force
 
     def rows(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
@@ -154,6 +149,5 @@ def model_of(identified: Identification | SavedResult, lib: Library) -> Monitore
         beta=lib.base_matrix @ identified.pi,
         terms=terms,
         phi=phi.reshape(lib.n_joints, -1),
-        net=identified.net,
         preparation=preparation,
     )

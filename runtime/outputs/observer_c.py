@@ -214,8 +214,8 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
     ]
     foreign = [name for name in names if name not in FORMS]
     foreign += [n for n in np.array(model.terms.columns)[inertial].tolist() if n != "rotor"]
-    if foreign or model.net is not None or model.delay_s or "known_torque" in lib.manifest.kernels:
-        what = ", ".join(foreign) or "a friction network, a delay or a known torque"
+    if foreign or model.delay_s or "known_torque" in lib.manifest.kernels:
+        what = ", ".join(foreign) or "a delay or a known torque"
         raise ExportError(f"observer.c is not written: there is no C code for {what}")
     n = lib.n_joints
     kept = model.phi[:, ~inertial]

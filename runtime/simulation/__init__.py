@@ -7,7 +7,13 @@ drive with the faults of real ones.
 
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.simulation.box_payload import Box, read_payload
-from runtime.simulation.closed_loop import closed_loop, follow, ideal, perturbed_lam
+from runtime.simulation.closed_loop import (
+    closed_loop,
+    follow,
+    ideal,
+    perturbed_lam,
+    write_controller,
+)
 from runtime.simulation.plant import Controller, Plant, SimulatedMotion, per_joint
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
 from runtime.simulation.virtual_robot import VirtualLog, record
@@ -28,4 +34,5 @@ __all__ = [
     "record",
     "sample_times",
     "settings_of",
+    "write_controller",
 ]

@@ -8,12 +8,15 @@ states.
 
 from collections.abc import Callable
 from itertools import count
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
+from runtime.files import replacing
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.mechanism import require_no_springs
@@ -172,6 +175,37 @@ def follow(
             "too far from the controller's model: lower the perturbation, or raise the rate"
         )
     return SimulatedMotion(*(np.ascontiguousarray(loop.log[:, k]) for k in range(5)))
+
+
+def write_controller(
+    path: Path,
+    reference: str,
+    controller: Controller,
+    rotor: ArrayLike,
+    rate_hz: float,
+    start: float = 0.0,
+) -> None:
+    """Write the closed loop of a log as a controller file, atomically; the method iv reads it.
+
+    Args:
+        path: of the TOML file.
+        reference: name of the trajectory file beside it.
+        controller: gains.
+        rotor: inertia of the motors, (n,) or one number, kg·m².
+        rate_hz: rate of the controller, Hz.
+        start: beginning of the reference, s of the log's clock.
+    """
+    lines = ["[controller]"]
+    values = {
+        "stiffness": controller.stiffness,
+        "damping": controller.damping,
+        "rotor": rotor,
+        "rate_hz": rate_hz,
+    }
+    lines += [f"{key} = {np.asarray(value, dtype=float).tolist()}" for key, value in values.items()]
+    lines += ["", "[reference]", f'trajectory = "{reference}"', f"start = {start}"]
+    with replacing(path) as file:
+        file.write(("\n".join(lines) + "\n").encode())
 
 
 def _friction(plant: Plant, dq: Array) -> Array:

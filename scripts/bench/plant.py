@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime import Identification, Recording, identify
+from runtime.estimators.literature.iv_didim import ClosedLoop
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Controller, Plant, closed_loop
-from runtime.simulation.controller_file import ClosedLoop
 
 ROTOR = np.array([0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])
@@ -51,7 +51,7 @@ class SimulatedCase:
                 "splitting": SPLIT,
                 "friction_columns": FRICTION,
                 "lam0": self.lam_cad,
-                "controller": self.loop,
+                "inputs": {"controller": self.loop},
                 "certify": False,
                 **options,
             },

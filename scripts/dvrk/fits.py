@@ -126,7 +126,6 @@ def friction_of_start(fit: ArmFit, data: Path, run: str, seconds: float) -> Arra
         pi=fit.pi,
         friction=friction,
         phi=fit.phi,
-        net=None,
         history=(),
         preparation=_steps(CUTOFF),
         model=None,

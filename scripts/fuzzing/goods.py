@@ -16,8 +16,7 @@ from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, write_recording
-from runtime.simulation.controller_file import ClosedLoop, write_controller
-from runtime.simulation.settings import settings_of
+from runtime.simulation import Controller, settings_of, write_controller
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, PRIOR, RECIPE
 
@@ -81,9 +80,8 @@ def trajectory(folder: Path, lib: Library) -> None:
     coefficients = 0.01 * np.ones((lib.n_joints, 4))
     designed = Trajectory(lib.home, coefficients, 5.0)
     write_motion(designed, lib, folder / "motion.json")
-    write_controller(
-        ClosedLoop(designed, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml"
-    )
+    rotor = np.full(lib.n_joints, 0.1)
+    write_controller(folder / "loop.toml", "motion.json", Controller(), rotor, 1000.0)
 
 
 def virtual(folder: Path, lib: Library) -> None:

@@ -19,6 +19,7 @@ from runtime.cli.inspect import inspect_command
 from runtime.cli.predict import predict_command
 from runtime.cli.simulate import simulate_command
 from runtime.errors import RuntimeFault
+from runtime.estimators.literature.iv_didim import read_controller
 from runtime.experiments.storage.chunks import read_rows
 from runtime.files import json_of
 from runtime.identification.kept_links import identify_friction
@@ -27,7 +28,6 @@ from runtime.library import Library
 from runtime.outputs.report import write_report
 from runtime.outputs.report.experiments import write_experiments
 from runtime.recording import read_recording
-from runtime.simulation.controller_file import read_controller
 from scripts.fuzzing import goods
 
 Reader = Callable[[Path, Library], Any]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.estimators.literature.iv_didim import ClosedLoop
 from runtime.estimators.methods import METHODS
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
@@ -21,7 +22,6 @@ from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Controller, Plant, closed_loop
-from runtime.simulation.controller_file import ClosedLoop
 
 CAD, TRAINING, VALIDATION = range(3)
 """Random streams of the study."""
@@ -98,7 +98,7 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
         validation=log(1, noisy),
         test=log(2, clean),
         lam0=cad,
-        controller=ClosedLoop(designs[0], law, np.array(config.rotor)),
+        inputs={"controller": ClosedLoop(designs[0], law, np.array(config.rotor))},
     )
     tau = assembly.parts[2].required("tau")
     return MethodsSetup(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)

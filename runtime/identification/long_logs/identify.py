@@ -60,7 +60,7 @@ from runtime.recording.recording import ALL
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
-WHOLE_ONLY = ("validation", "test", "lam0", "controller", "robust", "friction_prior")
+WHOLE_ONLY = ("validation", "test", "lam0", "inputs", "robust", "friction_prior")
 """Fields of `Settings` that need a log held in memory."""
 
 
@@ -149,7 +149,7 @@ def assemble_streamed(
     Args:
         log: rows in their file.
         lib: library of the robot.
-        settings: as for `identify`, without validation, test, lam0 and controller.
+        settings: as for `identify`, without validation, test, lam0 and inputs.
         progress: called with a phrase that names the present step.
         is_joined: train on the validation part as well.
         **keywords: single fields of `Settings`, which replace those of `settings`.
@@ -228,7 +228,7 @@ def identify_streamed(
         log: rows in their file.
         lib: library of the robot.
         settings: as for `identify`; a method that works on compressed statistics, and without
-            validation, test, lam0 and controller.
+            validation, test, lam0 and inputs.
         progress: called with a phrase that names the present step.
         **keywords: single fields of `Settings`, which replace those of `settings`.
 

@@ -38,7 +38,7 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import default_terms, geared
 
 ONE_LOG_ONLY = (
-    *("preparation", "validation", "test", "lam0", "controller", "certify", "friction_prior"),
+    *("preparation", "validation", "test", "lam0", "inputs", "certify", "friction_prior"),
 )
 """Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
 
@@ -58,7 +58,7 @@ def identify_logs(
         logs: two or more.
         lib: library of the robot.
         settings: as for `identify`, without preparation (each log has one), validation, test,
-            lam0, controller and certify. Of the friction columns an offset becomes one per log;
+            lam0, inputs and certify. Of the friction columns an offset becomes one per log;
             the default are the columns of the first log's recipe.
         progress: called by methods that iterate, with iteration and best validation loss.
         **keywords: single fields of `Settings`, which replace those of `settings`.

@@ -40,7 +40,6 @@ def test_every_setting_is_documented() -> None:
     ("keywords", "match"),
     [
         ({"cutoff": 3.0}, r"expected settings of method, preset, .*, got 'cutoff'; correct"),
-        ({"loop": None}, "'loop' is now called 'controller'"),
     ],
 )
 def test_unknown_keywords_are_refused(keywords: dict[str, object], match: str) -> None:

@@ -5,12 +5,11 @@ import pytest
 
 from runtime import Recording, identify
 from runtime.errors import IdentificationError, SimulationError
-from runtime.estimators.classical.iv_didim import observations
+from runtime.estimators.literature.iv_didim import ClosedLoop, observations
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import Controller, Plant, ideal
-from runtime.simulation.controller_file import ClosedLoop
 from scripts.bench.plant import (
     COULOMB,
     FRICTION,
@@ -180,20 +179,20 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: SimulatedCase) -> None:
         with pytest.raises(
             IdentificationError, match=r"its description; give .* --controller FILE"
         ):
-            good_q.identify(method, controller=None)
+            good_q.identify(method, inputs=None)
     late = ClosedLoop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)
     with pytest.raises(
         IdentificationError, match=r"from 0\.000 to 10\.000 s, the reference from 1"
     ):
-        good_q.identify("didim", controller=late)
+        good_q.identify("didim", inputs={"controller": late})
 
 
 def test_a_first_guess_that_cannot_move_is_refused(good_q: SimulatedCase) -> None:
     """Property: gains that let the simulation run away are a sentence; IV keeps WLS."""
     wild = ClosedLoop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
     with pytest.raises(SimulationError, match="the motion diverged"):
-        good_q.identify("didim", controller=wild)
-    estimated = good_q.identify("iv", controller=wild)
+        good_q.identify("didim", inputs={"controller": wild})
+    estimated = good_q.identify("iv", inputs={"controller": wild})
     assert "the result of wls is kept: the simulated robot stopped" in estimated.status
 
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.estimators.classical.ekf import _advance, run_ekf
-from runtime.estimators.classical.filter_input import (
+from runtime.estimators.literature.filter_input import (
     DELAY,
     JITTER,
     WANDER,
     FilterInput,
     filter_input_from,
 )
+from runtime.estimators.literature.kalman import _advance, run_ekf
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 

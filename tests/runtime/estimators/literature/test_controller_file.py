@@ -1,4 +1,4 @@
-"""controller_file: a log's controller and reference as a file, and what identify makes of it."""
+"""Controller file: a log's controller and reference as a file, and what identify makes of it."""
 
 import json
 from pathlib import Path
@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.literature.iv_didim import (
+    read_controller,
+)
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.simulation import Controller
-from runtime.simulation.controller_file import ClosedLoop, read_controller, write_controller
+from runtime.simulation import Controller, write_controller
 from tests.runtime.conftest import Command
 
 
@@ -25,12 +27,12 @@ def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -
 def test_a_loop_returns_as_it_was_written(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Property: write and read keep every number."""
     gains = Controller(stiffness=np.linspace(200, 300, 7), damping=25.0)
-    loop = ClosedLoop(motion, gains, np.full(7, 0.2), 500.0, 0.25)
-    write_controller(loop, "motion.json", tmp_path / "log.loop.toml")
+    rotor = np.full(7, 0.2)
+    write_controller(tmp_path / "log.loop.toml", "motion.json", gains, rotor, 500.0, 0.25)
     back = read_controller(tmp_path / "log.loop.toml", lib)
     assert np.array_equal(back.controller.stiffness, gains.stiffness)
     assert np.array_equal(back.controller.damping, np.full(7, 25.0))
-    assert np.array_equal(back.rotor, loop.rotor)
+    assert np.array_equal(back.rotor, rotor)
     assert (back.rate_hz, back.start) == (500.0, 0.25)
     assert np.array_equal(back.reference.coefficients, motion.coefficients)
 

@@ -1,4 +1,10 @@
-"""A small net per joint for what linear friction leaves over, trained in NumPy.
+"""Friction by linear columns and a small net of them, in turn with the rigid body.
+
+Twice: the net is trained on τ − Y π − F φ; then π and φ are estimated from τ − net, physically
+consistent each time.
+Source: the idea of Hu, Xiong et al.; inputs dq, tanh(dq/ε) and the Dahl state.
+
+The net of a joint, trained in NumPy, is
 
     y_j(x) = b + Σ_h v_h tanh(W_h x + c_h),   4 units, x the friction columns of the joint, scaled
 
@@ -11,7 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.errors import NeedsError
+from runtime.estimators.classical.wls import with_torque
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.method import Method
 from runtime.estimators.optimizers import Status, run
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
 
 UNITS = 4
@@ -24,6 +36,10 @@ _FLAT = 1e-6
 """Relative decrease of the loss below which training stops."""
 _FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
 """Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
+ROUNDS = 2
+"""Rounds of training the nets and estimating π and φ."""
+INPUTS = ("viscous", "coulomb", "dahl")
+"""Friction columns that are the inputs of the nets by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +54,7 @@ class FrictionNet:
     theta: Array
     scale: Array
 
-    def torque(self, columns: Array) -> Array:
+    def __call__(self, columns: Array) -> Array:
         """Friction torque (N, n), N·m, from friction columns (N, n, k)."""
         parts = [
             _forward(theta, columns[:, j] / self.scale[j])[0] for j, theta in enumerate(self.theta)
@@ -163,3 +179,59 @@ class _NetDescent:
         y, hidden = _forward(theta, self.inputs)
         rest = y - self.target
         return float(rest @ rest + self.shrink * (theta @ theta)), rest, hidden
+
+
+def fit_neural(problem: Problem) -> Fit:
+    """Identify π and φ by the most probable consistent model, and the rest of friction by nets."""
+    if not problem.train.columns.shape[2]:
+        raise NeedsError(
+            "the method nn needs friction columns as inputs of its nets, got none; name some, for "
+            f"example --friction {','.join(INPUTS)}"
+        )
+    unseen, data = problem.validation, problem.train
+    fit = fit_map(problem)
+    for round_ in range(ROUNDS):
+        rng = np.random.default_rng([problem.seed, round_])
+        net = train(
+            data.columns,
+            _rest(problem, data, fit),
+            unseen.columns,
+            _rest(problem, unseen, fit),
+            rng,
+        )
+        without = with_torque(data, data.tau - net(data.columns))
+        fit = fit_map(replace(problem, train=without))
+    learned = int(np.sum(np.any(net.theta, axis=1)))
+    error = _error(problem, unseen, fit, net)
+    status = (
+        f"{ROUNDS} rounds; nets for {learned} of {problem.lib.n_joints} joints, which leave "
+        f"{error:.3g} N·m of the validation torque"
+    )
+    notes = (
+        () if learned else ("linear friction predicts the validation data best: no net is kept",)
+    )
+    return replace(fit, status=status, iterations=ROUNDS, optimum=None, learned=net, notes=notes)
+
+
+def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
+    """Residual τ − Y π − F φ, (N, n)."""
+    rigid = samples.rigid(problem.lib, fit.pi)
+    return samples.tau - rigid - samples.friction(fit.phi)
+
+
+def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:
+    """RMS of the torque that model and nets leave, N·m."""
+    rest = _rest(problem, samples, fit) - net(samples.columns)
+    return float(np.sqrt(np.mean(rest**2)))
+
+
+NEURAL = Method(
+    "nn",
+    "consistent, with a small net per joint for the friction that linear columns leave over",
+    fit_neural,
+    label="neural",
+    default_columns=INPUTS,
+    uses_validation=True,
+    when_recommended="the log contains friction that linear columns do not describe; try "
+    "--friction auto, too",
+)

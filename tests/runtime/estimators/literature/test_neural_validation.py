@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.estimators.classical.neural import fit_neural
+from runtime.estimators.literature.neural import fit_neural
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.library import Library
@@ -29,12 +29,12 @@ def test_a_pattern_that_validation_contradicts_is_not_learned(lib: Library, sign
     train, validation = samples(0.5), samples(sign * 0.5)
     problem = Problem(lib, train, validation, thesis_weights(train.tau), lib.lam0)
     fit = fit_neural(problem)
-    assert fit.net is not None
-    learned = np.any(fit.net.theta, axis=1)
+    assert fit.learned is not None
+    learned = np.any(fit.learned.theta, axis=1)
     if sign > 0:
         assert learned.all()
     else:
         assert not learned.any()
         assert fit.notes == ("linear friction predicts the validation data best: no net is kept",)
         poisoned = replace(validation, tau=validation.tau + 1.0)
-        assert fit_neural(replace(problem, validation=poisoned)).net is not None
+        assert fit_neural(replace(problem, validation=poisoned)).learned is not None

@@ -4,11 +4,29 @@ IDIM-IV takes the regressor Z along that noise-free motion as instruments of the
 b = (Zᵀ W X)⁻¹ Zᵀ W T; DIDIM takes it instead of the measured one, b = (Zᵀ W Z)⁻¹ Zᵀ W T, and needs
 the measured torque only. Both start at the first guess without friction. Source: Janot, Vandanjon
 & Gautier 2014; Gautier, Janot & Vandanjon 2013.
+
+The controller file describes the closed loop of a log: controller, rotors and reference, as TOML.
+
+    [controller]
+    stiffness = 225.0          # K_p, 1/s²: one number, or one per joint
+    damping = 30.0             # K_d, 1/s
+    rotor = 0.1                # inertia of the motors, reflected to the joints, kg·m²
+    rate_hz = 1000.0
+
+    [reference]
+    trajectory = "motion.json" # of `excite`, relative to this file
+    start = 0.0                # when it began, s of the log's clock
+
+The controller is computed torque with the URDF's model. `simulate` writes such a file.
 """
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from runtime.errors import IdentificationError, SimulationError
+from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.estimators.classical.ols import (
     RANK_TOLERANCE,
     Solution,
@@ -18,12 +36,22 @@ from runtime.estimators.classical.ols import (
 )
 from runtime.estimators.classical.wls import residual, reweighted, weights_of, with_torque
 from runtime.estimators.method import Method
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
+from runtime.excitation import Trajectory
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.files import toml_of
 from runtime.library import Array, Library
+from runtime.recording import Recording
 from runtime.recording.friction import COLUMNS, names_where, spread
+from runtime.simulation import Controller, Plant, follow, per_joint, sample_times
 
+_KEYS: dict[str, dict[str, tuple[type, ...]]] = {
+    "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))
+    | {"rate_hz": (int, float)},
+    "reference": {"trajectory": (str,), "start": (int, float)},
+}
 CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
 IV_ITERATIONS = 6
@@ -37,16 +65,118 @@ _BLOCK = 4096
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
 
 
-def fit_iv(problem: Problem) -> Fit:
+@dataclass(frozen=True, slots=True)
+class ClosedLoop:
+    """Closed-loop description: how the robot was moved.
+
+    Attributes:
+        reference: requested motion.
+        controller: gains and model of the controller.
+        rotor: inertia of the motors, (n,) or one number, kg·m².
+        rate_hz: rate of the controller, Hz.
+        start: beginning of the reference, s of the recording's clock.
+    """
+
+    reference: Trajectory
+    controller: Controller = field(default_factory=Controller)
+    rotor: Array | float = 0.1
+    rate_hz: float = 1000.0
+    start: float = 0.0
+
+    def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
+        """Simulated recording of a robot with these parameters, without noise."""
+        clock = sample_times(self.reference.duration, self.rate_hz)
+        since = np.asarray(t) - self.start
+        slack = 0.5 / self.rate_hz
+        if since[0] < -slack or since[-1] > clock[-1] + slack:
+            raise IdentificationError(
+                f"the recording goes from {t[0]:.3f} to {t[-1]:.3f} s, the reference from "
+                f"{self.start:.3f} to {self.start + clock[-1]:.3f} s; cut the recording, or "
+                "correct the start and the trajectory of the controller file"
+            )
+        reference = np.stack(self.reference.at(lib, clock)[:3], axis=1)
+        plant = Plant(pi, rotor=self.rotor, **friction)  # type: ignore[arg-type]
+        motion = follow(lib, reference, plant, self.controller, self.rate_hz)
+
+        def at(values: Array) -> Array:
+            return np.stack([np.interp(since, clock, column) for column in values.T], axis=1)
+
+        return Recording(
+            t,
+            at(motion.q),
+            at(motion.dq),
+            at(motion.ddq),
+            at(motion.link),
+            name="simulated",
+            joint_names=lib.joint_names,
+        )
+
+
+def read_controller(path: Path, lib: Library) -> ClosedLoop:
+    """Read a controller file."""
+    try:
+        facts = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise IdentificationError(
+            f"'{path}' cannot be read as a TOML file "
+            f"({getattr(error, 'strerror', None) or error}); a controller file has "
+            "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
+        ) from None
+    _require_known(facts, path)
+    controller, reference = dict(facts.get("controller", {})), facts.get("reference", {})
+    if "trajectory" not in reference:
+        raise IdentificationError(
+            f"'{path}' lacks the [reference] trajectory; give the JSON of: python -m runtime excite"
+        )
+    motion = Path(reference["trajectory"])
+    if motion.is_absolute() or ".." in motion.parts:
+        raise IdentificationError(
+            f"'{path}' names the trajectory '{motion}', which does not lie beside it; move it there"
+        )
+    n = lib.n_joints
+    try:
+        rate = float(controller.pop("rate_hz", 1000.0))
+        start = float(reference.get("start", 0.0))
+        gains = {
+            key: per_joint(n, value, f"{key} in '{path}'") for key, value in controller.items()
+        }
+    except (TypeError, ValueError, OverflowError):
+        rate, start, gains = 0.0, 0.0, {}
+    numbers = np.concatenate([*gains.values(), [rate, abs(start)]])
+    if not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
+        raise IdentificationError(f"'{path}' needs gains, rotors and a rate_hz above 0")
+    rotor = gains.pop("rotor", 0.1)
+    return ClosedLoop(
+        read_trajectory(path.parent / motion, lib),
+        Controller(**gains),  # type: ignore[arg-type]
+        rotor,
+        rate,
+        start,
+    )
+
+
+def _require_known(facts: dict[str, Any], path: Path) -> None:
+    for table, entries in facts.items():
+        known = _KEYS.get(table, {})
+        for key, value in entries.items() if isinstance(entries, dict) else [("", None)]:
+            if key not in known or not isinstance(value, known[key]) or isinstance(value, bool):
+                named = f"[{table}] {key}".strip()
+                raise IdentificationError(
+                    f"'{path}': a controller file does not accept {named} = {value!r}; it has "
+                    "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, "
+                    "start"
+                )
+
+
+def fit_iv(problem: Problem, log: Origin | None = None) -> Fit:
     """Identify by IDIM-IV with the weights of IDIM-WLS; falls back to IDIM-WLS where it fails."""
     lib, train = problem.lib, problem.train
-    origin = problem.controlled("iv")[0]
-    names = origin.friction.columns
-    kept, weights, _ = reweighted(lib, train, names, problem.left_out)
+    log, controller = _controlled(log, "iv")
+    kept, weights, _ = reweighted(lib, train, log.friction.columns, problem.left_out)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
-            instruments = _along(problem, now, "iv")
+            instruments = _along(problem, now, log, controller)
             estimate, deviation = _instrumental(lib, instruments, train, weights)
         except SimulationError as error:
             why = str(error)
@@ -70,10 +200,10 @@ def fit_iv(problem: Problem) -> Fit:
     return fit_of_base(problem, kept.beta, kept.phi, status, iteration)
 
 
-def fit_didim(problem: Problem) -> Fit:
+def fit_didim(problem: Problem, log: Origin | None = None) -> Fit:
     """Identify by DIDIM with weights from its residuals."""
     lib, train = problem.lib, problem.train
-    origin = problem.controlled("didim")[0]
+    log, controller = _controlled(log, "didim")
     now, weights = _first(problem), np.ones(lib.n_joints)
     status = (
         f"not converged after {DIDIM_ITERATIONS} simulations; check gains, rotors and reference "
@@ -81,14 +211,14 @@ def fit_didim(problem: Problem) -> Fit:
     )
     for iteration in range(1, DIDIM_ITERATIONS + 1):
         try:
-            motion = with_torque(_along(problem, now, "didim"), train.tau)
+            motion = with_torque(_along(problem, now, log, controller), train.tau)
         except SimulationError as error:
             if iteration == 1:
                 raise
             status = f"not converged, the last estimate is kept: {error}"
             break
         statistics = compress(lib, motion, weights)
-        estimate = solve(statistics, lib, origin.friction.columns, problem.left_out)
+        estimate = solve(statistics, lib, log.friction.columns, problem.left_out)
         weights, _ = weights_of(residual(lib, motion, estimate).var(axis=0), lib)
         size, step = _change(train, now, estimate, lib)
         now = estimate
@@ -105,19 +235,30 @@ def _first(problem: Problem) -> Solution:
     return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)
 
 
-def _along(problem: Problem, now: Solution, method: str) -> Samples:
+def _controlled(log: Origin | None, method: str) -> tuple[Origin, ClosedLoop]:
+    """Origin of the samples, and the closed loop under which they were recorded."""
+    controller = log.inputs.get("controller") if log else None
+    if log is None or controller is None:
+        raise NeedsError(
+            f"the method {method} simulates the robot under its controller and needs its "
+            "description; give the controller's gains and the reference motion "
+            "by --controller FILE.toml"
+        )
+    return log, controller
+
+
+def _along(problem: Problem, now: Solution, log: Origin, controller: ClosedLoop) -> Samples:
     """Training samples of the simulated robot with the parameters of the last estimate."""
-    origin, controller = problem.controlled(method)
-    names = origin.friction.columns
+    names = log.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
     friction = {
         name: np.maximum(value, 0.0) if COLUMNS[name].is_passive else value
         for name, value in zip(names, now.phi.T, strict=True)
     }
-    speed = {"coulomb_speed": origin.friction.coulomb_speed} if "coulomb" in names else {}
+    speed = {"coulomb_speed": log.friction.coulomb_speed} if "coulomb" in names else {}
     pi = pi_of_beta(problem, now.beta)
-    motion = controller.simulate(problem.lib, pi, friction | speed, origin.recording.t)
-    return origin.aligned(motion)
+    motion = controller.simulate(problem.lib, pi, friction | speed, log.recording.t)
+    return log.aligned(motion)
 
 
 def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple[Solution, Array]:
@@ -176,7 +317,8 @@ IV = Method(
     "iv",
     "instrumental variables from a simulation of the closed loop; needs the controller file",
     fit_iv,
-    needs_controller=True,
+    takes_log=True,
+    files={"controller": read_controller},
     columns=_SIMULATED,
     objective="minimises no loss of the measured motion",
 )
@@ -184,7 +326,8 @@ DIDIM = Method(
     "didim",
     "measured torque against the simulated closed loop; needs the controller file",
     fit_didim,
-    needs_controller=True,
+    takes_log=True,
+    files={"controller": read_controller},
     unfiltered=True,
     columns=_SIMULATED,
     objective="compares the torque with that of a simulated motion",

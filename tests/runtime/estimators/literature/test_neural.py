@@ -1,22 +1,21 @@
-"""friction_net and the NN-aided method: nets learn friction, and only friction."""
+"""Friction nets and the NN-aided method: nets learn friction, and only friction."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from runtime import Identification, Recording, identify
-from runtime.errors import IdentificationError
-from runtime.estimators.friction_net import UNITS, FrictionNet, _forward, _slopes, train
+from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.literature.neural import UNITS, FrictionNet, _forward, _slopes, train
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
+from runtime.identification.result_file import write_result
+from runtime.identification.saved_result import read_result
 from runtime.library import Library
 from runtime.recording import Friction, Split
-from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
 from scripts.bench.plant import SPEED, simulated_case
-from tests.runtime.conftest import Command
 from tests.taylor import assert_second_order, taylor_slope
 
 TERMS = Friction(("viscous", "coulomb", "dahl"), SPEED)
@@ -75,9 +74,9 @@ def test_without_friction_the_net_is_silent(
     )
     estimated = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
     samples = samples_of(estimated.train, lib)
-    assert estimated.net is not None
+    assert estimated.learned is not None
     # σ = 0.05 N·m.
-    assert np.sqrt(np.mean(estimated.net.torque(samples.columns) ** 2, axis=0)).max() < 0.15
+    assert np.sqrt(np.mean(estimated.learned(samples.columns) ** 2, axis=0)).max() < 0.15
     assert estimated.is_consistent
     # As without nets, 0.13 %.
     assert plant.base_error(estimated) < 0.3
@@ -98,10 +97,10 @@ def test_training_fits_a_net_of_the_same_kind() -> None:
     rng = np.random.default_rng(1)
     x = rng.normal(size=(400, 2, 3))
     truth = FrictionNet(rng.normal(size=(2, UNITS * 5 + 1)), np.ones((2, 3)))
-    y = truth.torque(x) * [1.0, 0.0]
+    y = truth(x) * [1.0, 0.0]
     estimated = train(x[:300], y[:300], x[300:], y[300:], np.random.default_rng(2))
     # The penalty of 1e-4 N ‖θ‖², ‖θ‖² = 20, leaves at most √(2e-3) of the output.
-    assert np.std(estimated.torque(x)[:, 0] - y[:, 0]) < 0.05 * np.std(y[:, 0])
+    assert np.std(estimated(x)[:, 0] - y[:, 0]) < 0.05 * np.std(y[:, 0])
     assert not estimated.theta[1].any()
 
 
@@ -111,23 +110,9 @@ def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
         identify(sticky, lib, "nn", splitting=HALVES)
 
 
-def test_results_keep_the_net(
-    learned: Identification, sticky: Recording, tmp_path: Path, command: Command, lib: Library
-) -> None:
-    """Property: what evaluate computes from result.json is what the net said."""
-    from runtime.identification.result_file import write_result
-    from runtime.recording import write_recording
-
-    facts = write_result(learned, tmp_path / "found", "a test")
-    write_recording(sticky, tmp_path / "log.npz")
-    ran = command(
-        "evaluate", tmp_path / "found", tmp_path / "log.npz", "--robot", lib.folder, "--json"
-    )
-    assert ran.code == 0
-    seen = json.loads(ran.out)["torque_error_percent"]["after_overall"]
-    whole = prepare(sticky, None, TERMS, lib=lib)
-    error = learned.predict_recording(whole) - sticky.tau
-    percent = 100 * np.linalg.norm(error) / np.linalg.norm(sticky.tau)
-    # Numbers pass through JSON and NPZ unrounded.
-    assert seen == pytest.approx(percent, rel=1e-9)
-    assert "net" in facts["friction"]
+def test_a_result_with_a_net_is_not_used_further(learned: Identification, tmp_path: Path) -> None:
+    """Property: no file holds the net; what reads a result refuses it, in one sentence."""
+    facts = write_result(learned, tmp_path, "a test")
+    assert facts["friction"]["learned"] is True
+    with pytest.raises(RecordingError, match="got one of the method nn, .* by another method"):
+        read_result(tmp_path)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import NeedsError, RecordingError
-from runtime.estimators.problem import Problem
+from runtime.estimators.problem import Origin
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
@@ -119,18 +119,16 @@ class FilterInput:
         return np.asarray(np.polyfit(np.arange(count) * self.dt, self.q[:count], 1)[0])
 
 
-def filter_input_of(problem: Problem, method: str) -> FilterInput:
+def filter_input_of(log: Origin | None, method: str) -> FilterInput:
     """Return the training part of the recording at its full rate."""
-    origin = problem.origin
-    if origin is None or origin.recording.tau is None:
+    if log is None or log.recording.tau is None:
         raise NeedsError(
             f"the method {method} expects the recording with its torque, got neither; give the "
             "log itself"
         )
-    log, columns = origin.recording, origin.friction
-    whole = origin.span
-    rows = (log.t >= whole[0]) & (log.t <= whole[1])
-    part = log.take(rows, "Took the span of the training samples.")
+    first, last = log.span
+    rows = (log.recording.t >= first) & (log.recording.t <= last)
+    part = log.recording.take(rows, "Took the span of the training samples.")
     try:
         dt = uniform_step(part, f"run the {method}")
     except RecordingError:
@@ -144,7 +142,7 @@ def filter_input_of(problem: Problem, method: str) -> FilterInput:
             f"without gaps at {SLOWEST:g} Hz or more, got {len(segments(part.t)) - 1} gaps at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
         )
-    return filter_input_from(part, dt, columns)
+    return filter_input_from(part, dt, log.friction)
 
 
 def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInput:

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.ekf import _advance, run_ekf
-from runtime.estimators.classical.filter_input import (
+from runtime.estimators.literature.filter_input import (
     FilterInput,
     filter_input_from,
     noise_of,
     prior_covariance,
 )
-from runtime.estimators.classical.ukf import run_ukf
+from runtime.estimators.literature.kalman import _advance, run_ekf, run_ukf
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split

@@ -1,0 +1,298 @@
+"""Kalman filters whose state holds the parameters, on the unfiltered recording.
+
+Extended: state [q, dq, π, φ, δ], first-order covariance. The derivatives of forward dynamics follow
+from the kernels of inverse dynamics: ∂ddq/∂x = −M⁻¹ ∂τ/∂x. Source: Gautier & Poignet 2001; the
+semi-implicit Jacobian is ours.
+
+Unscented: state [q, dq, β, φ, δ], covariance from sigma points: 2 L + 1 points x ± h columns of the
+Cholesky factor of P, h = α √L, α = 0.1, β = 2, κ = 0. Base parameters, because unidentifiable
+directions would let the points drift. Points whose mass matrix falls below a fifth of that of the
+mean belong to robots that cannot be simulated; their pair is taken with a smaller h, whose weights
+1/(2 h²) preserve mean and covariance. All points move under the torque that gives their mean the
+acceleration ā of the smoothed positions; the difference to the measured torque moves all of them
+together (`filter_input` gives the reason). Source: Julier & Uhlmann 1997; van der Merwe 2004.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.classical.ols import fit_of_base, fit_of_pi
+from runtime.estimators.literature.filter_input import (
+    SPEED_VARIANCE,
+    STATE_COLUMNS,
+    FilterInput,
+    filter_input_of,
+    prior_covariance,
+    process_noise,
+)
+from runtime.estimators.method import Method
+from runtime.estimators.problem import Fit, Origin, Problem
+from runtime.library import Array, Library
+
+ALPHA, BETA = 0.1, 2.0
+"""Spread of the points, and the weight of the centre for Gaussian states."""
+_LIGHTEST = 0.2
+"""Smallest mass matrix of a sigma point, relative to that of the mean."""
+_NEAREST = 1e-3
+"""Smallest h; below it a pair is a difference quotient."""
+_RIDGE = 1e-12
+"""Least relative eigenvalue of a covariance that rounding has made indefinite."""
+_CHECK_EVERY = 100
+"""Steps between two checks of the consistency of π."""
+
+
+def fit_ekf(problem: Problem, log: Origin | None = None) -> Fit:
+    """Identify π and φ by the extended Kalman filter, estimate after the last sample."""
+    data = filter_input_of(log, "ekf")
+    return _fit(problem, data, *run_ekf(problem.lib, data, problem.start))
+
+
+def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: int) -> Fit:
+    lib = problem.lib
+    n, n_pi = lib.n_joints, lib.pi0.size
+    pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi : -n].reshape(n, -1)
+    checks = 1 + (len(data.q) - 1) // _CHECK_EVERY
+    base = lib.base_matrix @ covariance[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi]
+    sigma = np.sqrt(np.einsum("ij,ij->i", base, lib.base_matrix).clip(0))
+    notes = [
+        f"noise estimated from the recording: position {data.sigma_q.max():.2g}, torque "
+        f"{data.sigma_tau.max():.2g} at most"
+    ]
+    if bad:
+        notes.append(
+            f"links of the estimate were not physically consistent at {bad} of {checks} checks on "
+            "the way, because the filter does not constrain them"
+        )
+    status = (
+        f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
+        f"{sigma.max():.2g}"
+    )
+    return fit_of_pi(problem, pi, phi, status, len(data.q), tuple(notes))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # checked at the end
+def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, int]:
+    """Run the filter over all samples."""
+    n, n_pi = lib.n_joints, lib.pi0.size
+    at = slice(2 * n, None)
+    # First state and covariance: measured position, speed of a line, first guess, friction.
+    x = np.concatenate([data.q[0], data.first_speed, lib.pi_from_lam(lam), data.first_extra])
+    p = np.zeros((x.size, x.size))
+    p[:n, :n] = np.diag(data.sigma_q**2)
+    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
+    p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
+    tail = np.arange(2 * n + n_pi, x.size)
+    p[tail, tail] = data.extra_variance
+    late = tail[-n:]
+    noise, bad = np.diag(data.sigma_q**2), 0
+    top = np.zeros((2 * n, x.size))
+    for step, q in enumerate(data.q):
+        # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
+        gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
+        x = x + gain.T @ (q - x[:n])
+        p = p - gain.T @ p[:n]
+        if not np.isfinite(x).all():
+            break
+        if step % _CHECK_EVERY == 0:
+            bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
+        if step == len(data.q) - 1:
+            break
+        x[: 2 * n], spread = _advance(lib, data, step, x, top)
+        # Prediction P ← F P Fᵀ + Q. F is the identity below the first 2 n rows, `top`.
+        rows = top @ p
+        p[: 2 * n, 2 * n :] = rows[:, 2 * n :]
+        p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
+        p[: 2 * n, : 2 * n] = rows @ top.T
+        p[: 2 * n, : 2 * n] += spread
+        p[late, late] += data.wander
+        # Rounding would let P become asymmetric and then indefinite.
+        p = (p + p.T) / 2
+    if not (np.isfinite(x).all() and np.isfinite(p).all()):
+        raise IdentificationError(
+            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
+            "check the unit and the sign of the torque and the friction columns"
+        )
+    return x, p, bad
+
+
+def _advance(
+    lib: Library, data: FilterInput, step: int, x: Array, top: Array
+) -> tuple[Array, Array]:
+    """Next [q, dq] (2 n,) and its process noise; `top` (2 n, size) receives ∂[q, dq]/∂state."""
+    n, n_pi, dt = lib.n_joints, lib.pi0.size, data.dt
+    q, dq, pi, phi, delay = np.split(x, [n, 2 * n, 2 * n + n_pi, x.size - n])
+    speed, push, drift = data.speed[step], data.acceleration[step], data.torque_rate[step]
+    middle = q + dt / 2 * dq
+    # Friction F φ = S dq + rest: S dissipates and is implicit, the rest is taken at v̄.
+    secants, constants = data.friction(step)
+    phi = phi.reshape(n, -1)
+    drag = np.sum(secants * data.passive(phi), axis=1)
+    steady = np.sum((secants * speed[:, None] + constants) * phi, axis=1) - drag * speed
+    # (M + dt/2 S) a = τ + δ τ̇ − h − S dq − rest, all at the middle of the step.
+    implicit = lib.mass_matrix(middle, pi) + dt / 2 * np.diag(drag)
+    force = data.tau[step] + delay * drift - steady - drag * dq
+    ddq = np.linalg.solve(implicit, force - lib.bias_forces(middle, dq + dt / 2 * push, pi))
+    # ∂a/∂state = (M + dt/2 S)⁻¹ [−∂τ/∂q, −∂τ/∂dq − S, −Y, −F, τ̇], at the smoothed v̄ and ā.
+    _, by_q, by_dq, _ = lib.torque_derivatives(middle, speed, push, pi)
+    k = secants.shape[1]
+    right = np.zeros((n, x.size + n))
+    right[:, :n] = -by_q
+    right[:, n : 2 * n] = -dt / 2 * by_q - by_dq - np.diag(drag)
+    right[:, 2 * n : 2 * n + n_pi] = -lib.regressor(middle, speed, push)
+    columns = secants * speed[:, None] + constants
+    for j in range(n):
+        right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -columns[j]
+    right[:, x.size - n : x.size] = np.diag(drift)
+    right[:, x.size :] = np.diag(data.sigma_tau)
+    # The last n columns are the effect of one standard deviation of each torque.
+    solved = dt * np.linalg.solve(implicit, right)
+    # dq⁺ = dq + dt a and q⁺ = q + dt (dq + dq⁺)/2.
+    top[n:] = solved[:, : x.size]
+    top[n:, n : 2 * n] += np.eye(n)
+    top[:n] = dt / 2 * top[n:]
+    top[:n, : 2 * n] += np.concatenate([np.eye(n), dt / 2 * np.eye(n)], axis=1)
+    after = dq + dt * ddq
+    moved = np.concatenate([q + dt / 2 * (dq + after), after])
+    return moved, process_noise(np.asarray(solved[:, x.size :], dtype=float), dt)
+
+
+def fit_ukf(problem: Problem, log: Origin | None = None) -> Fit:
+    """Identify β and φ by the unscented Kalman filter, estimate after the last sample."""
+    lib, data = problem.lib, filter_input_of(log, "ukf")
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    x, covariance = run_ukf(lib, data, problem.start)
+    sigma = np.sqrt(np.diag(covariance)[2 * n : 2 * n + n_b])
+    status = (
+        f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
+        f"{sigma.max():.2g}"
+    )
+    beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
+    return fit_of_base(problem, beta, phi, status, len(data.q))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # checked at the end
+def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
+    """Run the filter over all samples."""
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    # First state and covariance: measured position, speed of a line, first guess, friction.
+    beta = lib.base_matrix @ lib.pi_from_lam(lam)
+    x = np.concatenate([data.q[0], data.first_speed, beta, data.first_extra])
+    p = np.zeros((x.size, x.size))
+    p[:n, :n] = np.diag(data.sigma_q**2)
+    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
+    inside = slice(2 * n, 2 * n + n_b)
+    p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
+    tail = np.arange(2 * n + n_b, x.size)
+    p[tail, tail] = data.extra_variance
+    late = tail[-n:]
+    noise = np.diag(data.sigma_q**2)
+    far = np.full(x.size, ALPHA * np.sqrt(x.size))
+    reach = far
+    for step, q in enumerate(data.q):
+        # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
+        gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
+        x = x + gain.T @ (q - x[:n])
+        p = p - gain.T @ p[:n]
+        if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
+            break
+        # Prediction: all points after a step. h may grow by half per step, back to its full size.
+        points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
+        moved, inverse = _advance_points(lib, data, step, points)
+        points[:, : 2 * n] = moved
+        # Offsets from the image of the mean, whose large weight then multiplies zero.
+        offsets = points[1:] - points[0]
+        weights = np.tile(0.5 / reach**2, 2)
+        shift = weights @ offsets
+        x = points[0] + shift
+        centre = 2 - weights.sum() - ALPHA**2 + BETA
+        centred = offsets - shift
+        p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
+        spread = data.dt * inverse * data.sigma_tau
+        p[: 2 * n, : 2 * n] += process_noise(spread, data.dt)
+        p[late, late] += data.wander
+    if not (np.isfinite(x).all() and np.isfinite(p).all()):
+        raise IdentificationError(
+            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
+            "check the unit and the sign of the torque and the friction columns"
+        )
+    return x, p
+
+
+def _root(p: Array) -> Array:
+    """Root R of P, R Rᵀ = P: the Cholesky factor, or from eigenvalues where P is indefinite."""
+    p = (p + p.T) / 2
+    try:
+        return np.asarray(np.linalg.cholesky(p), dtype=float)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(p)
+        raised = np.maximum(values, _RIDGE * values[-1])
+        return np.asarray(vectors * np.sqrt(raised))
+
+
+def _points(lib: Library, x: Array, root: Array, reach: Array) -> tuple[Array, Array]:
+    """Mean, x + h L and x − h L as rows, and h (size,), halved where M is too small."""
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    while True:
+        offsets = (root * reach).T
+        points = np.concatenate([x[None], x + offsets, x - offsets])
+        mass = lib.mass_matrix(points[:, :n], _pi(lib, points[:, 2 * n : 2 * n + n_b]))
+        rest = mass[1:] - _LIGHTEST * mass[0]
+        try:
+            np.linalg.cholesky(rest)
+            return points, reach
+        except np.linalg.LinAlgError:
+            light = np.linalg.eigvalsh(rest)[:, 0] <= 0
+            pairs = light.reshape(2, -1).any(axis=0) & (reach > _NEAREST)
+            if not pairs.any():
+                return points, reach
+            reach = np.where(pairs, reach / 2, reach)
+
+
+def _pi(lib: Library, beta: Array) -> Array:
+    """A π with these base parameters: β in the base columns, zero elsewhere."""
+    pi = np.zeros((len(beta), lib.pi0.size))
+    pi[:, lib.base_columns] = beta
+    return pi
+
+
+def _advance_points(
+    lib: Library, data: FilterInput, step: int, points: Array
+) -> tuple[Array, Array]:
+    """[q, dq] (points, 2 n) of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
+    n, n_b, dt = lib.n_joints, len(lib.base_columns), data.dt
+    q, dq, beta, phi, delay = np.split(points, [n, 2 * n, 2 * n + n_b, points.shape[1] - n], axis=1)
+    push = data.acceleration[step]
+    middle, speed = q + dt / 2 * dq, dq + dt / 2 * push
+    secants, constants = data.friction(step)
+    phi = phi.reshape(len(points), n, -1)
+    columns = secants * data.speed[step][:, None] + constants
+    pi, drag = _pi(lib, beta), np.sum(secants * data.passive(phi[0]), axis=1)
+    late = delay * data.torque_rate[step] - np.sum(columns * phi, axis=2) + drag * data.speed[step]
+    # Torque that gives the mean the smoothed acceleration; all points move under it.
+    smooth = lib.inverse_dynamics(middle[0], speed[0], push, pi[0]) + drag * speed[0] - late[0]
+    ddq = lib.forward_dynamics(middle, speed, smooth + late - drag * dq, pi, dt / 2 * drag)
+    # The measured torque beyond it moves all points alike, by the inertia of the mean.
+    inverse = np.linalg.inv(lib.mass_matrix(middle[0], pi[0]) + dt / 2 * np.diag(drag))
+    ddq = ddq + inverse @ (data.tau[step] - smooth)
+    moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)
+    return moved, np.asarray(inverse, dtype=float)
+
+
+EKF = Method(
+    "ekf",
+    "extended Kalman filter over q, dq, pi and friction, on the unfiltered recording",
+    fit_ekf,
+    takes_log=True,
+    unfiltered=True,
+    columns=STATE_COLUMNS,
+    objective="follows the unfiltered recording",
+)
+UKF = Method(
+    "ukf",
+    "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
+    fit_ukf,
+    takes_log=True,
+    unfiltered=True,
+    columns=STATE_COLUMNS,
+    objective="follows the unfiltered recording",
+)

@@ -114,5 +114,5 @@ def test_a_result_with_a_net_is_not_used_further(learned: Identification, tmp_pa
     """Property: no file holds the net; what reads a result refuses it, in one sentence."""
     facts = write_result(learned, tmp_path, "a test")
     assert facts["friction"]["learned"] is True
-    with pytest.raises(RecordingError, match="got one of the method nn, .* by another method"):
+    with pytest.raises(RecordingError, match=r"got one of the method nn, .* by another method"):
         read_result(tmp_path)

@@ -66,10 +66,7 @@ class Tree:
     offset: Array
 
     def rows(self, closures: list[Closure], x: Array) -> tuple[Array, Array]:
-        """Rows of all loop joints.
-
-        x (n,) [rad, m].
-        """
+        """φ and ∂φ/∂x of all loop joints at x (n,) [rad, m]."""
         data = self.model.createData()
         positions = self.matrix @ x + self.offset
         pinocchio.computeJointJacobians(self.model, data, positions)
@@ -381,19 +378,13 @@ def _cross(v: Array) -> Array:
 def closed_pose(
     tree: Tree, closures: list[Closure], start: Array, columns: list[int]
 ) -> Array | None:
-    """Close all loops by damped Newton.
-
-    start (n,) [rad, m] → (n,).
-    """
+    """The pose at which damped Newton closes all loops, (n,) [rad, m]; None where it does not."""
     x = newton_pose(tree, closures, start, columns)
     return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
 
 
 def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
-    """The pose where damped Newton ends, closed or not.
-
-    start (n,) [rad, m] → (n,) [rad, m].
-    """
+    """The pose where damped Newton ends, closed or not, (n,) [rad, m]."""
     x = start.copy()
     for _ in range(_NEWTON):
         value, slope = tree.rows(closures, x)
@@ -405,10 +396,7 @@ def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list
 
 
 def apart_at(tree: Tree, closure: Closure, x: Array) -> str:
-    """Distance of the frames of a loop at a pose, with the angle where the loop fixes it.
-
-    x (n,) [rad, m].
-    """
+    """Distance of the frames of a loop at a pose x (n,), with the angle where the loop fixes it."""
     value, _ = tree.rows([replace(closure, kind="fixed", rows=(0, 1, 2, 3, 4, 5))], x)
     along = ", ".join(f"{v:.3g}" for v in np.round(value[:3], 6) + 0.0)
     turn = ""

@@ -53,10 +53,7 @@ class ChainOptions:
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
-    """Lock, cut and snap a URDF.
-
-    Returns (3,) [m/s²].
-    """
+    """The locked, cut and snapped URDF, gravity (3,) [m/s²], and the links removed."""
     document = Document(text)
     for joint, value in _with_followers(document, options.locks).items():
         _lock(document, joint, value)

@@ -47,10 +47,7 @@ class _Segment:
 
 
 def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, Matrix]:
-    """Surface distance of every pair, negative for overlapping proxies, and its gradient.
-
-    q (n,) [rad, m] → (n_pairs,) [m].
-    """
+    """Surface distance (n_pairs,) [m] of every pair, negative in overlap, and its gradient."""
     frames = _frames(chain, q)
     segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
     rows = [_pair(model, pair, segments, frames) for pair in model.pairs]
@@ -61,10 +58,7 @@ def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, M
 def plane_clearance(
     chain: Chain, model: CollisionModel, q: Matrix, plane: Matrix
 ) -> tuple[Matrix, Matrix]:
-    """min over a capsule of n·x − d, for every moving proxy, and its gradient.
-
-    q (n,) [rad, m], plane (4,) [m] → (n_moving,) [m].
-    """
+    """min over a capsule of n·x − d, (n_moving,) [m], for every moving proxy, and its gradient."""
     frames = _frames(chain, q)
     normal, offset = plane[:3], plane[3]
     distances, rows = [], []

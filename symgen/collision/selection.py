@@ -60,10 +60,7 @@ def select_pairs(
     geometry: tuple[LinkGeometry, ...] = (),
     margin: float = MARGIN,
 ) -> Selection:
-    """Choose the pairs of proxies that a motion must keep apart.
-
-    home (n,) [rad, m].
-    """
+    """Choose the pairs of proxies that a motion must keep apart; home (n,) [rad, m]."""
     model = _all_pairs(chain, proxies, margin)
     if not model.pairs:
         return Selection((), (), ())
@@ -157,10 +154,7 @@ def _range(chain: Chain) -> tuple[Array, Array]:
 def link_distances(
     chain: Chain, first: LinkGeometry, second: LinkGeometry, postures: Array
 ) -> Array:
-    """Distance of two links at each posture.
-
-    postures (N, n) [rad, m] → (N,).
-    """
+    """Distance of two links at postures (N, n) [rad, m], (N,) [m]."""
     meshes = [_mesh(first.triangles), _mesh(second.triangles)]
     places = [poses_of_link(chain, part.link, postures) for part in (first, second)]
     request, answer = coal.DistanceRequest(), coal.DistanceResult()
@@ -173,10 +167,7 @@ def link_distances(
 
 
 def poses_of_link(chain: Chain, link: str, postures: Array) -> Array:
-    """Pose of a link in the base frame at each posture.
-
-    postures (N, n) [rad, m] → (N, 4, 4).
-    """
+    """Pose of a link in the base frame at postures (N, n) [rad, m], (N, 4, 4)."""
     q = ca.SX.sym("q", len(chain.coordinates))
     positions = all_positions(chain, q)
     pose = ca.SX.eye(4)

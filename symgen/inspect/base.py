@@ -54,12 +54,9 @@ class SampledBase:
         return [describe_combination(names, list(row)) for row in self.parameters.matrix]
 
     def factor(self, beta: Array) -> Array:
-        """R with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)².
+        """R (n_b, n_b) with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)².
 
-        A torque is weighted relative to the torque of its joint under β, else a wrist would not
-        count.
-
-        beta (n_b,) → (n_b, n_b).
+        A torque is weighted relative to that of its joint under β, else a wrist would not count.
         """
         rms = np.sqrt(np.mean((self.rows @ beta) ** 2, axis=0))  # (n,)
         weights = 1 / np.maximum(rms, 1e-3 * max(float(rms.max()), 1e-12))
@@ -151,18 +148,12 @@ def _moved(pose: Array) -> Array:
 
 
 def pseudo_of(pi: Array) -> Array:
-    """P of π.
-
-    pi (10,) → (4, 4).
-    """
+    """P (4, 4) of π (10,)."""
     return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
 
 
 def pi_of(pseudo: Array) -> Array:
-    """π of P: m, m·c, and I = tr(Σ) 1 − Σ about the same origin.
-
-    pseudo (4, 4) → (10,).
-    """
+    """π (10,) of P (4, 4): m, m·c, and I = tr(Σ) 1 − Σ about the same origin."""
     sigma = pseudo[:3, :3]
     i = np.trace(sigma) * np.eye(3) - sigma
     moment = pseudo[:3, 3]

@@ -154,10 +154,7 @@ class _Projection:
         return s, self._change(s), False
 
     def _on_equalities(self, raw: Array, equalities: Array) -> Array | None:
-        """s on the equalities to rounding, with nearly unchanged links restored.
-
-        Returns None if the result is outside the cone.
-        """
+        """s on the equalities, nearly unchanged links restored; None outside the cone."""
         links, start = raw.reshape(-1, 10), self.start.reshape(-1, 10)
         step = np.linalg.norm(links - start, axis=1) / np.linalg.norm(start, axis=1)
         still = (step < STILL) & self._consistent

@@ -279,10 +279,7 @@ def _modified_dh(joint: Joint, parent: int) -> tuple[float, float, float, float]
 
 
 def regrouped(chain: Chain, pi: Matrix) -> Matrix:
-    """Return a π' with Y π' = Y π whose entries are mostly structural zeros.
-
-    pi (10 n,) → (10 n,).
-    """
+    """Return a π' with Y π' = Y π, both (10 L,), whose entries are mostly structural zeros."""
     bodies = bodies_of(pi)
     # From the tip inwards, so that a body holds what its children gave before it is split.
     for i, joint in reversed(list(enumerate(chain.joints))):

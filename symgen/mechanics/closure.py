@@ -32,10 +32,7 @@ _REFINED = 2
 
 
 def positions(chain: Chain, q: Matrix) -> Matrix:
-    """x of independent and dependent coordinates.
-
-    q (n,) [rad, m] → (n + r,) [rad, m].
-    """
+    """x = (q, g(q)) in the order of the chain, (n + r,) [rad, m]."""
     return _positions(closed_chain(chain), q)
 
 
@@ -48,20 +45,14 @@ def _positions(chain: ClosedChain, q: Matrix) -> Matrix:
 
 
 def rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
-    """ẋ = G dq.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s] → (n + r,) [rad/s, m/s].
-    """
+    """ẋ = G dq, (n + r,) [rad/s, m/s]."""
     closed = closed_chain(chain)
     right = -_directional(closed, _positions(closed, q), joined(closed, dq, None))
     return joined(closed, dq, _solved(closed, q, right))
 
 
 def accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
-    """ẍ = G ddq + Ġ dq.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n + r,) [rad/s², m/s²].
-    """
+    """ẍ = G ddq + Ġ dq, (n + r,) [rad/s², m/s²]."""
     closed = closed_chain(chain)
     x = _positions(closed, q)
     right = -_directional(closed, x, joined(closed, ddq, None))
@@ -72,10 +63,7 @@ def accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
 
 
 def forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
-    """Gᵀ f: generalised forces of the independent coordinates, by virtual power.
-
-    q (n,) [rad, m], force (n + r, m) [N·m, N] → (n, m) [N·m, N].
-    """
+    """Gᵀ f, (n + r, m) → (n, m) [N·m, N]: generalised forces by virtual power."""
     closed = closed_chain(chain)
     slope = slopes(closed)(_positions(closed, q))
     passed = _solved(closed, q, force[list(closed.loops.dependent), :], transposed=True)
@@ -84,10 +72,7 @@ def forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
 
 
 def jacobian(chain: Chain, q: Matrix) -> Matrix:
-    """G = ∂x/∂q.
-
-    q (n,) [rad, m] → (n + r, n).
-    """
+    """G = ∂x/∂q, (n + r, n)."""
     closed = closed_chain(chain)
     slope = slopes(closed)(_positions(closed, q))
     below = _solved(closed, q, -slope[:, list(closed.loops.independent)])
@@ -95,10 +80,7 @@ def jacobian(chain: Chain, q: Matrix) -> Matrix:
 
 
 def supplied(chain: Chain, expression: Matrix, q: Matrix) -> Matrix:
-    """The expression with the values of the seeds in their places.
-
-    q (n,) [rad, m].
-    """
+    """The expression with the values of the seeds at q in their places."""
     if chain.loops is None:
         return expression
     return with_seeds(chain, expression, seed_values(closed_chain(chain), q)[0])
@@ -110,10 +92,7 @@ def with_seeds(chain: Chain, expression: Matrix, values: Matrix) -> Matrix:
 
 
 def values_of(chain: Chain, q: Matrix, further: list[Matrix]) -> Matrix:
-    """Values of some of the seeds.
-
-    q (n,) [rad, m] → (m,).
-    """
+    """Values at q of some of the seeds, (m,)."""
     places = []
     for symbol in further:
         match = re.fullmatch(rf"{_SEED}_(\d+)", symbol.name())

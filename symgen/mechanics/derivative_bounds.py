@@ -27,10 +27,7 @@ _OUTWARD = 1 + 1e-12
 
 
 def torque_bounds(chain: Chain, motion: Matrix, pi: Matrix, orders: int = 4) -> Matrix:
-    """Bounds of |τ_j| and of its derivatives in time.
-
-    motion (orders + 2, n) [rad, m], pi (10 L,) → (orders, n) [N·m, N].
-    """
+    """Bounds of |dᵏτ_j/dtᵏ|: motion (orders + 2, n) → (orders, n) [N·m, N]."""
     joints = chain.joints
     shifts = _of_joints(chain, motion)
     turns: list[Series] = []  # rotation of the joint
@@ -78,10 +75,7 @@ def torque_bounds(chain: Chain, motion: Matrix, pi: Matrix, orders: int = 4) -> 
 
 
 def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
-    """Bounds of the distance of the tip from the base, and of its velocity and so on.
-
-    motion (orders, n) [rad, m] → (orders,) [m, m/s, …].
-    """
+    """Bounds of the distance of the tip from the base and of its derivatives, (orders,) [m]."""
     orders = motion.shape[0]
     shifts = _of_joints(chain, motion)
     path: list[int] = []
@@ -99,10 +93,7 @@ def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
 
 
 def speed_bounds(chain: Chain, motion: Matrix) -> tuple[Matrix, Matrix]:
-    """Bounds of the speed that each joint gives to the links that it moves.
-
-    motion (2, n) [rad, m, and per s] → (L, L) [m/s].
-    """
+    """Speeds (L, L) [m/s] that joint j gives to link i, and turning speeds (L,) of the joints."""
     shifts = _of_joints(chain, motion)
     count = len(chain.joints)
     speed, turn = ca.SX(count, count), ca.SX(count, 1)

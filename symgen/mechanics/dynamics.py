@@ -3,7 +3,9 @@
 τ = Σ_k J_kᵀ (M_k ẍ_k − adᵀ(v_k) M_k v_k) (Eq. 4.3) is evaluated by two sweeps, outwards for
 velocities and accelerations, inwards for wrenches. It is linear in π by construction, so the
 regressor and every Jacobian follow by differentiation of this one function.
-Gravity enters as an acceleration −g of the base.
+Gravity enters as an acceleration −g of the base. Throughout the mechanics of a chain, q (n,) is in
+rad or m, dq and ddq are its derivatives (of a free base: see `kinematics`), τ (n,) is in N·m or N,
+and π and λ (10 L,) are those of all L links.
 
 Momentum and energies give the equations of motion without accelerations,
 
@@ -46,10 +48,7 @@ Array = NDArray[np.float64]
 def inverse_dynamics(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, pi: Matrix, gravity: bool = True
 ) -> Matrix:
-    """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4).
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], pi (10 L,) → (n,) [N·m, N].
-    """
+    """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4)."""
     n = len(chain.joints)
     ddq = per_joint(chain, all_accelerations(chain, q, dq, ddq))
     dq = per_joint(chain, all_rates(chain, q, dq))
@@ -145,11 +144,9 @@ def _euler_moment(inertia: Matrix, w: Matrix, al: Matrix, u: Matrix) -> Matrix:
 def regressor(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """Y = ∂τ/∂π with τ = Y π (Eq. 3.1).
+    """Y = ∂τ/∂π, (n, 10 L), with τ = Y π (Eq. 3.1).
 
     Differentiating the linear function costs no more operations than a hand-written regressor.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n, 10 L).
     """
     return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
 
@@ -157,11 +154,9 @@ def regressor(
 def by_parameters(
     chain: Chain, linear: Callable[[Matrix], Matrix], columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """∂f/∂π of a function that is linear in π.
+    """∂f/∂π, (m, 10 L), of a function (10 L,) → (m,) that is linear in π.
 
     Entries of π outside `columns` are structural zeros, so they cost no operations.
-
-    linear (10 L,) → (m, 10 L).
     """
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
@@ -187,19 +182,13 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
 
 
 def pi_from_lam_all(lam: Matrix) -> Matrix:
-    """π of all links from λ of all links.
-
-    lam (10 L,) → (10 L,).
-    """
+    """π of all links from λ of all links."""
     blocks = range(0, lam.numel(), N_PARAMETERS)
     return ca.vertcat(*(pi_from_lam(lam[k : k + N_PARAMETERS]) for k in blocks))
 
 
 def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matrix) -> Matrix:
-    """∂τ/∂λ = Y blockdiag(∂π_k/∂λ_k) (Eqs. 4.34–4.36).
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], lam (10 L,) → (n, 10 L).
-    """
+    """∂τ/∂λ = Y blockdiag(∂π_k/∂λ_k), (n, 10 L) (Eqs. 4.34–4.36)."""
     one = ca.SX.sym("lam", N_PARAMETERS)
     block = ca.Function("block", [one], [ca.jacobian(pi_from_lam(one), one)])
     y = regressor(chain, q, dq, ddq)
@@ -208,18 +197,12 @@ def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matri
 
 
 def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
-    """
+    """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms."""
     return inverse_dynamics(chain, q, dq, ca.SX(chain.freedom, 1), pi)
 
 
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [kg·m²/s, kg·m/s].
-    """
+    """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq."""
     return inverse_dynamics(chain, q, ca.SX(len(chain.coordinates), 1), dq, pi, gravity=False)
 
 
@@ -229,8 +212,6 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     v and ω are the velocities of the link frame, p and R its pose in the base frame, h = m c. U is
     zero where every frame is at the base. Lagrange's equations of T − U are those of
     `inverse_dynamics`.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,).
     """
     dq, q = all_rates(chain, q, dq), all_positions(chain, q)
     omega: list[Matrix] = []
@@ -263,30 +244,20 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
 
 
 def lagrange_force(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """r = ∂(T − U)/∂q, so that τ = dp/dt − r.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n,) [N·m, N].
-    """
+    """r = ∂(T − U)/∂q, so that τ = dp/dt − r."""
     kinetic, potential = energies(chain, q, dq, pi)
     return ca.gradient(kinetic - potential, q)
 
 
 def coriolis_matrix(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """C(q, dq) of Christoffel symbols: dM/dt − 2 C is skew-symmetric.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], pi (10 L,) → (n, n) [N·m·s/rad, N·s/m].
-    """
+    """C(q, dq) of Christoffel symbols, (n, n): dM/dt − 2 C is skew-symmetric."""
     return ca.densify(ca.jacobian(_centrifugal(chain, q, dq, pi), dq) / 2)
 
 
 def slotine_li_regressor(
     chain: Chain, q: Matrix, dq: Matrix, dq_r: Matrix, ddq_r: Matrix
 ) -> Matrix:
-    """Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q), C of Christoffel symbols.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], dq_r (n,) [rad/s, m/s], ddq_r (n,) [rad/s², m/s²] → (n,
-    10 L).
-    """
+    """Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q), C of Christoffel symbols."""
     still = ca.SX(len(chain.coordinates), 1)
 
     def torque(pi: Matrix) -> Matrix:

@@ -24,20 +24,14 @@ def _with_derivatives(value: Matrix, t: Matrix) -> Matrix:
 
 
 def harmonic_basis(m: Matrix, t: Matrix, t_f: Matrix) -> Matrix:
-    """φ_m(t/t_f) and its first three time derivatives.
-
-    Returns (4,) [1, 1/s, 1/s², 1/s³].
-    """
+    """φ_m(t/t_f) and its first three time derivatives, (4,) [1, 1/s, 1/s², 1/s³]."""
     s = t / t_f
     value = ca.cos(2 * math.pi * m * s) - 1 + 2 * math.pi**2 * m**2 * s**2 * (1 - s) ** 2
     return _with_derivatives(value, t)
 
 
 def transfer_basis(t: Matrix, t_f: Matrix) -> Matrix:
-    """S(t/t_f) and its first three time derivatives.
-
-    Returns (4,) [1, 1/s, 1/s², 1/s³].
-    """
+    """S(t/t_f) and its first three time derivatives, (4,) [1, 1/s, 1/s², 1/s³]."""
     s = t / t_f
     return _with_derivatives(s**3 * (10 - 15 * s + 6 * s**2), t)
 
@@ -45,9 +39,6 @@ def transfer_basis(t: Matrix, t_f: Matrix) -> Matrix:
 def regressor_adjoint(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...], seed: Matrix
 ) -> Matrix:
-    """∂⟨S, Y_b⟩/∂(q, dq, ddq).
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²], seed (n·n_b,) → (3, n).
-    """
+    """∂⟨S, Y_b⟩/∂(q, dq, ddq), (3, n), of a seed S (n·n_b,)."""
     y = ca.densify(ca.vec(regressor(chain, q, dq, ddq, columns).T))
     return ca.horzcat(*(ca.jtimes(y, x, seed, True) for x in (q, dq, ddq))).T

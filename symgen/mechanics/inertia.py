@@ -2,6 +2,7 @@
 
 π = [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ], inertia about the *link origin* (Eq. 3.3);
 λ = [μ, x, y, z, ω1, ω2, ω3, a, b, c] (Eq. 4.13). Both orders are defined here and nowhere else.
+π is in kg, kg·m and kg·m²; λ in ln kg, m, rad and kg^½·m; c (3,) and I (3, 3) are of one body.
 Every λ is physically consistent: m = e^μ > 0 and Σ_com = R diag(a², b², c²) Rᵀ ⪰ 0, which is
 P(π) ⪰ 0 of the pseudo-inertia (Eqs. 3.9, 3.10).
 Source: document Sec. 3.3 and 4.3 with the errata to Eqs. 2.27, 2.28, 4.14, 4.20; Wensing, Kim &
@@ -42,10 +43,7 @@ THINNEST = 1e-3
 
 
 def mass_moment_inertia(pi: Matrix) -> MassMoments:
-    """m, m·c and I about the link origin of one body.
-
-    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (3,).
-    """
+    """m, m·c and I about the link origin of one body."""
     xx, yy, zz, xy, xz, yz = (pi[i] for i in range(4, 10))
     inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
     return pi[0], pi[1:4], inertia
@@ -63,19 +61,13 @@ def joined(a: MassMoments, b: MassMoments) -> MassMoments:
 
 
 def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
-    """π of m, m·c and I about the link origin.
-
-    moment (3,), inertia (3, 3) → (10,).
-    """
+    """π of m, m·c and I about the link origin."""
     i = inertia
     return ca.vertcat(mass, moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
 
 
 def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
-    """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30).
-
-    com (3,), inertia_com (3, 3) → (10,).
-    """
+    """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30)."""
     return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
 
 
@@ -99,10 +91,7 @@ def seen_from(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassM
 
 
 def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """m, c and I_com = I + m [c×]² (Eq. 4.20, errata).
-
-    pi (10,) → (3,) [kg].
-    """
+    """m, c and I_com = I + m [c×]² (Eq. 4.20, errata)."""
     mass, moment, inertia = mass_moment_inertia(pi)
     com = moment / mass
     return mass, com, inertia + mass * ca.mtimes(skew(com), skew(com))
@@ -112,8 +101,6 @@ def pi_from_lam(lam: Matrix) -> Matrix:
     """π from λ: m = e^μ, I_com = R diag(b²+c², c²+a², a²+b²) Rᵀ, I = I_com − m [c×]².
 
     Source: Eqs. 4.25–4.31.
-
-    lam (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3] → (10,) [kg, kg·m ×3, kg·m² ×6].
     """
     mass, com, rotation = ca.exp(lam[0]), lam[1:4], exp_so3(lam[4:7])
     a2, b2, c2 = lam[7] ** 2, lam[8] ** 2, lam[9] ** 2
@@ -122,10 +109,7 @@ def pi_from_lam(lam: Matrix) -> Matrix:
 
 
 def lam_frame(lam: Matrix) -> Matrix:
-    """Intermediate values of `pi_from_lam` that `pi_adjoint` takes: m, R by columns, B and C.
-
-    lam (10,) → (12,).
-    """
+    """Intermediate values of `pi_from_lam` for `pi_adjoint`, (12,): m, R by columns, B and C."""
     _, b, c = so3_coefficients(lam[4:7])
     return ca.vertcat(ca.exp(lam[0]), ca.vec(exp_so3(lam[4:7])), b, c)
 
@@ -137,8 +121,6 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
     ∂a = 2a (T₂₂ + T₃₃), ∂c = m (slope[1:4] + 2 (tr(S) 1 − S) c), and a turn δφ in the frame of
     the axes of inertia changes tr(S I) by 2 ((c² − b²) T₂₃, (a² − c²) T₁₃, (b² − a²) T₁₂) · δφ,
     where δφ = (1 − B [ω×] + C [ω×]²) δω.
-
-    lam (10,), frame (12,), slope (10,) → (10,).
     """
     com, omega, axes = lam[1:4], lam[4:7], lam[7:10]
     mass, rotation, b, c = frame[0], ca.reshape(frame[1:10], 3, 3), frame[10], frame[11]
@@ -168,10 +150,7 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
 
 
 def principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
-    """m, c, R, the eigenvalues (a², b², c²) of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com).
-
-    pi (10,) → (3,) [kg].
-    """
+    """m, c, R, the eigenvalues (a², b², c²) of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com)."""
     mass, com, inertia = com_inertia(pi)
     moments, rotation = symmetric_eigen(inertia)
     j1, j2, j3 = moments[0], moments[1], moments[2]
@@ -184,10 +163,7 @@ def lam_from_pi(pi: Matrix) -> Matrix:
 
     A body that is not density realisable has no λ: the affected entries are NaN. Callers turn them
     into an error that offers `nearest_realisable`.
-
     Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
-
-    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
     """
     mass, com, rotation, sigma, trace = principal_sigma(pi)
     rounding = REALISABLE_TOLERANCE * trace + SHIFT_TOLERANCE * mass * ca.sumsqr(com)
@@ -201,22 +177,14 @@ def lam_from_pi(pi: Matrix) -> Matrix:
 
 
 def spatial_inertia(lam: Matrix) -> Matrix:
-    """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], linear part first (Eq. 4.14, errata).
-
-    lam (10,) → (6, 6) [kg, kg·m, kg·m²].
-    """
+    """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], (6, 6), linear part first (Eq. 4.14, errata)."""
     mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
     h = skew(moment)
     return ca.vertcat(ca.horzcat(mass * ca.DM.eye(3), h.T), ca.horzcat(h, inertia))
 
 
 def pseudo_inertia(pi: Matrix) -> Matrix:
-    """P = [[Σ, mc], [mcᵀ, m]] with Σ = ½ tr(I) 1 − I; P ⪰ 0 is full physical consistency.
-
-    Source: Eqs. 3.9, 3.10.
-
-    pi (10,) → (4, 4) [kg·m², kg·m, kg].
-    """
+    """P = [[Σ, mc], [mcᵀ, m]], (4, 4), with Σ = ½ tr(I) 1 − I (Eqs. 3.9, 3.10)."""
     mass, moment, inertia = mass_moment_inertia(pi)
     sigma = ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia
     return ca.vertcat(ca.horzcat(sigma, moment), ca.horzcat(moment.T, mass))
@@ -227,8 +195,6 @@ def barrier(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
 
     P is positive definite where the pivot is positive; elsewhere the other outputs have no meaning.
     P is linear in π, so the traces are the gradient of log det P and minus its Hessian.
-
-    pi (10,) → (10,).
     """
     p = pseudo_inertia(pi)
     size = p.shape[0]
@@ -261,10 +227,7 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
     """π from log-Cholesky θ = (α, d1, d2, d3, s12, s23, s13, t1, t2, t3): P = U Uᵀ, P ≻ 0 always.
 
     U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
-
     Source: Rucker & Wensing, Smooth parameterization of rigid-body inertia, 2022.
-
-    theta (10,) → (10,).
     """
     d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
     s12, s23, s13, t = theta[4], theta[5], theta[6], theta[7:10]
@@ -279,10 +242,7 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
 
 
 def cholesky_from_pi(pi: Matrix) -> Matrix:
-    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite.
-
-    pi (10,) → (10,).
-    """
+    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite."""
     mass, com, inertia = com_inertia(pi)
     sigma = (ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia) / mass
     u33 = ca.sqrt(sigma[2, 2])
@@ -297,8 +257,6 @@ def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
     """π with the eigenvalues of Σ_com raised to a floor: the nearest such matrix (Frobenius).
 
     Mass and centre of mass are kept.
-
-    pi (10,) → (10,).
     """
     mass, com, rotation, sigma, _ = principal_sigma(pi)
     least = floor * sum(ca.fmax(sigma[i], 0) for i in range(3)) + mass * THINNEST**2

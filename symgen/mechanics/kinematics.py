@@ -3,8 +3,9 @@
     q_all = A x + b,   x = q or, with loops, x = g(q)
     τ = (A G)ᵀ τ_all,   M = (A G)ᵀ M_all A G,   G = ∂x/∂q
 
-The recursions of the other modules run over all joints; these maps lead in and out of them. Where
-every joint is independent they return their argument itself, so that no operation is added.
+q has n entries, q_all N. The recursions of the other modules run over all joints; these maps lead
+in and out of them. Where every joint is independent they return their argument itself, so that no
+operation is added.
 
 With a free base the first six entries are its own. q: position of the base in the world [m], and
 the rotation vector ω of its axes, R = exp(ω) [rad]. dq: its velocity [m/s] and angular velocity
@@ -23,10 +24,7 @@ from symgen.mechanics.spatial import Pose, joint_pose
 
 
 def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
-    """Entries of each joint.
-
-    values (N,) → (1,).
-    """
+    """Entries of each joint: six of a free base, one of every other joint."""
     if not chain.floating:
         return [values[i] for i in range(len(chain.joints))]
     rest = range(BASE_FREEDOM, BASE_FREEDOM + len(chain.joints) - 1)
@@ -34,10 +32,7 @@ def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
 
 
 def all_positions(chain: Chain, q: Matrix) -> Matrix:
-    """q_all = A x + b.
-
-    q (n,) [rad, m] → (N,) [rad, m].
-    """
+    """q_all = A x + b, (N,) [rad, m]."""
     coupling = chain.coupling
     x = q if chain.loops is None else closure.positions(chain, q)
     if coupling is None:
@@ -49,38 +44,26 @@ def all_positions(chain: Chain, q: Matrix) -> Matrix:
 
 
 def all_rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
-    """A G dq.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s] → (N,) [rad/s, m/s].
-    """
+    """A G dq, (N,) [rad/s, m/s]."""
     rate = dq if chain.loops is None else closure.rates(chain, q, dq)
     return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
 
 
 def all_accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
-    """A (G ddq + Ġ dq).
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (N,) [rad/s², m/s²].
-    """
+    """A (G ddq + Ġ dq), (N,) [rad/s², m/s²]."""
     rate = ddq if chain.loops is None else closure.accelerations(chain, q, dq, ddq)
     return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
 
 
 def independent_forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
-    """(A G)ᵀ τ_all: generalised forces of the independent joints, by virtual power.
-
-    q (n,) [rad, m], force (N, m) [N·m, N] → (n, m) [N·m, N].
-    """
+    """(A G)ᵀ τ_all, (N, m) → (n, m): generalised forces by virtual power."""
     if chain.coupling is not None:
         force = ca.mtimes(_matrix(chain).T, force)
     return force if chain.loops is None else closure.forces(chain, q, force)
 
 
 def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
-    """(A G)ᵀ M_all A G, symmetric to the bit.
-
-    q (n,) [rad, m], mass (N, N) → (n, n).
-    """
+    """(A G)ᵀ M_all A G, (N, N) → (n, n), symmetric to the bit."""
     if chain.coupling is None and chain.loops is None:
         return mass
     moved = joint_jacobian(chain, q)
@@ -90,10 +73,7 @@ def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
 
 
 def joint_jacobian(chain: Chain, q: Matrix) -> Matrix:
-    """A G = ∂q_all/∂q.
-
-    q (n,) [rad, m] → (N, n).
-    """
+    """A G = ∂q_all/∂q, (N, n)."""
     if chain.loops is None:
         return ca.DM.eye(q.numel()) if chain.coupling is None else _matrix(chain)
     inner = closure.jacobian(chain, q)
@@ -108,19 +88,13 @@ def _matrix(chain: Chain) -> Matrix:
 
 
 def joint_poses(chain: Chain, q: Matrix) -> list[Pose]:
-    """Pose of every joint's frame in its parent's frame.
-
-    q (n,) [rad, m].
-    """
+    """Pose of every joint's frame in its parent's frame."""
     positions = per_joint(chain, all_positions(chain, q))
     return [joint_pose(joint, x) for joint, x in zip(chain.joints, positions, strict=True)]
 
 
 def end_effector(chain: Chain, q: Matrix) -> Matrix:
-    """Pose of the tip frame in the base frame.
-
-    q (n,) [rad, m] → (4, 4) [R p; 0 1].
-    """
+    """Pose [R p; 0 1] of the tip frame in the base frame, (4, 4)."""
     frames = joint_poses(chain, q)
     rotation = ca.SX(ca.DM(chain.tip.rotation))
     translation = ca.SX(ca.DM(chain.tip.translation))
@@ -135,10 +109,7 @@ def end_effector(chain: Chain, q: Matrix) -> Matrix:
 
 
 def link_poses(chain: Chain, q: Matrix) -> Matrix:
-    """Poses of all joint frames in the base frame.
-
-    q (n,) [rad, m] → (4 L, 4) [R p; 0 1].
-    """
+    """Poses [R p; 0 1] of all joint frames in the base frame, one below the other, (4 L, 4)."""
     frames = joint_poses(chain, q)
     poses: list[Matrix] = []
     bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
@@ -150,12 +121,10 @@ def link_poses(chain: Chain, q: Matrix) -> Matrix:
 
 
 def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
-    """Jacobians of the frames of all links and of the tip, v = J dq.
+    """Jacobians of the frames of all links and of the tip, v = J dq, (6 (L + 1), n).
 
     v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
     base, with a free base in axes of the world.
-
-    q (n,) [rad, m].
     """
     poses = joint_poses(chain, q)
     rotations: list[Matrix] = []

@@ -91,10 +91,7 @@ def closed_chain(chain: Chain) -> ClosedChain:
 
 
 def joined(chain: ClosedChain, independent: Matrix, dependent: Matrix | None) -> Matrix:
-    """Rows of both kinds in the order of x.
-
-    independent (n, m), dependent (r, m) → (n + r, m).
-    """
+    """Rows of both kinds, (n, m) and (r, m), in the order of x."""
     loops = chain.loops
     count = len(loops.independent) + len(loops.dependent)
     whole = ca.SX(count, independent.shape[1])
@@ -182,10 +179,7 @@ def _from_shared(
 
 
 def seed_values(chain: ClosedChain, q: Matrix) -> tuple[Matrix, Matrix]:
-    """Values of the seeds, NaN where a loop cannot close or is singular, and the margins.
-
-    q (n,) [rad, m].
-    """
+    """Values of the seeds at q, NaN where a loop cannot close or is singular, and the margins."""
     values, margins = _continued(chain)(q)
     return values, margins
 
@@ -222,10 +216,7 @@ def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
 
 
 def values_from_last(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
-    """`seed_values` from the dependent positions of a sample shortly before.
-
-    q (n,) [rad, m], d (r,) [rad, m].
-    """
+    """`seed_values` at q from the dependent positions d (r,) of a sample shortly before."""
     loops = chain.loops
     return _polished(chain, q, d, ca.SX(ca.DM.ones(len(loops.blocks))), POLISH)
 

@@ -17,10 +17,7 @@ from symgen.mechanics.kinematics import independent_mass, joint_poses
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
-    """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34).
-
-    q (n,) [rad, m], pi (10 L,) → (n, n) [kg·m², kg·m, kg].
-    """
+    """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34), (n, n) [kg·m², kg·m, kg]."""
     n = len(chain.joints)
     poses = joint_poses(chain, q)
     beyond = bodies_of(pi)
@@ -62,11 +59,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
 def forward_dynamics(
     chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix, rotor: Matrix
 ) -> Matrix:
-    """ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], tau (n,) [N·m, N], pi (10 L,), rotor (n,) [kg·m², kg] →
-    (n,) [rad/s², m/s²].
-    """
+    """ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0)."""
     n = chain.freedom
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
@@ -98,14 +91,12 @@ def _solved(m: Matrix, x: Matrix) -> Matrix:
 
 
 def mobility_bound(chain: Chain, pi: Matrix) -> Matrix:
-    """S(π) with M(q)⁻¹ ⪯ S for every q: proof that M(q) is positive definite.
+    """S(π) with M(q)⁻¹ ⪯ S for every q, (L, L): proof that M(q) is positive definite.
 
     Joint i has the rate dq_i = aᵀ V_i − aᵀ X_i V_p of the velocities V of its body and of the body
     before it, in short dq = B V. Kinetic energy is Vᵀ I V / 2, and its minimum over all V with
     B V = dq, even those of no motion of the joints, is dqᵀ (B I⁻¹ Bᵀ)⁻¹ dq / 2 ≤ dqᵀ M dq / 2.
     a is invariant under its own joint, aᵀ X_i(q_i) = aᵀ X_i(0), so S = B I⁻¹ Bᵀ is constant.
-
-    pi (10 L,) → (L, L).
     """
     n = len(chain.joints)
     inverses = [_inverse_inertia(*body) for body in bodies_of(pi)]

@@ -30,18 +30,12 @@ def unknown_springs(chain: Chain) -> tuple[Spring, ...]:
 
 
 def spring_columns(chain: Chain, q: Matrix) -> Matrix:
-    """Torque of every spring of unknown stiffness for k = 1.
-
-    q (n,) [rad, m] → (n, s).
-    """
+    """Torques of the springs of unknown stiffness for k = 1, (n, s)."""
     return ca.horzcat(*(_unit_torque(chain, s, q) for s in unknown_springs(chain)))
 
 
 def known_torque(chain: Chain, q: Matrix) -> Matrix:
-    """Torque of all curves and of the springs of stated stiffness.
-
-    q (n,) [rad, m] → (n,) [N·m, N].
-    """
+    """Torque of all curves and of the springs of stated stiffness, (n,) [N·m, N]."""
     total = ca.SX(len(chain.coordinates), 1)
     for spring in chain.mechanism.spring:
         if spring.stiffness is not None:
@@ -55,8 +49,8 @@ def known_torque(chain: Chain, q: Matrix) -> Matrix:
 def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
     """Coordinates y = row · q, beside the joints themselves, at whose speed friction acts.
 
-    Those of dependent joints with several masters and of the mechanism file. The friction of a
-    joint with one master has the same columns as that of the master.
+    They belong to dependent joints with several masters and to the mechanism file. The friction of
+    a joint with one master has the same columns as that of the master.
     """
     named = {}
     if chain.coupling is not None and chain.loops is None:

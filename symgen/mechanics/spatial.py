@@ -35,10 +35,7 @@ def skew(v: Matrix) -> Matrix:
 
 
 def exp_so3(omega: Matrix) -> Matrix:
-    """R = I + A [ω×] + B [ω×]² (Eq. 2.7), with the coefficients of `so3_coefficients`.
-
-    omega (3,) → (3, 3).
-    """
+    """R = I + A [ω×] + B [ω×]² (Eq. 2.7), with the coefficients of `so3_coefficients`."""
     a, b, _ = so3_coefficients(omega)
     cosine = 1 - b * ca.dot(omega, omega)
     rotation = ca.diag(ca.vertcat(cosine, cosine, cosine)) + a * skew(omega)
@@ -90,8 +87,6 @@ def log_so3(rotation: Matrix) -> Matrix:
     """ω with exp(ω) = R and 0 ≤ |ω| ≤ π, through the quaternion: θ = 2 atan2(|v|, w).
 
     At θ = π, where ω and −ω are the same rotation, the first non-zero component is positive.
-
-    rotation (3, 3) → (3,).
     """
     quaternion = _shepperd_quaternion(rotation)
     w, v = quaternion[0], quaternion[1:4]
@@ -109,12 +104,7 @@ def log_so3(rotation: Matrix) -> Matrix:
 
 
 def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
-    """Rotation matrix by an angle about a constant unit axis (Rodrigues).
-
-    Zeros of the axis stay structural zeros of the matrix.
-
-    axis (3,) → (3, 3).
-    """
+    """Rodrigues' rotation about a constant unit axis; zeros of the axis stay structural zeros."""
     s, c = ca.sin(angle), ca.cos(angle)
     return ca.DM.eye(3) * c + skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
 
@@ -126,8 +116,6 @@ def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
     equal eigenvalues need no special case, and small eigenvalues keep their digits.
     Columns 1 and 2 are signed so that their entry of largest magnitude is positive;
     column 3 = column 1 × column 2 (errata, rule of Table B.5).
-
-    matrix (3, 3) → (3,).
     """
     a = [[matrix[i, j] for j in range(3)] for i in range(3)]
     columns = [ca.DM.eye(3)[:, i] for i in range(3)]
@@ -175,10 +163,7 @@ def _signed(v: Matrix) -> Matrix:
 
 
 def joint_pose(joint: Joint, q: Matrix) -> Pose:
-    """Pose of a joint's frame in its parent's frame.
-
-    q (6,) [m].
-    """
+    """Pose of a joint's frame in its parent's frame; q has six entries for a free base."""
     rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
     axis = ca.DM(joint.axis)
     if joint.kind == FLOATING:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import app
 from symgen.collision import BASE, Proxy
-from symgen.collision.selection import link_poses
+from symgen.collision.selection import poses_of_link
 from symgen.errors import BuildError
 from symgen.make import pipeline
 from symgen.make.config import RobotConfig, reduced_config
@@ -27,7 +27,7 @@ def reduced(options: ChainOptions) -> tuple[Chain, Chain, RobotConfig, RobotConf
 
 def ends(chain: Chain, proxy: Proxy, q: np.ndarray) -> np.ndarray:
     """Both ends of a proxy in the base frame, (N, 2, 3) m."""
-    poses = link_poses(chain, proxy.link, q)
+    poses = poses_of_link(chain, proxy.link, q)
     points = np.array([proxy.start, proxy.end])
     return np.einsum("tij,pj->tpi", poses[:, :3, :3], points) + poses[:, None, :3, 3]
 

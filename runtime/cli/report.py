@@ -52,12 +52,12 @@ def report_command(
     themselves. Of a history it shows the trends over time and temperature.
     """
     # matplotlib is slow to import
-    from runtime.outputs.report import write_report
-    from runtime.outputs.report.experiments import (
+    from runtime.experiments.report import (
         is_experiments,
         picture_paths,
         write_experiments,
     )
+    from runtime.outputs.report import write_report
 
     is_history = results.is_file()
     page = out or (results.with_suffix(".html") if is_history else results / "report.html")

@@ -12,7 +12,7 @@ from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
-from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import document_robot
 from runtime.identification import metrics
 from runtime.library import Library
 from runtime.parallel import cores

@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
-from runtime.outputs.report.layout import Page
-from runtime.outputs.report.page import write_page
+from runtime.outputs.report.page import Page, write_page
 from runtime.outputs.report.result import Result, read_result
 from runtime.outputs.report.sections import GLOSSARY, headline, sections, tiles
 

@@ -10,11 +10,11 @@ import pytest
 
 from runtime.errors import IdentificationError, RecordingError, RuntimeFault
 from runtime.estimators.prior_file import read_prior
+from runtime.experiments.report.reading import is_drawable
 from runtime.experiments.storage.chunks import read_rows
 from runtime.identification.payload import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
-from runtime.outputs.report.experiments.curves import is_drawable
 from runtime.recording import Recording, open_streamed, read_recording
 from runtime.recording.formats import bounded_decompression, parquet
 from scripts.fuzzing import bags, goods

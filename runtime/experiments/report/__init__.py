@@ -9,6 +9,7 @@ from runtime.experiments.report.reading import Experiment, is_experiments, read_
 from runtime.experiments.report.readme import write_readme
 from runtime.experiments.report.tables import markdown, tables
 from runtime.files import replacing
+from runtime.outputs.report import ReportKind
 from runtime.outputs.report.page import write_page
 
 
@@ -83,7 +84,10 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+EXPERIMENTS = ReportKind("experiments", is_experiments, picture_paths, write_experiments)
+
 __all__ = [
+    "EXPERIMENTS",
     "all_tables",
     "is_experiments",
     "picture_paths",

@@ -228,3 +228,14 @@ def test_a_figure_is_drawn_of_series_that_fit(kind: str, good: Any, bad: Any) ->
     names = ("a", "b", "c", "d", "e")
     assert is_drawable(kind, good, names[: len(good)])
     assert not is_drawable(kind, bad, names[: len(bad)])
+
+
+def test_positions_of_no_joint_are_refused(tmp_path: Path) -> None:
+    """Property: lists without a number in the place of positions hold no sample."""
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    lists = pa.array([[]] * 9, pa.list_(pa.float64()))
+    table = {"t": pa.array(np.arange(9.0)), "q": lists, "tau": pa.array(np.ones((9, 2)).tolist())}
+    pq.write_table(pa.table(table), tmp_path / "log.parquet")
+    with pytest.raises(RecordingError, match="holds no sample"):
+        read_recording(tmp_path / "log.parquet")

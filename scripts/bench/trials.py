@@ -26,19 +26,12 @@ NOISE, PERTURBED = 0.05, 0.15
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Means over trials, and properties that hold in all of them.
+    """Means over trials, and properties that hold in all of them."""
 
-    Attributes:
-        airm: mean distance of mass matrices over 50 configurations of the test trajectory.
-        percent: torque error per joint on it, %.
-        strict: share of trials with P ≻ 0 for every link.
-        gap: largest relative distance between path and Clarabel; NaN where it is not computed.
-    """
-
-    airm: float
-    percent: Array
-    strict: float
-    gap: float
+    airm: float  # mean distance of mass matrices over 50 configurations of the test trajectory
+    percent: Array  # torque error per joint on it, %
+    strict: float  # share of trials with P ≻ 0 for every link
+    gap: float  # largest relative distance between path and Clarabel; NaN where it is not computed
 
 
 def trajectories(path: Path, lib: Library) -> list[Trajectory]:

@@ -114,11 +114,7 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Step) -> No
 
 
 def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
-    """JSON lines until the end of the stream.
-
-    Raises:
-        TimeoutError: it is silent for too long.
-    """
+    """JSON lines until the end of the stream."""
     buffer = b""
     while select.select([stream], [], [], SILENCE)[0]:
         data = os.read(stream.fileno(), 65536)

@@ -1,6 +1,6 @@
 """Studies by name, and the study of every id of the command line.
 
-A study is a `Study` of one module, and one line here.
+A study is one module with a `Study`, and one line here.
 """
 
 from runtime.errors import RuntimeFault
@@ -9,11 +9,13 @@ from runtime.experiments.studies import (
     bench,
     designs,
     excitation,
+    ideal,
     logs,
     methods,
     model,
+    noise,
+    sinusoid,
 )
-from runtime.experiments.studies.monte_carlo import IDEAL, NOISE, SINES
 from runtime.experiments.study import Study
 
 STUDIES: dict[str, Study] = {
@@ -21,10 +23,10 @@ STUDIES: dict[str, Study] = {
     for study in (
         excitation.STUDY,
         model.STUDY,
-        IDEAL,
+        ideal.STUDY,
         designs.STUDY,
-        SINES,
-        NOISE,
+        sinusoid.STUDY,
+        noise.STUDY,
         logs.STUDY,
         bench.STUDY,
         methods.STUDY,

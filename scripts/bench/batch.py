@@ -9,16 +9,22 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """N states of one robot."""
+    """N states of one robot.
 
-    q: Array  # q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise
+    Attributes:
+        q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise.
+        pi, lam, beta: (10 n,), (10 n,), (n_b,) of the URDF.
+        weight, rotor: (n,), ones and zeros.
+    """
+
+    q: Array
     dq: Array
     ddq: Array
     tau: Array
-    pi: Array  # pi, lam, beta: (10 n,), (10 n,), (n_b,) of the URDF
+    pi: Array
     lam: Array
     beta: Array
-    weight: Array  # weight, rotor: (n,), ones and zeros
+    weight: Array
     rotor: Array
 
     @property

@@ -45,18 +45,27 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Seconds of one build from nothing, and of the call after it."""
+    """Seconds of one build from nothing, and of the call after it.
+
+    Attributes:
+        generate: from the start of Python to the first compilation: imports, URDF to C text.
+        compile: from the first compilation to the end of the last, in parallel.
+        link: of the shared library.
+        total: as the user waits, hashes and renaming included.
+        again: the same command once more, with nothing to do.
+        units: every compilation; they overlap.
+    """
 
     robot: str
     compiler: str
     cores: int
-    generate: float  # from the start of Python to the first compilation: imports, URDF to C text
-    compile: float  # from the first compilation to the end of the last, in parallel
-    link: float  # of the shared library
-    total: float  # as the user waits, hashes and renaming included
-    again: float  # the same command once more, with nothing to do
+    generate: float
+    compile: float
+    link: float
+    total: float
+    again: float
     bytes: int
-    units: tuple[Unit, ...]  # every compilation; they overlap
+    units: tuple[Unit, ...]
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -64,7 +73,16 @@ class Report:
 
 
 def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) -> Report:
-    """Build a bundled robot twice in an empty folder."""
+    """Build a bundled robot twice in an empty folder.
+
+    Args:
+        robot: name.
+        kept: folder for the result; a temporary one without it.
+        levels: instruction sets; empty: those of `symgen build`.
+
+    Raises:
+        BenchError: the build failed, its message is part of the sentence; or `kept` is not empty.
+    """
     if kept is not None and kept.exists() and any(kept.iterdir()):
         raise BenchError(f"'{kept}' is not empty, and a build from nothing needs an empty folder")
     compiler = find_compiler()

@@ -77,7 +77,17 @@ class CompiledSimulator(virtual_robot._Simulator):
 
 
 def record(lib: Library, trajectory: Trajectory, *words: object, **more: object) -> VirtualLog:
-    """As `runtime.simulation.virtual_robot.record`."""
+    """As `runtime.simulation.virtual_robot.record`.
+
+    Args:
+        lib: the robot.
+        trajectory: reference of the controller.
+        words: further arguments of `record`.
+        more: its keywords.
+
+    Returns:
+        Recording, truth and true states.
+    """
     with patch.object(virtual_robot, "_Simulator", CompiledSimulator):
         return virtual_robot.record(lib, trajectory, *words, **more)  # type: ignore[arg-type]
 

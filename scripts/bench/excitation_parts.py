@@ -29,11 +29,17 @@ DURATION, HARMONICS = 20.0, 8
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """RMS errors over the arms, of the torque of other motions, all joints, N·m."""
+    """RMS errors over the arms, of the torque of other motions, all joints, N·m.
 
-    label: str  # what the logs contain
-    real: float  # error of the identified model
-    from_residuals: float  # of `predict` with the residuals of the logs
+    Attributes:
+        label: what the logs contain.
+        real: error of the identified model.
+        from_residuals: of `predict` with the residuals of the logs.
+    """
+
+    label: str
+    real: float
+    from_residuals: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +58,18 @@ class Report:
 
 
 def measure(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Report:
-    """Design, record and identify with and without each cause."""
+    """Design, record and identify with and without each cause.
+
+    Args:
+        lib: of the robot.
+        starts: of the design.
+        arms: number of virtual arms.
+        seed: of the starts; arms have the seeds 0, 1, ….
+        say: is called with a line of progress.
+
+    Returns:
+        The measurements.
+    """
     motion = design(
         lib,
         duration=DURATION,

@@ -24,15 +24,24 @@ from runtime.parallel import one_blas_thread
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One quantity."""
+    """One quantity.
 
-    name: str  # of it in JSON
-    label: str  # of it in tables
-    needs: str  # C function of the level, without robot and level
-    ours: Callable[[Setting], Callable[[], float]]  # makes what returns s per unit
+    Attributes:
+        name: of it in JSON.
+        label: of it in tables.
+        needs: C function of the level, without robot and level.
+        ours, numpy: make a function that returns seconds of one unit of work.
+        document: seconds in the document, None where it states none.
+        once: too long for rounds: measured once, NumPy not at all.
+    """
+
+    name: str
+    label: str
+    needs: str
+    ours: Callable[[Setting], Callable[[], float]]
     numpy: Callable[[Setting], Callable[[], float]] | None
-    document: float | None = None  # seconds in the document, None where it states none
-    once: bool = False  # too long for rounds: measured once, NumPy not at all
+    document: float | None = None
+    once: bool = False
 
 
 ENTRIES = (
@@ -143,7 +152,12 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one run measured."""
+    """Everything that one run measured.
+
+    Attributes:
+        skipped: label → why.
+        passes: the pass over the rows beside the limit of multiply-adds.
+    """
 
     robot: str
     level: str
@@ -151,8 +165,8 @@ class Report:
     rounds: int
     samples: int
     rows: tuple[Row, ...]
-    skipped: dict[str, str]  # label → why
-    passes: Passes  # the pass over the rows beside the limit of multiply-adds
+    skipped: dict[str, str]
+    passes: Passes
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -161,7 +175,17 @@ class Report:
 
 @one_blas_thread
 def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Report:
-    """Time every entry that the library has functions for."""
+    """Time every entry that the library has functions for.
+
+    Args:
+        lib: of the FR3.
+        rounds: see `clock.interleave`.
+        trials: whether the entries that run once take part.
+        report: is called with a line of progress.
+
+    Raises:
+        BenchError: the robot has no example trajectory.
+    """
     setting, skipped, rows = doors.setting(lib), dict[str, str](), list[Row]()
     has = _functions(lib)
     for entry in ENTRIES:

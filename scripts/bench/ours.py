@@ -34,15 +34,27 @@ static double now(void)
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """One function on one layout."""
+    """One function on one layout.
 
-    samples: int  # per call
-    run: Callable[[int], float]  # (calls) → ns per sample
-    answer: Callable[[], Array]  # the last output after a run, (N, size)
+    Attributes:
+        samples: per call.
+        run: (calls) → ns per sample.
+        answer: the last output after a run, (N, size).
+    """
+
+    samples: int
+    run: Callable[[int], float]
+    answer: Callable[[], Array]
 
 
 class Ours:
-    """Times kernels of one library at every level."""
+    """Times kernels of one library at every level.
+
+    Args:
+        lib: any level of it; the others are in the same file.
+        names: of kernels.
+        compiler: for the lines that call them.
+    """
 
     def __init__(self, lib: Library, names: tuple[str, ...], compiler: Compiler) -> None:
         self._lib = lib

@@ -63,12 +63,19 @@ BATCHES = (256, 1024, 16384)
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Throughput of one program."""
+    """Throughput of one program.
 
-    work: str  # what was run
-    precision: str  # "double" or "single"
-    rate: float  # torques of all joints per second; NaN where it was not measured
-    remark: str = ""  # source or reason
+    Attributes:
+        work: what was run.
+        precision: "double" or "single".
+        rate: torques of all joints per second; NaN where it was not measured.
+        remark: source or reason.
+    """
+
+    work: str
+    precision: str
+    rate: float
+    remark: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -76,7 +83,18 @@ class Rate:
 
 
 def measure(lib: Library, seconds: float) -> list[Rate]:
-    """Rates of the library and of its peers."""
+    """Rates of the library and of its peers.
+
+    Args:
+        lib: loaded at its best level.
+        seconds: duration of all bursts of one measurement.
+
+    Returns:
+        One row per program and precision.
+
+    Raises:
+        BenchError: no C compiler.
+    """
     ours = Ours(lib, (KERNEL,), find(("cc", "gcc", "clang")))
     count, rows = cores(), []
     for layout, label in (("tiles", "sines computed"), ("stored", "sines stored")):
@@ -150,7 +168,14 @@ def _cells(rows: list[Rate]) -> list[tuple[str, ...]]:
 
 
 def table(rows: list[Rate]) -> Table:
-    """Rows for a terminal."""
+    """Rows for a terminal.
+
+    Args:
+        rows: from `measure`.
+
+    Returns:
+        The table.
+    """
     shown = Table(*_HEADER, title="Torques per second on all cores")
     for cells in _cells(rows):
         shown.add_row(*cells)
@@ -158,5 +183,12 @@ def table(rows: list[Rate]) -> Table:
 
 
 def markdown(rows: list[Rate]) -> str:
-    """Rows as a Markdown table."""
+    """Rows as a Markdown table.
+
+    Args:
+        rows: from `measure`.
+
+    Returns:
+        Its text.
+    """
     return markdown_table(_HEADER, _cells(rows))

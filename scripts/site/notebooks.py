@@ -21,7 +21,14 @@ FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
 def notebook(name: str) -> nbformat.NotebookNode:
-    """The notebook of a tutorial."""
+    """The notebook of a tutorial.
+
+    Args:
+        name: of NAMES.
+
+    Returns:
+        Cells without outputs; the same tutorial gives the same notebook.
+    """
     text = (TUTORIALS / f"{name}.md").read_text(encoding="utf-8")
     cells, end = [], 0
     for match in FENCE.finditer(text):

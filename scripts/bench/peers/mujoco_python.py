@@ -11,7 +11,11 @@ from runtime.library import Array, Library
 
 
 def mujoco_python(lib: Library, batch: Batch) -> Peer:
-    """`mj_inverse` without contacts and constraints, one call per sample from Python."""
+    """`mj_inverse` without contacts and constraints, one call per sample from Python.
+
+    Raises:
+        BenchError: not installed, or MuJoCo refuses the URDF.
+    """
     try:
         import mujoco
     except ImportError:

@@ -12,7 +12,11 @@ from runtime.library import Array, Library
 
 
 def pinocchio_python(lib: Library, batch: Batch) -> Peer:
-    """The same algorithms through Pinocchio's Python interface, one call per sample."""
+    """The same algorithms through Pinocchio's Python interface, one call per sample.
+
+    Raises:
+        BenchError: not installed.
+    """
     model, ids = pinocchio_model(lib)
     import pinocchio as pin
 

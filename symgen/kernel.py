@@ -160,8 +160,8 @@ def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], M
     *inputs, further = function.sx_in()
     rows = function.call([*inputs, further])
     names = [a.name for a in kernel.inputs]
-    known = values(dict(zip(names, inputs, strict=True)), further)
-    rows = ca.substitute(rows, [further], [known])
+    given = values(dict(zip(names, inputs, strict=True)), further)
+    rows = ca.substitute(rows, [further], [given])
     outputs = [a.name for a in kernel.outputs]
     complete = ca.Function(kernel.name, inputs, rows, names, outputs, {"cse": True})
     return replace(kernel, function=complete)

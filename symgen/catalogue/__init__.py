@@ -46,5 +46,5 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
             *passive_kernels(chain),
         )
     kernels = (*kernels, *control_kernels(chain, omitted), *loop_kernels(chain))
-    kept, dropped = shortened(chain, without_seeds(chain, kernels))
-    return Catalogue(kept, base, omitted | dropped)
+    shipped, dropped = shortened(chain, without_seeds(chain, kernels))
+    return Catalogue(shipped, base, omitted | dropped)

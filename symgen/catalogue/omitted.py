@@ -66,13 +66,13 @@ def shortened(
     sizes = {kernel.name: kernel.operations for kernel in kernels if not kernel.factors}
     long = {name for name, size in sizes.items() if size > LONG and name in _SQUARE}
     dropped = {name: instead for name, instead in _NO_SUMS.items() if name in long}
-    kept = []
+    shipped = []
     for kernel in kernels:
         if kernel.name in dropped:
             continue
         is_long = bool(long & {kernel.name, *kernel.factors})
-        kept.append(replace(kernel, rare=True) if is_long else kernel)
-    return tuple(kept), dropped
+        shipped.append(replace(kernel, rare=True) if is_long else kernel)
+    return tuple(shipped), dropped
 
 
 _SQUARE = {

@@ -123,12 +123,12 @@ def close_loops(
     dependent = _dependent(tree, slopes[0][rows], chosen)
     independent = chosen or [k for k in range(len(free)) if k not in dependent]
     at = np.cumsum([0, *(len(c.rows) for c in closures)])
-    kept = tuple(
+    closed = tuple(
         replace(c, rows=tuple(c.rows[r - at[k]] for r in rows if at[k] <= r < at[k + 1]))
         for k, c in enumerate(closures)
     )
     return Loops(
-        kept,
+        closed,
         tuple(independent),
         tuple(dependent),
         _blocks([slope[rows][:, dependent] for slope in slopes]),
@@ -219,17 +219,17 @@ def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]
     """The pose at which all loops close, by damped Newton; independent joints stay if they can."""
     if chosen:
         others = [k for k in range(len(start)) if k not in chosen]
-        x = closed_pose(tree, closures, start, others)
+        x = _closed_pose(tree, closures, start, others)
         if x is not None:
             return x
-    x = closed_pose(tree, closures, start, list(range(len(start))))
+    x = _closed_pose(tree, closures, start, list(range(len(start))))
     if x is not None:
         return x
-    end = newton_pose(tree, closures, start, list(range(len(start))))
+    end = _newton_pose(tree, closures, start, list(range(len(start))))
     worst = max(closures, key=lambda c: float(np.abs(tree.rows([c], end)[0]).max()))
     raise UrdfError(
-        f"{worst.name} cannot be closed: its frames are {apart_at(tree, worst, start)} apart at "
-        f"the start and {apart_at(tree, worst, end)} where Newton ends; correct parent_xyz, "
+        f"{worst.name} cannot be closed: its frames are {_apart_at(tree, worst, start)} apart at "
+        f"the start and {_apart_at(tree, worst, end)} where Newton ends; correct parent_xyz, "
         "parent_rpy, child_xyz, child_rpy, or state positions near the closed pose under [assembly]"
     )
 
@@ -245,7 +245,7 @@ def _poses_beside(tree: Tree, closures: list[Closure], x: Array) -> list[Array]:
     for _ in range(_POSES if len(free) else 0):
         direction = rng.normal(0, 1, len(free)) @ free
         start = x + _ASIDE * direction / np.linalg.norm(direction)
-        pose = closed_pose(tree, closures, start, list(range(len(x))))
+        pose = _closed_pose(tree, closures, start, list(range(len(x))))
         if pose is not None and np.linalg.norm(pose - x) > _ASIDE / 4:
             poses.append(pose)
     return poses
@@ -375,15 +375,15 @@ def _cross(v: Array) -> Array:
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def closed_pose(
+def _closed_pose(
     tree: Tree, closures: list[Closure], start: Array, columns: list[int]
 ) -> Array | None:
     """The pose at which damped Newton closes all loops, (n,) [rad, m]; None where it does not."""
-    x = newton_pose(tree, closures, start, columns)
+    x = _newton_pose(tree, closures, start, columns)
     return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
 
 
-def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
+def _newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:
     """The pose where damped Newton ends, closed or not, (n,) [rad, m]."""
     x = start.copy()
     for _ in range(_NEWTON):
@@ -395,7 +395,7 @@ def newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list
     return x
 
 
-def apart_at(tree: Tree, closure: Closure, x: Array) -> str:
+def _apart_at(tree: Tree, closure: Closure, x: Array) -> str:
     """Distance of the frames of a loop at a pose x (n,), with the angle where the loop fixes it."""
     value, _ = tree.rows([replace(closure, kind="fixed", rows=(0, 1, 2, 3, 4, 5))], x)
     along = ", ".join(f"{v:.3g}" for v in np.round(value[:3], 6) + 0.0)

@@ -13,7 +13,7 @@ import numpy as np
 from symgen.chain.document import MOVING, Document, listing, numbers
 from symgen.errors import UrdfError
 
-Rows = tuple[tuple[float, ...], ...]
+MatrixRows = tuple[tuple[float, ...], ...]
 Vector = tuple[float, ...]
 
 _SINGULAR = 1e-9
@@ -46,7 +46,7 @@ class Coupling:
     """
 
     independent: tuple[int, ...]
-    matrix: Rows
+    matrix: MatrixRows
     offset: Vector
 
     def masters(self, joint: int) -> list[int]:

@@ -15,10 +15,8 @@ from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from symgen.chain.coupling import CouplingRow
+from symgen.chain.coupling import CouplingRow, Vector
 from symgen.errors import UrdfError
-
-Vector = tuple[float, ...]
 
 FREE_ROWS = {
     "fixed": (),

@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio
 
-from symgen.chain.coupling import Coupling
+from symgen.chain.coupling import Coupling, MatrixRows, Vector
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
 LARGE = 20
 """Moving bodies above which a robot is large."""
-Rows = tuple[tuple[float, ...], ...]
-Vector = tuple[float, ...]
 FLOATING = "floating"
 """Kind of the joint of a free base."""
 BASE_JOINT = "root_joint"
@@ -44,7 +42,7 @@ class Joint:
     name: str
     kind: str
     parent: int
-    rotation: Rows
+    rotation: MatrixRows
     translation: Vector
     axis: Vector
     lower: float | None
@@ -54,7 +52,7 @@ class Joint:
     link: str
     mass: float
     com: Vector
-    inertia: Rows
+    inertia: MatrixRows
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +83,7 @@ class Tip:
 
     link: str
     joint: int
-    rotation: Rows
+    rotation: MatrixRows
     translation: Vector
 
 
@@ -100,7 +98,7 @@ class Frame:
     """
 
     joint: int
-    rotation: Rows
+    rotation: MatrixRows
     translation: Vector
 
 
@@ -255,6 +253,6 @@ def snapped(values: np.ndarray) -> Vector:
     return tuple(float(x) for x in np.where(meant, nearest + 0.0, array))
 
 
-def rows_of(matrix: np.ndarray) -> Rows:
-    """Rows of a rotation, snapped."""
+def rows_of(matrix: np.ndarray) -> MatrixRows:
+    """MatrixRows of a rotation, snapped."""
     return tuple(snapped(row) for row in matrix)

@@ -81,11 +81,11 @@ def moving_joints(text: str, options: ChainOptions) -> tuple[str, ...]:
 
 def _with_followers(document: Document, locks: dict[str, float]) -> dict[str, float]:
     """The locks with those of all joints that mimic a locked one, directly or not."""
-    known, rows = dict(locks), [r for r in mimic_rows(document) if r.joint not in locks]
-    while ready := [r for r in rows if all(m in known for m in r.of) and r.joint not in known]:
+    values, rows = dict(locks), [r for r in mimic_rows(document) if r.joint not in locks]
+    while ready := [r for r in rows if all(m in values for m in r.of) and r.joint not in values]:
         for row in ready:
-            known[row.joint] = sum(f * known[m] for m, f in row.of.items()) + row.offset
-    return known
+            values[row.joint] = sum(f * values[m] for m, f in row.of.items()) + row.offset
+    return values
 
 
 def _require_supported(document: Document) -> None:

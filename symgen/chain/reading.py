@@ -72,7 +72,7 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     )
     coupling = _coupling(document, joints, options.mechanism)
     if coupling is not None:
-        for k, ends in range_of_followers(joints, coupling).items():
+        for k, ends in _range_of_followers(joints, coupling).items():
             joints = (*joints[:k], replace(joints[k], **ends), *joints[k + 1 :])
     return Chain(
         name=document.name,
@@ -124,7 +124,7 @@ def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -
             "give it an <inertial> or a mass with --masses, lock the joint with --lock or cut it "
             "off with --tip"
         )
-    lower, upper, velocity, effort = limits_of(document, name)
+    lower, upper, velocity, effort = _limits_of(document, name)
     return Joint(
         name=name,
         kind=document.kind(name),
@@ -247,7 +247,7 @@ def parse_with_pinocchio(document: Document) -> pinocchio.Model:
         raise UrdfError(f"pinocchio cannot read the URDF: {' '.join(str(error).split())}") from None
 
 
-def limits_of(
+def _limits_of(
     document: Document, name: str
 ) -> tuple[float | None, float | None, float | None, float | None]:
     """Lower, upper, velocity and effort limit of a joint."""
@@ -275,7 +275,7 @@ def limits_of(
     return lower, upper, values["velocity"], values["effort"]
 
 
-def range_of_followers(joints: tuple[Joint, ...], coupling: Coupling) -> dict[int, dict[str, Any]]:
+def _range_of_followers(joints: tuple[Joint, ...], coupling: Coupling) -> dict[int, dict[str, Any]]:
     """Limits of independent joints after those of the joints that follow them.
 
     A joint with one master x = c q + b limits q to (lower − b)/c … (upper − b)/c and its speed to

@@ -82,7 +82,7 @@ def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
     """Return proxies that enclose a link."""
     capsules = [Capsule(r.start, r.end, r.radius) for r in geometry.rounds]
     if len(geometry.triangles):
-        capsules += fit_capsules(geometry.triangles, most)
+        capsules += _fit_capsules(geometry.triangles, most)
     several = len(capsules) > 1
     return tuple(
         Proxy(
@@ -96,7 +96,7 @@ def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
     )
 
 
-def fit_capsules(triangles: Array, most: int) -> list[Capsule]:
+def _fit_capsules(triangles: Array, most: int) -> list[Capsule]:
     """Fit capsules to triangles, each triangle wholly inside one of them."""
     best = [_rounded(_enclosing(triangles), triangles)]
     for count in range(2, most + 1):

@@ -20,7 +20,7 @@ from symgen.errors import CollisionError
 
 Array = NDArray[np.float64]
 
-LARGEST = 10.0
+FARTHEST = 10.0
 """Largest coordinate of a shape in the frame of its link, m; beyond it a mesh is in mm."""
 EDGE = 0.02
 """Longest edge of a triangle after cutting, m."""
@@ -100,10 +100,10 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
             continue
         corners = _corners(part.name, shape)
         corners = corners @ placement.rotation.T + placement.translation
-        if not np.abs(corners).max() < LARGEST:
+        if not np.abs(corners).max() < FARTHEST:
             raise CollisionError(
                 f"the collision shape '{part.name}' reaches {np.abs(corners).max():g} m, expected "
-                f"less than {LARGEST:g} m; shapes are in m, correct it or the scale of its mesh"
+                f"less than {FARTHEST:g} m; shapes are in m, correct it or the scale of its mesh"
             )
         volume += float(ConvexHull(corners.reshape(-1, 3)).volume)
         triangles.append(cut(corners))

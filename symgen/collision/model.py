@@ -65,11 +65,11 @@ class CollisionModel:
     pairs: tuple[Pair, ...] = ()
 
     def __post_init__(self) -> None:
-        seen: set[str] = set()
+        names: set[str] = set()
         for proxy in self.proxies:
-            if proxy.name in seen:
+            if proxy.name in names:
                 raise CollisionError(f"two proxies are called '{proxy.name}'; names must be unique")
-            seen.add(proxy.name)
+            names.add(proxy.name)
             numbers = (*proxy.start, *proxy.end, proxy.radius)
             if not np.isfinite(numbers).all() or proxy.radius <= 0:
                 raise CollisionError(
@@ -78,10 +78,10 @@ class CollisionModel:
                 )
         for pair in self.pairs:
             for name in (pair.first, pair.second):
-                if name not in seen:
+                if name not in names:
                     raise CollisionError(
                         f"a pair names the proxy '{name}', which does not exist; "
-                        f"proxies are {', '.join(sorted(seen)) or 'none'}"
+                        f"proxies are {', '.join(sorted(names)) or 'none'}"
                     )
             if pair.first == pair.second or not np.isfinite(pair.margin):
                 raise CollisionError(

@@ -75,24 +75,24 @@ def select_pairs(
     distances = np.asarray(function.map(len(postures))(postures.T)).T  # (postures, pairs)
     links = {part.link: part for part in geometry if not part.rounds}
     # Per pair: its margin, then drop it if it never reaches the margin or never comes near it.
-    kept, apart, touching = [], [], []
+    pairs, apart, touching = [], [], []
     for k, pair in enumerate(model.pairs):
-        names, kept_margin = (pair.first, pair.second), margin
+        names, pair_margin = (pair.first, pair.second), margin
         if distances[0, k] < margin + SPARE:
             ends = [links[link] for name in names if (link := model.named(name).link) in links]
             if len(ends) == 2:
-                kept_margin = _from_links(chain, ends, postures, distances[:, k], margin)
+                pair_margin = _from_links(chain, ends, postures, distances[:, k], margin)
             elif distances[0, k] > 0:
-                kept_margin = _floor(float(distances[0, k]) / 2)
-        if kept_margin > distances[:, k].max():
+                pair_margin = _floor(float(distances[0, k]) / 2)
+        if pair_margin > distances[:, k].max():
             touching.append(names)
         elif (
-            _least(both, k, postures[np.argsort(distances[:, k])], lower, upper) > kept_margin + FAR
+            _least(both, k, postures[np.argsort(distances[:, k])], lower, upper) > pair_margin + FAR
         ):
             apart.append(names)
         else:
-            kept.append(Pair(*names, kept_margin))
-    return Selection(tuple(kept), tuple(apart), tuple(touching))
+            pairs.append(Pair(*names, pair_margin))
+    return Selection(tuple(pairs), tuple(apart), tuple(touching))
 
 
 def _from_links(

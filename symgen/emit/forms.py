@@ -77,16 +77,16 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     called = {kernel.name for kernel in composed}
     whole = [kernel for kernel in kernels if not kernel.factors and kernel.name not in called]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
-    bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
+    bodies |= {k.name: _composed_body(robot, k, by_name) for k in composed}
     factors = {name for kernel in kernels for name in kernel.factors}
     # Products need the structure of their factors, even of those without vector code.
     forms = {k.name: tile_program(k) for k in whole if not k.rare or k.name in factors}
     tiles = {name: form for name, form in forms.items() if not by_name[name].rare}
     for kernel in composed:  # may call a composition before it
-        tiles[kernel.name] = composed_program(robot, kernel, by_name, tiles)
+        tiles[kernel.name] = _composed_program(robot, kernel, by_name, tiles)
     products = {k.name: product(k, by_name, forms) for k in kernels if k.factors}
     vector = {name: p for name, p in products.items() if not by_name[name].rare}
-    tiles |= {name: product_program(by_name[name], p, tiles) for name, p in vector.items()}
+    tiles |= {name: _product_program(by_name[name], p, tiles) for name, p in vector.items()}
     return Forms(bodies, tiles, products)
 
 
@@ -112,7 +112,7 @@ def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TilePro
     return Product(left, right, joints, links, size, entries, rows, first, zeros)
 
 
-def product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) -> TileProgram:
+def _product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) -> TileProgram:
     """Tile form of a product; the templates write its statements."""
     y = tiles[p.regressor]
     per_row = 2 * len(p.entries) - p.size
@@ -141,7 +141,7 @@ def compositions(kernels: Kernels) -> list[Kernel]:
     return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
 
 
-def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
+def _composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
     """C statements of a composition for one sample."""
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]
@@ -154,7 +154,7 @@ def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
     ]
 
 
-def composed_program(
+def _composed_program(
     robot: str, kernel: Kernel, kernels: Kernels, tiles: dict[str, TileProgram]
 ) -> TileProgram:
     """Tile form of a composition; the maps are computed once per batch.

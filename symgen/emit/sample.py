@@ -129,11 +129,11 @@ def parts_of(lines: Sequence[str], size: int = PART) -> Parts:
     stored = 0
     bodies = []
     for k, chunk in enumerate(chunks):
-        known = dict(places)
+        stored_at = dict(places)
 
-        def placed(match: re.Match[str], known: dict[str, int] = known) -> str:
+        def placed(match: re.Match[str], stored_at: dict[str, int] = stored_at) -> str:
             name = match[0]
-            return f"w[{known[name]}]" if name in known else name
+            return f"w[{stored_at[name]}]" if name in stored_at else name
 
         body = []
         for line in chunk:

@@ -35,7 +35,7 @@ TURNS = 20.0
 """Largest plausible limit, rad, about three turns: larger ones are usually in degrees."""
 
 
-def ellipsoid_density(body: Body) -> float:
+def _ellipsoid_density(body: Body) -> float:
     """ρ of the solid ellipsoid with the body's m and Σ_com, kg/m³; infinite for flat bodies."""
     moments = np.linalg.eigvalsh(body.sigma) / body.mass
     if not moments[0] > 0:
@@ -139,7 +139,7 @@ def _decimal_entry(body: Body, where: str) -> list[Finding]:
         tensor[i, j] *= 10.0**k
         tensor[j, i] = tensor[i, j]
         repaired = Body(body.mass, body.com, tensor)
-        if body.inertia[i, j] and repaired.is_realisable and ellipsoid_density(repaired) < OSMIUM:
+        if body.inertia[i, j] and repaired.is_realisable and _ellipsoid_density(repaired) < OSMIUM:
             candidates.append((i, j, k))
     if len({(i, j) for i, j, _ in candidates}) != 1:
         return []
@@ -156,7 +156,7 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     """Warnings about a consistent body: density, size and place that links do not have."""
     body, where, extent = group.body, group.where, group.extent
     findings = [*_geometry(body, where, extent)]
-    density = ellipsoid_density(body)
+    density = _ellipsoid_density(body)
     reach = extent.reach(body.com) if extent else _kinematic_reach(model, group)
     slip = _slipped(body, reach)
     if density > OSMIUM:
@@ -230,7 +230,7 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
 
 def _slipped(body: Body, reach: float) -> str:
     """`, such as the inertia times 10^k`: the power of ten that gives usual density and size."""
-    density = ellipsoid_density(body)
+    density = _ellipsoid_density(body)
 
     def fits(k: int) -> float:
         small = body.size * 10.0 ** (k / 2) <= STRETCH * reach

@@ -94,10 +94,10 @@ class Meshes:
             shapes = [s for s in link.shapes if s.is_collision == is_collision]
             parts = [self._part(shape) for shape in shapes]
             if parts and all(part is not None for part in parts):
-                known = [part for part in parts if part is not None]
-                volume = sum(v for v, _ in known)
+                measured = [part for part in parts if part is not None]
+                volume = sum(v for v, _ in measured)
                 if volume > 0:
-                    return Extent(volume, np.vstack([p for _, p in known]))
+                    return Extent(volume, np.vstack([p for _, p in measured]))
         return None
 
     def _part(self, shape: Shape) -> tuple[float, Array] | None:
@@ -196,12 +196,14 @@ def _require_numbers(tag: str, text: str) -> None:
 
 def groups_of(model: Model, extents: dict[str, Extent | None]) -> list[Group]:
     """Return the groups that have a consistent body."""
-    groups, seen = [], set()
+    groups, grouped = [], set()
     for name in model.links:
         joint = model.joint_of(name)
         if joint is None or joint.moves or joint.parent not in model.links:
-            members = [member for member in model.subtree(name, rigid=True) if member not in seen]
-            seen.update(members)
+            members = [
+                member for member in model.subtree(name, rigid=True) if member not in grouped
+            ]
+            grouped.update(members)
             groups.append(_group(model, members, extents))
     return [group for group in groups if group is not None]
 

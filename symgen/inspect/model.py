@@ -213,14 +213,14 @@ class Model:
 
     def subtree(self, link: str, rigid: bool = False) -> list[str]:
         """A link and all links beyond it; loops are followed once."""
-        seen, pending = [], [link]
+        reached, pending = [], [link]
         while pending:
             here = pending.pop()
-            if here in seen:
+            if here in reached:
                 continue
-            seen.append(here)
+            reached.append(here)
             pending += [j.child for j in self.children(here) if not (rigid and j.moves)]
-        return [name for name in seen if name in self.links]
+        return [name for name in reached if name in self.links]
 
 
 def _flat(matrix: ca.DM) -> Array:

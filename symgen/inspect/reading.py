@@ -237,18 +237,18 @@ def read_mjcf(path: Path) -> Model:
 
 def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, ...]]:
     """Links without the bodies whose numbers are out of range, and findings about these."""
-    kept, findings = {}, []
+    readable, findings = {}, []
     for name, link in links.items():
-        kept[name], body = link, link.body
+        readable[name], body = link, link.body
         if body is None:
             continue
         sizes = np.abs([body.mass, *body.com, *body.inertia.ravel()])
         if not (sizes < HUGE).all() or 0 < abs(body.mass) < SPECK:
-            kept[name] = Link(name)
+            readable[name] = Link(name)
             observed = f"a mass of {body.mass:g} kg, an inertia up to {sizes[4:].max():g} kg·m²"
             wanted = f"expected masses from {SPECK:g} kg up and numbers below {HUGE:g}"
             findings.append(Finding(ERROR, "unreadable", f"link '{name}'", observed, wanted))
-    return kept, tuple(findings)
+    return readable, tuple(findings)
 
 
 def _line(error: Exception) -> str:
@@ -319,8 +319,8 @@ def _joint(
 
 def _kind(code: int, mujoco: Any) -> str:
     kinds = mujoco.mjtJoint
-    known = {int(kinds.mjJNT_HINGE): "revolute", int(kinds.mjJNT_SLIDE): "prismatic"}
-    return known.get(int(code), "floating")
+    names = {int(kinds.mjJNT_HINGE): "revolute", int(kinds.mjJNT_SLIDE): "prismatic"}
+    return names.get(int(code), "floating")
 
 
 def _rotation(quaternion: Any, mujoco: Any) -> np.ndarray:

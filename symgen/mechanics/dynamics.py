@@ -162,8 +162,8 @@ def by_parameters(
     if columns is None:
         return ca.jacobian(linear(pi), pi)
     chosen = ca.vertcat(*(pi[c] for c in columns))
-    kept = set(columns)
-    sparse = ca.vertcat(*(pi[c] if c in kept else 0 for c in range(pi.numel())))
+    wanted = set(columns)
+    sparse = ca.vertcat(*(pi[c] if c in wanted else 0 for c in range(pi.numel())))
     return ca.jacobian(linear(sparse), chosen)
 
 

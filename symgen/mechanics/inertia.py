@@ -55,7 +55,7 @@ def bodies_of(pi: Matrix) -> list[MassMoments]:
     return [mass_moment_inertia(pi[k : k + N_PARAMETERS]) for k in links]
 
 
-def joined(a: MassMoments, b: MassMoments) -> MassMoments:
+def sum_of_bodies(a: MassMoments, b: MassMoments) -> MassMoments:
     """Return the sum of two bodies given in the same frame."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
@@ -71,8 +71,8 @@ def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
     return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
 
 
-def seen_from(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassMoments:
-    """Return a body in the frame in which its present frame has the pose (R, p).
+def in_parent_frame(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassMoments:
+    """A body in the parent frame, in which its own frame has the pose (R, p).
 
     With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2.
     This is Steiner's theorem, Eq. 4.30, without c, which a body of zero mass does not have.

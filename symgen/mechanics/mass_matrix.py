@@ -12,7 +12,7 @@ from symgen.chain import Chain
 from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.dynamics import bias_forces
-from symgen.mechanics.inertia import bodies_of, joined, seen_from
+from symgen.mechanics.inertia import bodies_of, in_parent_frame, sum_of_bodies
 from symgen.mechanics.kinematics import independent_mass, joint_poses
 
 
@@ -51,8 +51,8 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
             couple += ca.cross(at.translation, force)
             k = chain.joints[k].parent
         if joint.parent >= 0:
-            more = seen_from(pose.rotation, pose.translation, beyond[i])
-            beyond[joint.parent] = joined(beyond[joint.parent], more)
+            more = in_parent_frame(pose.rotation, pose.translation, beyond[i])
+            beyond[joint.parent] = sum_of_bodies(beyond[joint.parent], more)
     return ca.densify(independent_mass(chain, q, m))
 
 

@@ -62,15 +62,15 @@ def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
         )
     for extra in chain.mechanism.friction:
         named[extra.name] = tuple(_row(chain, extra.of).tolist())
-    kept: dict[str, tuple[float, ...]] = {}
+    rows: dict[str, tuple[float, ...]] = {}
     for name, values in named.items():
         row = np.array(values)
         if np.count_nonzero(row) < 2:
             continue
         row = row / row[int(np.argmax(np.abs(row)))]
-        if all(np.abs(row - other).max() > _PARALLEL for other in kept.values()):
-            kept[name] = tuple(row.tolist())
-    return kept
+        if all(np.abs(row - other).max() > _PARALLEL for other in rows.values()):
+            rows[name] = tuple(row.tolist())
+    return rows
 
 
 def _unit_torque(chain: Chain, spring: Spring, q: Matrix) -> Matrix:

@@ -94,10 +94,10 @@ def _expand(job: dict[str, Any]) -> dict[str, Any]:
         return _refusal(error)
     unknown = sorted(job["arguments"].keys() - files.words)
     if unknown:
-        known = ", ".join(_one_line(name) for name in files.arguments) or "none"
+        names = ", ".join(_one_line(name) for name in files.arguments) or "none"
         return {
             "refused": f"--arg names '{unknown[0]}', which '{job['path']}' and its includes do not "
-            f"contain; their arguments are: {known}"
+            f"contain; their arguments are: {names}"
         }
     if len(text) > LARGEST:
         return {"reason": f"the URDF has more than {LARGEST >> 20} MiB"}
@@ -246,7 +246,7 @@ def _optional_environment(name: str, default: str = "") -> str:
     return _environment(name) if name in os.environ else default
 
 
-def plain_type(value: Any) -> type:
+def _plain_type(value: Any) -> type:
     """Type of plain data."""
     if type(value) in _PLAIN or value is None:
         return type(value)
@@ -260,7 +260,7 @@ _FUNCTIONS = (
 )
 BUILTINS: Mapping[str, Any] = {
     **{function.__name__: function for function in _FUNCTIONS},
-    "type": plain_type,
+    "type": _plain_type,
     "True": True,
     "False": False,
 }

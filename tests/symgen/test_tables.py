@@ -9,7 +9,7 @@ import pytest
 
 from runtime.library import Library
 from symgen.chain import read_chain
-from symgen.mechanics.base_parameters import regrouped_base
+from tests.regrouping_rules import regrouped_base
 from tests.taylor import Array
 
 PI_7 = [

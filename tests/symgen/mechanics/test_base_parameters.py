@@ -12,11 +12,12 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.errors import RankError
 from symgen.make.request import bundled_request
-from symgen.mechanics.base_parameters import BaseParameters, numeric_base, regrouped_base
+from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 from symgen.mechanics.dynamics import sampled_regressor
 from tests.conftest import TINY_URDF
 from tests.linkages import planar
 from tests.oracle import ask_pinocchio, pinocchio_model, random_states
+from tests.regrouping_rules import regrouped_base
 from tests.robots import CASES
 from tests.taylor import Array
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from symgen.chain import ChainOptions, read_chain
-from symgen.mechanics.base_parameters import numeric_base, regrouped_base
+from symgen.mechanics.base_parameters import numeric_base
 from symgen.mechanics.dynamics import sampled_regressor
+from tests.regrouping_rules import regrouped_base
 
 JOINT = """
 <joint name="j{k}" type="revolute"><origin xyz="{x!r} {y!r} {z!r}" rpy="{alpha!r} 0 0"/>

@@ -32,7 +32,7 @@ LIBRARIES = {
     "pxr": (ENGINES,),
     "yaml": (ENGINES,),
     "jinja2": ("runtime.outputs.report",),
-    "matplotlib": ("runtime.outputs.report",),
+    "matplotlib": ("runtime.outputs.report", "runtime.experiments.report"),  # there for types
 }
 """Library → the parts of runtime that may import it; they import it where they use it."""
 

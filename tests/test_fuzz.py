@@ -11,9 +11,8 @@ from runtime.errors import RecordingError
 from runtime.library import load
 from runtime.recording import read_recording
 from scripts.fuzzing import run
-from scripts.fuzzing.damage import generator, mutated
+from scripts.fuzzing.damage import CANARY, drawn
 from scripts.fuzzing.doors import DOORS
-from scripts.fuzzing.mutators import CANARY
 from tests.conftest import REPOSITORY
 
 COUNT = 6
@@ -59,9 +58,7 @@ def half(folder):
     (folder / doors.OUT / "page").write_text("half a page")
     raise child.RuntimeFault("refused")
 doors.DOORS["csv"] = doors.Door("log.csv", furnish, read)
-count = iter(range(int(sys.argv[2]), 99))
-child.mutated = lambda data, file, rng: b"%d" % next(count)
-child.SHARE = 0.0
+child.drawn = lambda data, file, key, first, count: [b"%d" % (first + k) for k in range(count)]
 child.SECONDS, child.PATIENCE, child.RESIDENT = 1.0, 4.0, 10**8
 child.main()
 """
@@ -76,8 +73,7 @@ def test_the_harness_finds_faults(tiny_built: Path, monkeypatch: pytest.MonkeyPa
     start = run.subprocess.Popen
 
     def bad(words: list[str], **options: object) -> object:
-        first = run.json.loads(words[3])["work"][0][1]
-        return start([sys.executable, "-c", BAD_DOOR, words[3], str(first)], **options)
+        return start([sys.executable, "-c", BAD_DOOR, words[3]], **options)
 
     monkeypatch.setattr(run.subprocess, "Popen", bad)
     reported = []
@@ -91,10 +87,9 @@ def test_the_harness_finds_faults(tiny_built: Path, monkeypatch: pytest.MonkeyPa
 def test_same_seed_same_files() -> None:
     """Property: a fault can be looked at again, by kind and index."""
     data = (REPOSITORY / "symgen" / "robots" / "fr3.toml").read_bytes()
-    made, again = (
-        [mutated(data, "fr3.toml", generator(0, "robot", i)) for i in range(50)] for _ in range(2)
-    )
+    made, again = ([*drawn(data, "fr3.toml", (0, "robot"), 0, 50)] for _ in range(2))
     assert made == again
+    assert made[13:33] == [*drawn(data, "fr3.toml", (0, "robot"), 13, 20)]
     assert len(set(made)) > 45
     assert data not in made
 

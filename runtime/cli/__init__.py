@@ -47,6 +47,8 @@ COMMANDS = (
     ),
 )
 """Every command: function NAME_command of the module NAME of this package."""
+MODULES = {"reproduce": "runtime.experiments.command"}
+"""Modules of commands of other rooms, which nothing imports."""
 NEW_OBJECTS = 50_000
 """Containers made since the last collection that start the next, more than a short command makes;
 700, Python's own number, is searched sixty times in one."""
@@ -67,7 +69,9 @@ def app_of(names: Iterable[str]) -> typer.Typer:
     )
     chosen.callback()(_command_comes_first)
     for name in names:
-        function = getattr(import_module(f"runtime.cli.{name}"), f"{name}_command")
+        function = getattr(
+            import_module(MODULES.get(name, f"runtime.cli.{name}")), f"{name}_command"
+        )
         chosen.command(name, cls=RefusingCommand, help=flowing(getdoc(function) or ""))(function)
     return chosen
 

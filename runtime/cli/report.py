@@ -8,6 +8,8 @@ import typer
 from runtime.cli.common import command_line, say
 from runtime.cli.overwriting import Overwrite, require_page, require_unused
 from runtime.errors import IdentificationError
+from runtime.outputs.report import REPORT_KINDS, write_report
+from runtime.outputs.report.trends import write_trends
 
 
 def report_command(
@@ -51,30 +53,21 @@ def report_command(
     The page needs no network: its tables sort and its figures zoom. identify and compare write it
     themselves. Of a history it shows the trends over time and temperature.
     """
-    # matplotlib is slow to import
-    from runtime.outputs.report import write_report
-    from runtime.outputs.report.experiments import (
-        is_experiments,
-        picture_paths,
-        write_experiments,
-    )
-
     is_history = results.is_file()
+    kind = next((each for each in REPORT_KINDS.records() if each.accepts(results)), None)
     page = out or (results.with_suffix(".html") if is_history else results / "report.html")
     if out is None:
         require_page(page, overwrite)
     else:
         require_unused([out], overwrite)
     if is_history and not (markdown or figures or into or readme):
-        from runtime.outputs.report.trends import write_trends
-
         written: tuple[Path, ...] = (write_trends(results, page),)
-    elif is_experiments(results):
+    elif kind is not None:
         place = Path("README.md") if readme else into
         require_unused([markdown] if markdown else [], overwrite, "--markdown")
         if figures is not None:
-            require_unused(picture_paths(results, figures), overwrite, "--figures")
-        written = write_experiments(
+            require_unused(kind.pictures(results, figures), overwrite, "--figures")
+        written = kind.write(
             results,
             page,
             tables_to=markdown,

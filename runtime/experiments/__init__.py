@@ -30,11 +30,10 @@ The hash covers config, seed, robot and the arrays of other studies, not the num
 Equal hashes give equal digits except time_s, for any chunks, threads and cluster.
 """
 
-from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce
+from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce, state_of
 from runtime.experiments.storage.result_files import RESULT, valid_result
 from runtime.experiments.studies_by_name import IDS, STUDIES, study_of
 from runtime.experiments.study import Study, View
-from runtime.experiments.study_state import state_of
 
 __all__ = [
     "DEFAULT_TRIALS",

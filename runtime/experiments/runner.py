@@ -1,18 +1,20 @@
-"""Compute a study chunk by chunk, continuing an earlier run.
+"""Compute a study chunk by chunk, here or on a cluster, continuing an earlier run; its state.
 
 Every finished chunk is a file; result.json is written last. A run that was killed leaves chunks,
 from which the next run continues; damaged files are computed again.
 """
 
+import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from runtime.errors import RuntimeFault
-from runtime.experiments.storage.chunks import Chunks, arrow, missing
-from runtime.experiments.storage.lock import locked
+from runtime.experiments.storage.chunks import Chunks, arrow, locked, missing
 from runtime.experiments.storage.result_files import (
     CONFIG,
     RESULT,
@@ -25,10 +27,12 @@ from runtime.experiments.storage.result_files import (
 )
 from runtime.experiments.studies_by_name import STUDIES
 from runtime.experiments.study import Arrays, Row, Study, StudyConfig, config_facts, config_hash
-from runtime.experiments.workers import on_workers
 from runtime.files import json_of
-from runtime.library import Library
-from runtime.parallel import cores, one_blas_thread
+from runtime.library import Library, load
+from runtime.parallel import cores, on_cluster, one_blas_thread
+
+MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
+
 
 DEFAULT_TRIALS = 150
 """Number of Monte Carlo trials of the document."""
@@ -169,3 +173,94 @@ def _clear(folder: Path) -> None:
     files = [folder / name for name in (RESULT, TRIALS, SERIES, CONFIG)]
     for path in [*files, *(folder / "chunks").glob("*")]:
         path.unlink(missing_ok=True)
+
+
+_here = threading.local()
+"""Last prepared input of a thread of a worker, with its key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """Message to a worker, which imports the functions of the study by its name."""
+
+    study: str
+    config: StudyConfig
+    needed: Arrays
+    folder: Path
+    level: str
+
+
+def on_workers(
+    study: Study,
+    lib: Library,
+    config: StudyConfig,
+    needed: Arrays,
+    runs: Sequence[range],
+    scheduler: str,
+) -> Generator[tuple[range, list[Row]], None, None]:
+    """Compute ranges of trials on a dask cluster."""
+    sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
+    return on_cluster(_rows, sent, [runs], scheduler, f"a chunk of '{study.name}'")
+
+
+def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
+    from runtime.experiments.studies_by_name import STUDIES
+
+    study = STUDIES[sent.study]
+    known: tuple[str, Any] | None = getattr(_here, "prepared", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        lib = load(sent.folder, sent.level)
+        known = _here.prepared = key, study.prepare(lib, sent.config, sent.needed)
+    return numbers, study.run(known[1], numbers, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """State of one study in one folder.
+
+    Attributes:
+        word: missing, partial, done or hash differs.
+        done: number of finished trials.
+        trials: number of requested trials.
+    """
+
+    word: str
+    done: int
+    trials: int
+
+    def __str__(self) -> str:
+        if self.word in {MISSING, DIFFERS}:
+            return self.word
+        return f"{self.word} ({self.done} of {self.trials} trials)"
+
+
+def state_of(lib: Library, study: Study, request: Request) -> State:
+    """State of a study without computing anything.
+
+    Args:
+        lib: the robot.
+        study: of which the folder is read.
+        request: output folder, seed and number of trials.
+
+    Returns:
+        The state.
+    """
+    folder = request.out / study.name
+    config, trials = requested(study, request)
+    existing = folder_hash(folder)
+    if existing is None:
+        return State(MISSING, 0, trials)
+    needed: Arrays = {}
+    for name in study.needs:
+        if valid_result(request.out / name) is None:
+            return State(DIFFERS, 0, trials)
+        needed = {**needed, **read_series(request.out / name)}
+    mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)
+    if existing != mark:
+        return State(DIFFERS, 0, trials)
+    result = valid_result(folder, mark)
+    if result is not None and result["trials"] == trials:
+        return State(DONE, trials, trials)
+    done = len(Chunks(folder, mark, lambda _: None).read(trials))
+    return State(PARTIAL, done, trials)

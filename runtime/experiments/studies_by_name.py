@@ -1,6 +1,6 @@
 """Studies by name, and the study of every id of the command line.
 
-A study is one module with a `Study`, and one line here.
+A study is a `Study` of one module, and one line here.
 """
 
 from runtime.errors import RuntimeFault
@@ -9,13 +9,11 @@ from runtime.experiments.studies import (
     bench,
     designs,
     excitation,
-    ideal,
     logs,
     methods,
     model,
-    noise,
-    sinusoid,
 )
+from runtime.experiments.studies.monte_carlo import IDEAL, NOISE, SINES
 from runtime.experiments.study import Study
 
 STUDIES: dict[str, Study] = {
@@ -23,10 +21,10 @@ STUDIES: dict[str, Study] = {
     for study in (
         excitation.STUDY,
         model.STUDY,
-        ideal.STUDY,
+        IDEAL,
         designs.STUDY,
-        sinusoid.STUDY,
-        noise.STUDY,
+        SINES,
+        NOISE,
         logs.STUDY,
         bench.STUDY,
         methods.STUDY,

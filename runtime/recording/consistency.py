@@ -66,7 +66,7 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     """
     # Some rows at a time, so that the steps of a long log stay in the cache.
     pieces = (q[first : first + ROWS + 1] for first in range(0, len(q) - 1, ROWS))
-    largest = [np.abs(np.diff(piece, axis=0)).max() for piece in pieces]
+    largest = [np.abs(np.diff(piece, axis=0)).max(initial=0.0) for piece in pieces]
     if not largest or np.max(largest) < np.pi:
         return q, np.zeros(q.shape[1], dtype=np.int64)
     steps = np.diff(q, axis=0)

@@ -13,9 +13,6 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
 
     ∂τ/∂λ is Pinocchio's regressor times ∂π/∂λ of the library, link by link; the residual of the
     loss is Pinocchio's torque less the measured one.
-
-    Raises:
-        BenchError: Pinocchio is not installed.
     """
     model, ids = pinocchio_model(lib)
     import pinocchio as pin

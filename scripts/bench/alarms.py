@@ -36,21 +36,13 @@ PEAK, WIDTH = 1.0, 0.1
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """How the motions of a case are logged.
+    """How the motions of a case are logged."""
 
-    Attributes:
-        label: of a table.
-        is_long: the motion of 20 s that `excite` designs, in place of the motions of 10 s.
-        repetitions: of the motion.
-        rate_hz: rows per second.
-        rho: correlation of the noise over a hundredth of a second.
-    """
-
-    label: str
-    is_long: bool = False
-    repetitions: int = 1
-    rate_hz: float = 100.0
-    rho: float = 0.0
+    label: str  # of a table
+    is_long: bool = False  # the 20 s motion of `excite`, not the 10 s ones
+    repetitions: int = 1  # of the motion
+    rate_hz: float = 100.0  # rows per second
+    rho: float = 0.0  # correlation of the noise over a hundredth of a second
 
 
 SHORT = Log("10 s at 100 Hz")
@@ -73,22 +65,14 @@ WRIST = 6
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A fault and the words by which the advice names it.
+    """A fault and the words by which the advice names it."""
 
-    Attributes:
-        label: row of the table.
-        words: one of these is in an advice that names the fault.
-        limit: words of an advice which states that the log cannot show the fault.
-        robot: π of the URDF and random numbers → π of the arm, (10 n,).
-        torque: torque and speed (N, n) of the log → the torque that is logged.
-    """
-
-    label: str
-    words: tuple[str, ...]
-    robot: Callable[[Library, np.random.Generator], Array]
-    torque: Callable[[Array, Array], Array] = lambda tau, _: tau
+    label: str  # row of the table
+    words: tuple[str, ...]  # one of these is in an advice that names the fault
+    robot: Callable[[Library, np.random.Generator], Array]  # π of the URDF → of the arm
+    torque: Callable[[Array, Array], Array] = lambda tau, _: tau  # τ, dq → τ as logged
     log: Log = SHORT
-    limit: str = "\n"
+    limit: str = "\n"  # words of an advice which states that the log cannot show the fault
 
 
 def _usual(lib: Library, rng: np.random.Generator) -> Array:
@@ -161,18 +145,7 @@ CASES = (
 def alarms(
     lib: Library, designs: list[Trajectory], long: Trajectory, count: int
 ) -> Iterator[tuple[str, int, int, int]]:
-    """Identify `count` logs of every case.
-
-    Args:
-        lib: the FR3.
-        designs: motions of 10 s.
-        long: motion of 20 s.
-        count: number of trials.
-
-    Yields:
-        Label of a case, trials whose advice names the fault, states that the log cannot show it,
-        and doubts the result or its intervals.
-    """
+    """Identify `count` logs of every case."""
     for case in CASES:
         motions = [long] if case.log.is_long else designs
         words = [_advice(lib, motions[k % len(motions)], case, k) for k in range(count)]
@@ -184,18 +157,7 @@ def alarms(
 def powers(
     lib: Library, designs: list[Trajectory], long: Trajectory, count: int
 ) -> Iterator[tuple[str, float, list[int]]]:
-    """Identify logs with a wrong gain of `WRIST`, by length and rate of the log.
-
-    Args:
-        lib: the FR3.
-        designs: motions of 10 s.
-        long: motion of 20 s.
-        count: number of trials.
-
-    Yields:
-        Label of a log, median of the gain error that the advice states as its limit, and trials
-        whose advice names the joint for every error of `POWERS`.
-    """
+    """Identify logs with a wrong gain of `WRIST`, by length and rate of the log."""
     for log in LOGS:
         motions = [long] if log.is_long else designs
         limits, named = [], [0] * len(POWERS)

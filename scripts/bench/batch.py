@@ -9,22 +9,16 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """N states of one robot.
+    """N states of one robot."""
 
-    Attributes:
-        q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise.
-        pi, lam, beta: (10 n,), (10 n,), (n_b,) of the URDF.
-        weight, rotor: (n,), ones and zeros.
-    """
-
-    q: Array
+    q: Array  # q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise
     dq: Array
     ddq: Array
     tau: Array
-    pi: Array
+    pi: Array  # pi, lam, beta: (10 n,), (10 n,), (n_b,) of the URDF
     lam: Array
     beta: Array
-    weight: Array
+    weight: Array  # weight, rotor: (n,), ones and zeros
     rotor: Array
 
     @property

@@ -45,27 +45,18 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Seconds of one build from nothing, and of the call after it.
-
-    Attributes:
-        generate: from the start of Python to the first compilation: imports, URDF to C text.
-        compile: from the first compilation to the end of the last, in parallel.
-        link: of the shared library.
-        total: as the user waits, hashes and renaming included.
-        again: the same command once more, with nothing to do.
-        units: every compilation; they overlap.
-    """
+    """Seconds of one build from nothing, and of the call after it."""
 
     robot: str
     compiler: str
     cores: int
-    generate: float
-    compile: float
-    link: float
-    total: float
-    again: float
+    generate: float  # from the start of Python to the first compilation: imports, URDF to C text
+    compile: float  # from the first compilation to the end of the last, in parallel
+    link: float  # of the shared library
+    total: float  # as the user waits, hashes and renaming included
+    again: float  # the same command once more, with nothing to do
     bytes: int
-    units: tuple[Unit, ...]
+    units: tuple[Unit, ...]  # every compilation; they overlap
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -73,16 +64,7 @@ class Report:
 
 
 def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) -> Report:
-    """Build a bundled robot twice in an empty folder.
-
-    Args:
-        robot: name.
-        kept: folder for the result; a temporary one without it.
-        levels: instruction sets; empty: those of `symgen build`.
-
-    Raises:
-        BenchError: the build failed, its message is part of the sentence; or `kept` is not empty.
-    """
+    """Build a bundled robot twice in an empty folder."""
     if kept is not None and kept.exists() and any(kept.iterdir()):
         raise BenchError(f"'{kept}' is not empty, and a build from nothing needs an empty folder")
     compiler = find_compiler()

@@ -10,23 +10,12 @@ def serial(n: int, seed: int = 0) -> str:
 
     Neighbouring axes are at right angles, as most arms have them; where a joint sits on its link
     and what the link weighs is random.
-
-    Args:
-        n: joints.
-        seed: of offsets, axes and bodies.
     """
     return _urdf(f"serial{n}", [k - 1 for k in range(n)], seed)
 
 
 def branching(trunk: int, branches: int, length: int, seed: int = 0) -> str:
-    """A trunk that carries several arms of the same length.
-
-    Args:
-        trunk: joints below the fork, at least one.
-        branches: arms.
-        length: joints of each.
-        seed: of offsets, axes and bodies.
-    """
+    """A trunk that carries several arms of the same length."""
     parents = [k - 1 for k in range(trunk)]
     for branch in range(branches):
         first = trunk + branch * length

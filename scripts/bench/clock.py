@@ -22,11 +22,6 @@ def interleave(
 
     Everybody is measured once before anybody is measured again, so that what drifts, drifts for
     all; compare numbers of the same round only.
-
-    Args:
-        contenders: name → a function that measures itself.
-        rounds: one pass more runs first and is thrown away.
-        passes: per round.
     """
     for measure in contenders.values():
         measure()

@@ -30,11 +30,7 @@ class Compiler:
 
 
 def find(names: tuple[str, ...]) -> Compiler:
-    """The first compiler of the PATH.
-
-    Raises:
-        BenchError: none of them is there.
-    """
+    """The first compiler of the PATH."""
     for name in names:
         if shutil.which(name):
             version = subprocess.run(
@@ -47,11 +43,7 @@ def find(names: tuple[str, ...]) -> Compiler:
 def compile_shared(
     compiler: Compiler, flags: tuple[str, ...], source: str, suffix: str, versions: str = ""
 ) -> tuple[Path, str]:
-    """Path of the cached library of `source`, and the command that makes it.
-
-    Raises:
-        BenchError: the compiler refused; its first errors are part of the sentence.
-    """
+    """Path of the cached library of `source`, and the command that makes it."""
     key = "\n".join((source, *flags, compiler.version, versions, _processor()))
     target = CACHE / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.so"
     command = (compiler.command, *flags, "-shared", "-fPIC", "-fvisibility=hidden")
@@ -76,11 +68,7 @@ def compile_shared(
 
 
 def open_shared(path: Path) -> ctypes.CDLL:
-    """The library; a broken one is deleted from the cache.
-
-    Raises:
-        BenchError: it cannot be loaded.
-    """
+    """The library; a broken one is deleted from the cache."""
     try:
         return ctypes.CDLL(str(path))
     except OSError as error:

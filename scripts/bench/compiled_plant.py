@@ -77,17 +77,7 @@ class CompiledSimulator(virtual_robot._Simulator):
 
 
 def record(lib: Library, trajectory: Trajectory, *words: object, **more: object) -> VirtualLog:
-    """As `runtime.simulation.virtual_robot.record`.
-
-    Args:
-        lib: the robot.
-        trajectory: reference of the controller.
-        words: further arguments of `record`.
-        more: its keywords.
-
-    Returns:
-        Recording, truth and true states.
-    """
+    """As `runtime.simulation.virtual_robot.record`."""
     with patch.object(virtual_robot, "_Simulator", CompiledSimulator):
         return virtual_robot.record(lib, trajectory, *words, **more)  # type: ignore[arg-type]
 

@@ -45,53 +45,28 @@ DISTRUST = ("do not trust", "too narrow")
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two logs of one robot, and its parameters.
+    """Two logs of one robot, and its parameters."""
 
-    Attributes:
-        empty, loaded: logs without and with `LOAD`.
-        pi: of the arm, (10 n,).
-        gain: of the torque sensors, (n,).
-    """
-
-    empty: Recording
+    empty: Recording  # empty, loaded: logs without and with `LOAD`
     loaded: Recording
-    pi: Array
-    gain: Array
+    pi: Array  # of the arm, (10 n,)
+    gain: Array  # of the torque sensors, (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Shares of intervals that held, and of trials whose advice names a broken assumption.
+    """Shares of intervals that held, and of trials whose advice names a broken assumption."""
 
-    Attributes:
-        base: per base parameter, (n_b,).
-        determined: share of trials in which the data determine it, (n_b,).
-        band: of torques of the test part.
-        payload: of mass, centre of mass and inertia; NaN where none.
-        gains: of determined gains; NaN where none.
-        named: trials whose advice states that the result or its intervals are wrong.
-    """
-
-    base: Array
-    determined: Array
-    band: float
-    payload: float
-    gains: float
-    named: float
+    base: Array  # per base parameter, (n_b,)
+    determined: Array  # share of trials in which the data determine it, (n_b,)
+    band: float  # of torques of the test part
+    payload: float  # of mass, centre of mass and inertia; NaN where none
+    gains: float  # of determined gains; NaN where none
+    named: float  # trials whose advice states that the result or its intervals are wrong
 
 
 def pairs(lib: Library, designs: list[Trajectory], case: str, count: int) -> Iterator[Pair]:
-    """Logs of a case, one pair a trial.
-
-    Args:
-        lib: the FR3.
-        designs: motions of 10 s.
-        case: key of `CASES`.
-        count: number of trials.
-
-    Yields:
-        The pairs; the seed of a trial is its number.
-    """
+    """Logs of a case, one pair a trial."""
     simulate = _mujoco if case == "friction" else _simulated
     for seed in range(count):
         motions = (designs[seed % len(designs)], designs[(seed + 1) % len(designs)])
@@ -99,18 +74,7 @@ def pairs(lib: Library, designs: list[Trajectory], case: str, count: int) -> Ite
 
 
 def coverage(lib: Library, designs: list[Trajectory], case: str, count: int, more: int = 0) -> Held:
-    """Identify `count` pairs of logs and compare the intervals with the truth.
-
-    Args:
-        lib: the FR3.
-        designs: motions of 10 s.
-        case: key of `CASES`.
-        count: number of trials.
-        more: further trials of the arm alone, without payload and gains.
-
-    Returns:
-        Shares of the intervals that held.
-    """
+    """Identify `count` pairs of logs and compare the intervals with the truth."""
     preparation = CASES[case][1]
     base, determined, band, payload, gains, named = [], [], [], [], [], []
     for trial, pair in enumerate(pairs(lib, designs, case, count + more)):

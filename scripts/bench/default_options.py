@@ -49,21 +49,13 @@ OTHER_MOTION = 100
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Error of one setting on one robot.
-
-    Attributes:
-        robot: the robot.
-        method: estimator.
-        friction: name of the friction model.
-        columns: its columns.
-        error: of the torque on the other motion, percent; NaN where the method refuses.
-    """
+    """Error of one setting on one robot."""
 
     robot: str
     method: str
-    friction: str
-    columns: tuple[str, ...]
-    error: float
+    friction: str  # name of the friction model
+    columns: tuple[str, ...]  # its columns
+    error: float  # of the torque on the other motion, percent; NaN where the method refuses
 
     def as_json(self) -> dict[str, Any]:
         """The row as a JSON object."""
@@ -71,15 +63,7 @@ class Row:
 
 
 def study(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Row]:
-    """Fit every setting to the training log of both robots.
-
-    Args:
-        shared: folder of published models.
-        methods: estimators.
-
-    Returns:
-        Rows of the cobot, then of the arm on a wall; the default setting is first.
-    """
+    """Fit every setting to the training log of both robots."""
     models = shared / "models"
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)

@@ -41,18 +41,13 @@ _SMALLER = (1.0, 0.9, 0.8)
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One robot, one trajectory, noise-free torque.
-
-    Attributes:
-        train: at 1 kHz.
-        trials: training, validation and test at 100 Hz, as the document samples them.
-    """
+    """One robot, one trajectory, noise-free torque."""
 
     lib: Library
     trajectory: Trajectory
-    train: Samples
+    train: Samples  # at 1 kHz
     weights: Array
-    trials: tuple[Recording, ...]
+    trials: tuple[Recording, ...]  # at 100 Hz, as the document samples them
 
     def problem(self) -> Problem:
         """All training samples, a few to validate on."""
@@ -62,11 +57,7 @@ class Setting:
 
 
 def setting(lib: Library) -> Setting:
-    """The example trajectory of the FR3.
-
-    Raises:
-        BenchError: it does not fit the robot.
-    """
+    """The example trajectory of the FR3."""
     try:
         trajectory = read_trajectory(_EXAMPLE, lib)
     except RuntimeFault as error:
@@ -120,13 +111,6 @@ def statistics(s: Setting, least: float = LEAST) -> Callable[[], float]:
     """`statistics.compress`, per sample, of torque with the noise of a sensor.
 
     Exact torque leaves no residual, so that its rows are eliminated: `statistics_of_exact`.
-
-    Args:
-        s: robot and samples.
-        least: seconds of a measurement.
-
-    Returns:
-        A function that returns seconds per sample.
     """
     rng = np.random.default_rng(0)
     q, dq, ddq, tau = s.train.q, s.train.dq, s.train.ddq, s.train.tau
@@ -135,15 +119,7 @@ def statistics(s: Setting, least: float = LEAST) -> Callable[[], float]:
 
 
 def statistics_of_exact(s: Setting, least: float = LEAST) -> Callable[[], float]:
-    """`statistics.compress`, per sample, of rows that are eliminated.
-
-    Args:
-        s: robot and samples.
-        least: seconds of a measurement.
-
-    Returns:
-        A function that returns seconds per sample.
-    """
+    """`statistics.compress`, per sample, of rows that are eliminated."""
     return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train), least)
 
 

@@ -31,16 +31,10 @@ OPTIMISERS = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """All starts of one optimiser, one process.
+    """All starts of one optimiser, one process."""
 
-    Attributes:
-        name: in JSON.
-        label: in tables.
-        starts: in order.
-    """
-
-    name: str
-    label: str
+    name: str  # in JSON
+    label: str  # in tables
     starts: tuple[Start, ...]
 
     @property
@@ -92,16 +86,7 @@ def measure(
     seed: int,
     report: Callable[[str], None],
 ) -> Report:
-    """Run every optimiser from the same random motions, one start after another.
-
-    Args:
-        lib: of the robot.
-        starts: of each.
-        duration: t_f, s.
-        harmonics: M.
-        seed: of the starts.
-        report: is called with a line of progress.
-    """
+    """Run every optimiser from the same random motions, one start after another."""
     problem = SearchProblem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
     rows, skipped = list[Row](), dict[str, str]()
     for name, label, make in OPTIMISERS:

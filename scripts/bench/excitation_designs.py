@@ -64,26 +64,16 @@ SHAPES = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Errors of one design; errors are of the torque of other motions, all joints, N·m.
-
-    Attributes:
-        condition: of its base regressor.
-        expected: of `predict`, with friction.
-        ideal: real error of ideal arms, RMS.
-        virtual: real error of virtual arms, RMS.
-        from_residuals: of `predict` with the residuals of the virtual arms' logs, RMS.
-        with_gains: the same with the errors of the gains that the virtual sensors have.
-        cpu: seconds of the design.
-    """
+    """Errors of one design; errors are of the torque of other motions, all joints, N·m."""
 
     shape: Shape
-    condition: float
-    expected: float
-    ideal: float
-    virtual: float
-    from_residuals: float
-    with_gains: float
-    cpu: float
+    condition: float  # of its base regressor
+    expected: float  # of `predict`, with friction
+    ideal: float  # real error of ideal arms, RMS
+    virtual: float  # real error of virtual arms, RMS
+    from_residuals: float  # of `predict` with the residuals of the virtual arms' logs, RMS
+    with_gains: float  # the same with the errors of the gains that the virtual sensors have
+    cpu: float  # seconds of the design
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,20 +101,7 @@ def measure(
     seed: int,
     say: Callable[[str], None],
 ) -> Report:
-    """Design, record and identify.
-
-    Args:
-        lib: of the robot.
-        shapes: designs.
-        starts: of every design.
-        draws: number of ideal arms.
-        arms: number of virtual arms.
-        seed: of the starts; arms have the seeds 0, 1, ….
-        say: is called with a line of progress.
-
-    Returns:
-        The measurements.
-    """
+    """Design, record and identify."""
     rows = []
     for shape in shapes:
         row = _row(lib, shape, starts, draws, arms, seed)
@@ -176,17 +153,7 @@ def _virtual(
 def promised_of(
     lib: Library, log: Recording, joints: Array, gain_error: float = 0.0
 ) -> tuple[float, float]:
-    """What `predict` states of a log with torque.
-
-    Args:
-        lib: of the robot.
-        log: at 1 kHz.
-        joints: mean of Y_bᵀ Y_b over other motions, (n, n_b, n_b).
-        gain_error: standard deviation of every torque gain, relative to one.
-
-    Returns:
-        Error of the torque of other motions by the residuals, and with gains, N·m.
-    """
+    """What `predict` states of a log with torque."""
     moved = motion_samples_of(log, lib, PREPARATION, TERMS)
     noise = noise_of(lib, moved)
     if noise is None:
@@ -201,18 +168,7 @@ def promised_of(
 def error_of(
     lib: Library, log: Recording, preparation: Preparation | None, pi: Array, joints: Array
 ) -> float:
-    """Error of the torque of other motions by the default method, fitted to all rows.
-
-    Args:
-        lib: of the robot.
-        log: of an arm.
-        preparation: of the log; None is that of its recipe.
-        pi: true parameters of the arm, (10 n,).
-        joints: mean of Y_bᵀ Y_b over other motions, (n, n_b, n_b).
-
-    Returns:
-        RMS of all joints together, N·m.
-    """
+    """Error of the torque of other motions by the default method, fitted to all rows."""
     result = identify(
         log,
         lib,

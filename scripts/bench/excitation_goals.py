@@ -30,27 +30,18 @@ ALL = Safety(table=0.0)
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A problem and what its design has to reach.
+    """A problem and what its design has to reach."""
 
-    Attributes:
-        name: for --only and in JSON.
-        label: in tables.
-        duration, harmonics, starts, criterion, safety: of the design.
-        condition: bound of its condition number.
-        seconds: bound of the wall time.
-        relative_error, torque_error: bounds of A, %, and V, N·m.
-    """
-
-    name: str
-    label: str
-    duration: float
+    name: str  # for --only and in JSON
+    label: str  # in tables
+    duration: float  # duration, harmonics, starts, criterion, safety: of the design
     harmonics: int
     starts: int
     criterion: str = "cond"
     safety: Safety | None = None
-    condition: float | None = None
-    seconds: float | None = None
-    relative_error: float | None = None
+    condition: float | None = None  # bound of its condition number
+    seconds: float | None = None  # bound of the wall time
+    relative_error: float | None = None  # relative_error, torque_error: bounds of A, %, and V, N·m
     torque_error: float | None = None
 
 
@@ -77,28 +68,19 @@ GOALS = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a design reached.
-
-    Attributes:
-        duration: of the trajectory, s; longer than requested where the motion had to be slowed.
-        conditions: of all starts.
-        wall, cpu: seconds of the design, all processes together.
-        relative_error, torque_error: A, % and V, N·m.
-        certified: every limit holds for every instant.
-        unmet: bounds that it missed.
-    """
+    """What a design reached."""
 
     goal: Goal
-    duration: float
+    duration: float  # of the trajectory, s; longer than requested where the motion had to be slowed
     condition: float
-    conditions: tuple[float, ...]
-    wall: float
+    conditions: tuple[float, ...]  # of all starts
+    wall: float  # wall, cpu: seconds of the design, all processes together
     cpu: float
     processes: int
-    relative_error: float
+    relative_error: float  # relative_error, torque_error: A, % and V, N·m
     torque_error: float
-    certified: bool
-    unmet: tuple[str, ...]
+    certified: bool  # every limit holds for every instant
+    unmet: tuple[str, ...]  # bounds that it missed
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +97,7 @@ class Report:
 
 
 def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Report:
-    """Design for every goal, on as many processes as there are cores.
-
-    Args:
-        lib: of the robot.
-        goals: of `GOALS`.
-        seed: of all starts.
-        say: is called with a line of progress.
-    """
+    """Design for every goal, on as many processes as there are cores."""
     rows = []
     for goal in goals:
         row = _reached(lib, goal, seed, say)

@@ -29,17 +29,11 @@ DURATION, HARMONICS = 20.0, 8
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """RMS errors over the arms, of the torque of other motions, all joints, N·m.
+    """RMS errors over the arms, of the torque of other motions, all joints, N·m."""
 
-    Attributes:
-        label: what the logs contain.
-        real: error of the identified model.
-        from_residuals: of `predict` with the residuals of the logs.
-    """
-
-    label: str
-    real: float
-    from_residuals: float
+    label: str  # what the logs contain
+    real: float  # error of the identified model
+    from_residuals: float  # of `predict` with the residuals of the logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,18 +52,7 @@ class Report:
 
 
 def measure(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Report:
-    """Design, record and identify with and without each cause.
-
-    Args:
-        lib: of the robot.
-        starts: of the design.
-        arms: number of virtual arms.
-        seed: of the starts; arms have the seeds 0, 1, ….
-        say: is called with a line of progress.
-
-    Returns:
-        The measurements.
-    """
+    """Design, record and identify with and without each cause."""
     motion = design(
         lib,
         duration=DURATION,

@@ -30,20 +30,12 @@ REAL = (("panda_gaz", "fr3"), ("tx40_figaroh", "tx40"), ("lwr4_flobaroid", "kuka
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Result of one log.
-
-    Attributes:
-        robot: the robot.
-        fault: name of the fault, "clean" for none.
-        is_right: whether the fault is named with its joint, size or place; for a clean log whether
-            there is no warning.
-        kinds: warnings and errors.
-    """
+    """Result of one log."""
 
     robot: str
-    fault: str
-    is_right: bool
-    kinds: tuple[str, ...]
+    fault: str  # name of the fault, "clean" for none
+    is_right: bool  # joint, size or place is right
+    kinds: tuple[str, ...]  # warnings and errors
 
     def as_json(self) -> dict[str, Any]:
         """The row as a JSON object."""
@@ -51,15 +43,7 @@ class Row:
 
 
 def study(shared: Path, seed: int | None) -> list[Row]:
-    """Inspect the clean logs and all faulty ones.
-
-    Args:
-        shared: folder of published models and logs.
-        seed: of motion, robot and noise; None for those of the tests.
-
-    Returns:
-        Rows of both robots, then of the real logs.
-    """
+    """Inspect the clean logs and all faulty ones."""
     models = shared / "models"
     seeds = {} if seed is None else {"seed": seed}
     with tempfile.TemporaryDirectory() as folder:

@@ -52,34 +52,17 @@ SHORT = Path(__file__).with_name("fr3_short.json")
 
 @dataclass(frozen=True, slots=True)
 class FleetTrials:
-    """Errors of new units.
-
-    Attributes:
-        fit: the fleet.
-        rms: RMS torque error on the test motion by way and unit, (6, count, n) [N·m].
-        consistent: whether all links of all models are strictly consistent.
-    """
+    """Errors of new units."""
 
     fit: FleetFit
-    rms: Array
-    consistent: bool
+    rms: Array  # RMS torque error on the test motion by way and unit, (6, count, n) [N·m]
+    consistent: bool  # whether all links of all models are strictly consistent
 
 
 def fleet_trials(
     lib: Library, designs: tuple[Trajectory, ...], units: int, count: int, of_friction: float
 ) -> FleetTrials:
-    """Identify a fleet, and new units from short and long motions.
-
-    Args:
-        lib: the FR3.
-        designs: two training motions; the test motion is their mean.
-        units: of the fleet.
-        count: number of new units.
-        of_friction: relative spread of the friction coefficients of the units.
-
-    Returns:
-        Errors on the test motion.
-    """
+    """Identify a fleet, and new units from short and long motions."""
     one, two = designs[:2]
     other = Trajectory(lib.home, (one.coefficients + two.coefficients) / 2, one.duration)
     centre = perturbed(lib, lib.pi0, OF_TYPE, np.random.default_rng(0))

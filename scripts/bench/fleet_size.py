@@ -30,16 +30,7 @@ FRICTION = (0.5, 0.3)
 
 
 def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, float]:
-    """CPU and wall time of the command.
-
-    Args:
-        lib: the FR3.
-        design: motion of all units.
-        count: number of units.
-
-    Returns:
-        CPU seconds and wall seconds.
-    """
+    """CPU and wall time of the command."""
     motion = ideal(lib, design, Plant(lib.pi0), rate_hz=25.0)
     samples = samples_of(prepare(motion, None, TERMS, lib=lib), lib)
     whole = compress(lib, samples, np.full(lib.n_joints, NOISE**-2))

@@ -39,17 +39,11 @@ resolution of a cell of 580 N and 20 N·m."""
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """Robot of example-robot-data whose bodies are recovered.
-
-    Attributes:
-        path: URDF.
-        feet: links in contact.
-        experiment: motion and sensors.
-    """
+    """Robot of example-robot-data whose bodies are recovered."""
 
     path: str
-    feet: tuple[str, ...]
-    experiment: Experiment
+    feet: tuple[str, ...]  # links in contact
+    experiment: Experiment  # motion and sensors
 
 
 ROBOTS = {
@@ -69,47 +63,23 @@ ROBOTS = {
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Recovery of the bodies of one robot over all trials.
-
-    Attributes:
-        robot: its name.
-        joints: number of joints.
-        base_parameters: number of base parameters.
-        rows: choice of rows.
-        trials: number of trials.
-        relative: median of ‖β̂ − β‖/‖β‖.
-        single: median over trials and base parameters of |β̂_i − β_i|/|β_i|.
-        urdf: median of ‖β_URDF − β‖/‖β‖.
-        consistent: share of trials whose links are all strictly consistent.
-        mass_covered: share of trials whose 95 % interval holds the total mass.
-        feasible: share of the torques that are within the effort limits of the URDF.
-    """
+    """Recovery of the bodies of one robot over all trials."""
 
     robot: str
     joints: int
     base_parameters: int
-    rows: str
+    rows: str  # choice of rows
     trials: int
-    relative: float
-    single: float
-    urdf: float
-    consistent: float
-    mass_covered: float
-    feasible: float
+    relative: float  # median of ‖β̂ − β‖/‖β‖
+    single: float  # median over trials and base parameters of |β̂_i − β_i|/|β_i|
+    urdf: float  # median of ‖β_URDF − β‖/‖β‖
+    consistent: float  # share of trials whose links are all strictly consistent
+    mass_covered: float  # share of trials whose 95 % interval holds the total mass
+    feasible: float  # share of the torques that are within the effort limits of the URDF
 
 
 def library(urdf: str, name: str, folder: Path, locks: dict[str, float] | None = None) -> Library:
-    """Library of a robot with a free base, of one instruction set.
-
-    Args:
-        urdf: text of the URDF.
-        name: of the robot.
-        folder: folder of generated robots.
-        locks: joints that are fixed.
-
-    Returns:
-        The library.
-    """
+    """Library of a robot with a free base, of one instruction set."""
     options = ChainOptions(floating=True, locks=locks or {}, snap=1e-4)
     return load(
         build(BuildRequest(name, urdf, options, project=True), folder, levels=ONE_LEVEL).folder
@@ -117,18 +87,7 @@ def library(urdf: str, name: str, folder: Path, locks: dict[str, float] | None =
 
 
 def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "all") -> Trials:
-    """Trials of one robot of `ROBOTS`.
-
-    Args:
-        robot: its name.
-        models: folder `robots` of example-robot-data.
-        folder: folder of generated robots.
-        trials: number of trials.
-        rows: choice of rows.
-
-    Returns:
-        Medians and shares.
-    """
+    """Trials of one robot of `ROBOTS`."""
     chosen = ROBOTS[robot]
     lib = library((models / chosen.path).read_text(), robot.lower(), folder)
     order = np.argsort(to_pinocchio_order(np.arange(10.0)))

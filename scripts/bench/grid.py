@@ -22,16 +22,7 @@ def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 
 
 def merged(before: str, after: str, keys: int) -> str:
-    """Markdown table with the rows of another one in place of those with the same first cells.
-
-    Args:
-        before: table with the same head.
-        after: rows that replace others, or follow where there is no such row.
-        keys: number of first cells by which rows are the same.
-
-    Returns:
-        The table.
-    """
+    """Markdown table with the rows of another one in place of those with the same first cells."""
     head, rule, *rows = before.splitlines()
     cells = {tuple(row.split("|")[1 : 1 + keys]): row for row in (*rows, *after.splitlines()[2:])}
     return "\n".join((head, rule, *cells.values()))

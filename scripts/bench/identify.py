@@ -24,24 +24,15 @@ from runtime.parallel import one_blas_thread
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One quantity.
+    """One quantity."""
 
-    Attributes:
-        name: of it in JSON.
-        label: of it in tables.
-        needs: C function of the level, without robot and level.
-        ours, numpy: make a function that returns seconds of one unit of work.
-        document: seconds in the document, None where it states none.
-        once: too long for rounds: measured once, NumPy not at all.
-    """
-
-    name: str
-    label: str
-    needs: str
-    ours: Callable[[Setting], Callable[[], float]]
+    name: str  # of it in JSON
+    label: str  # of it in tables
+    needs: str  # C function of the level, without robot and level
+    ours: Callable[[Setting], Callable[[], float]]  # makes what returns s per unit
     numpy: Callable[[Setting], Callable[[], float]] | None
-    document: float | None = None
-    once: bool = False
+    document: float | None = None  # seconds in the document, None where it states none
+    once: bool = False  # too long for rounds: measured once, NumPy not at all
 
 
 ENTRIES = (
@@ -152,12 +143,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one run measured.
-
-    Attributes:
-        skipped: label → why.
-        passes: the pass over the rows beside the limit of multiply-adds.
-    """
+    """Everything that one run measured."""
 
     robot: str
     level: str
@@ -165,8 +151,8 @@ class Report:
     rounds: int
     samples: int
     rows: tuple[Row, ...]
-    skipped: dict[str, str]
-    passes: Passes
+    skipped: dict[str, str]  # label → why
+    passes: Passes  # the pass over the rows beside the limit of multiply-adds
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -175,17 +161,7 @@ class Report:
 
 @one_blas_thread
 def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Report:
-    """Time every entry that the library has functions for.
-
-    Args:
-        lib: of the FR3.
-        rounds: see `clock.interleave`.
-        trials: whether the entries that run once take part.
-        report: is called with a line of progress.
-
-    Raises:
-        BenchError: the robot has no example trajectory.
-    """
+    """Time every entry that the library has functions for."""
     setting, skipped, rows = doors.setting(lib), dict[str, str](), list[Row]()
     has = _functions(lib)
     for entry in ENTRIES:

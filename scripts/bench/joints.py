@@ -32,13 +32,7 @@ LONGEST = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One kernel of one robot on tiles.
-
-    Attributes:
-        code: bytes of machine code per tile; None where nm does not report.
-        output: bytes of the outputs of one tile.
-        ratio: how many times longer Pinocchio in C++ takes; None without it.
-    """
+    """One kernel of one robot on tiles."""
 
     robot: str
     joints: int
@@ -47,25 +41,20 @@ class Row:
     ns: float
     per_operation: float
     share: float
-    code: int | None
-    output: int
-    ratio: float | None
+    code: int | None  # bytes of machine code per tile; None where nm does not report
+    output: int  # bytes of the outputs of one tile
+    ratio: float | None  # how many times longer Pinocchio in C++ takes; None without it
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """All robots at the best level that runs here.
-
-    Attributes:
-        built: robot → seconds of generation and compilation.
-        missing: robot → why it was not built.
-    """
+    """All robots at the best level that runs here."""
 
     level: str
     processor: str
     rounds: int
-    built: dict[str, float]
-    missing: dict[str, str]
+    built: dict[str, float]  # robot → seconds of generation and compilation
+    missing: dict[str, str]  # robot → why it was not built
     rows: tuple[Row, ...]
 
     def as_json(self) -> dict[str, Any]:
@@ -76,18 +65,7 @@ class Report:
 def measure(
     level: str, counts: tuple[int, ...], rounds: int, cpp: bool, report: Callable[[str], None]
 ) -> Report:
-    """Build the arms one after the other, then time them all in the same rounds.
-
-    Args:
-        level: the only one that is built.
-        counts: joints of the serial arms.
-        rounds: see `clock.interleave`.
-        cpp: whether Pinocchio in C++ takes part.
-        report: is called with a line of progress.
-
-    Raises:
-        BenchError: no C compiler.
-    """
+    """Build the arms one after the other, then time them all in the same rounds."""
     compiler = find(("cc", "gcc", "clang"))
     built: dict[str, float] = {}
     missing: dict[str, str] = {}

@@ -49,50 +49,34 @@ class Against:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One kernel at one level on one layout of its arrays.
-
-    Attributes:
-        layout: of `ours.LAYOUTS`.
-        samples: per call.
-        operations: per sample.
-        share: of the measured multiply-add limit at the level's width.
-        deviation: largest relative difference from Pinocchio; None without it.
-    """
+    """One kernel at one level on one layout of its arrays."""
 
     kernel: str
     level: str
-    layout: str
-    samples: int
+    layout: str  # of `ours.LAYOUTS`
+    samples: int  # per call
     ns: float
-    operations: int
+    operations: int  # per sample
     gflops: float
-    share: float
-    deviation: float | None
+    share: float  # of the measured multiply-add limit at the level's width
+    deviation: float | None  # largest relative difference from Pinocchio; None without it
     peers: dict[str, Against]
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one run measured.
-
-    Attributes:
-        limits: level → GFLOP/s of one core.
-        clock: GHz.
-        peers: peer → versions and commands.
-        missing: peer → why it did not run.
-        deviation: the largest of all rows; None without Pinocchio.
-    """
+    """Everything that one run measured."""
 
     robot: str
     samples: int
     rounds: int
     processor: str
     timer: str
-    clock: float
-    limits: dict[str, float]
-    peers: dict[str, str]
-    missing: dict[str, str]
-    deviation: float | None
+    clock: float  # GHz
+    limits: dict[str, float]  # level → GFLOP/s of one core
+    peers: dict[str, str]  # peer → versions and commands
+    missing: dict[str, str]  # peer → why it did not run
+    deviation: float | None  # the largest of all rows; None without Pinocchio
     bars: tuple[Bar, ...]
     rows: tuple[Row, ...]
 
@@ -102,17 +86,7 @@ class Report:
 
 
 def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
-    """Time a library's kernels and its peers in the same rounds.
-
-    Args:
-        lib: loaded at its best level.
-        samples: per call, at most.
-        rounds: see `clock.interleave`.
-        cpp: whether Pinocchio in C++ takes part.
-
-    Raises:
-        BenchError: no C compiler, or a kernel and a peer do not compute the same.
-    """
+    """Time a library's kernels and its peers in the same rounds."""
     if samples < LANES or samples % LANES:
         raise BenchError(f"tiles hold {LANES} samples: expected a multiple of it, got {samples}")
     batch = make_batch(lib, samples)
@@ -220,11 +194,7 @@ def _compare(label: str, name: str, rival: peers.Contender, ours: Contender | No
 def _deviations(
     lib: Library, batch: Batch, ours: dict[Key, Contender], missing: dict[str, str]
 ) -> dict[Key, float]:
-    """Of every row from Pinocchio; none without Pinocchio.
-
-    Raises:
-        BenchError: one is beyond rounding.
-    """
+    """Of every row from Pinocchio; none without Pinocchio."""
     try:
         expected = accuracy.oracle(lib, batch)
     except BenchError as error:

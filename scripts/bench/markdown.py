@@ -6,29 +6,12 @@ from rich.table import Table
 
 
 def markdown_table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """Rows as a Markdown table.
-
-    Args:
-        heads: of the columns.
-        rows: cells, as many as heads.
-
-    Returns:
-        Its text.
-    """
+    """Rows as a Markdown table."""
     return "\n".join(f"| {' | '.join(line)} |" for line in (heads, ("---",) * len(heads), *rows))
 
 
 def table_of(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Table:
-    """Rows as a table of the terminal, numbers at the right.
-
-    Args:
-        title: above it.
-        heads: of the columns.
-        rows: cells, as many as heads.
-
-    Returns:
-        The table.
-    """
+    """Rows as a table of the terminal, numbers at the right."""
     table = Table(heads[0], title=title)
     for head in heads[1:]:
         table.add_column(head, justify="right")

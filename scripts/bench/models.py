@@ -34,25 +34,18 @@ ALLOWED = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One robot; one that cannot be built has a sentence only.
-
-    Attributes:
-        kept, dropped: smallest singular value of the base parameters, and a bound of the rest.
-        seconds: of the build, with one level.
-        error: largest difference to Pinocchio in τ, Y and M over the largest entry.
-        verdict: of `symgen inspect`.
-    """
+    """One robot; one that cannot be built has a sentence only."""
 
     name: str
     sentence: str = ""
     joints: int = 0
     base: int = 0
     expected: int = 0
-    kept: float = 0.0
-    dropped: float = 0.0
-    seconds: float = 0.0
-    error: float = 0.0
-    verdict: str = ""
+    kept: float = 0.0  # smallest singular value of β
+    dropped: float = 0.0  # largest of the rest
+    seconds: float = 0.0  # of the build, with one level
+    error: float = 0.0  # largest difference to Pinocchio in τ, Y and M over the largest entry
+    verdict: str = ""  # of `symgen inspect`
 
     @property
     def is_right(self) -> bool:

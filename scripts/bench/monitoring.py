@@ -50,17 +50,7 @@ def saved_of(lib: Library, result: Identification, folder: Path) -> Saved:
 def draws_coverage(
     lib: Library, designs: tuple[Trajectory, ...], trials: int, draws: int
 ) -> tuple[float, float]:
-    """Share of the true torques of another motion within the 95 % band of drawn models.
-
-    Args:
-        lib: the FR3.
-        designs: training motion and another one.
-        trials: number of robots.
-        draws: number of models per robot.
-
-    Returns:
-        The share over all samples, and the share of consistent draws.
-    """
+    """Share of the true torques of another motion within the 95 % band of drawn models."""
     inside, consistent = [], []
     for trial in range(trials):
         rng = np.random.default_rng([4, trial])

@@ -48,15 +48,7 @@ int main(void)
 
 
 def seconds_per_sample(lib: Library, design: Trajectory) -> float:
-    """CPU time of one update, the median of `RUNS` runs [s].
-
-    Args:
-        lib: the FR3.
-        design: motion of the log.
-
-    Returns:
-        Seconds.
-    """
+    """CPU time of one update, the median of `RUNS` runs [s]."""
     log = record(lib, design, seed=0).recording
     result = identify(log, lib, preparation=FILTERED, friction_columns=OF_ARM)
     with TemporaryDirectory() as name:

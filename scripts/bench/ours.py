@@ -34,27 +34,15 @@ static double now(void)
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """One function on one layout.
+    """One function on one layout."""
 
-    Attributes:
-        samples: per call.
-        run: (calls) → ns per sample.
-        answer: the last output after a run, (N, size).
-    """
-
-    samples: int
-    run: Callable[[int], float]
-    answer: Callable[[], Array]
+    samples: int  # per call
+    run: Callable[[int], float]  # (calls) → ns per sample
+    answer: Callable[[], Array]  # the last output after a run, (N, size)
 
 
 class Ours:
-    """Times kernels of one library at every level.
-
-    Args:
-        lib: any level of it; the others are in the same file.
-        names: of kernels.
-        compiler: for the lines that call them.
-    """
+    """Times kernels of one library at every level."""
 
     def __init__(self, lib: Library, names: tuple[str, ...], compiler: Compiler) -> None:
         self._lib = lib

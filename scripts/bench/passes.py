@@ -26,37 +26,19 @@ SHORT = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class Passes:
-    """Seconds per sample; shares are medians of rounds.
+    """Seconds per sample; shares are medians of rounds."""
 
-    Attributes:
-        products: multiply-adds of a Cholesky pass.
-        elimination: multiply-adds of Householder reflections.
-        limit: of the multiply-adds of a Cholesky pass on one core.
-        rows: of Y_b on tiles.
-        share: of the limit in the statistics without the time of Y_b.
-        share_eliminated: the same, where all rows are eliminated.
-        share_of_all: of the limit in the whole time of the statistics.
-    """
-
-    products: int
-    elimination: int
-    limit: float
-    rows: float
-    share: float
-    share_eliminated: float
-    share_of_all: float
+    products: int  # multiply-adds of a Cholesky pass
+    elimination: int  # multiply-adds of Householder reflections
+    limit: float  # of the multiply-adds of a Cholesky pass on one core
+    rows: float  # of Y_b on tiles
+    share: float  # of the limit in the statistics without the time of Y_b
+    share_eliminated: float  # the same, where all rows are eliminated
+    share_of_all: float  # of the limit in the whole time of the statistics
 
 
 def measure(setting: doors.Setting, rounds: int) -> Passes:
-    """Time limit, Y_b and statistics in the same rounds.
-
-    Args:
-        setting: robot and samples.
-        rounds: see `clock.interleave`.
-
-    Raises:
-        BenchError: there is no C compiler, or the library has no Y_b on tiles.
-    """
+    """Time limit, Y_b and statistics in the same rounds."""
     lib = setting.lib
     compiler = find(("cc", "gcc", "clang"))
     products, elimination = multiply_adds(lib)
@@ -100,14 +82,7 @@ def sentence(passes: Passes) -> str:
 
 
 def multiply_adds(lib: Library) -> tuple[int, int]:
-    """Multiply-adds per sample, counted from the entries of Y_b that are not zero by structure.
-
-    Args:
-        lib: of the robot.
-
-    Returns:
-        Those of a Cholesky pass, and of Householder reflections.
-    """
+    """Multiply-adds per sample, counted from the entries of Y_b that are not zero by structure."""
     rng = np.random.default_rng(0)
     q, dq, ddq = rng.normal(size=(3, 16, lib.n_joints))
     filled = np.abs(lib.base_regressor(q, dq, ddq)).max(axis=0) > 0

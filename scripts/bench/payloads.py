@@ -36,19 +36,7 @@ class Weighed:
 def weigh(
     lib: Library, trajectory: Trajectory, count: int, cutoff: float | None, off: float = 0.0
 ) -> Weighed:
-    """Identify a box from logs of 10 s at 100 Hz with white torque noise.
-
-    Args:
-        lib: the robot.
-        trajectory: the motion.
-        count: number of logs.
-        cutoff: of a Butterworth filter of the noise, Hz; None for none.
-        off: relative spread of the arms about the URDF, by which the box is identified without an
-            empty log; 0 identifies it by the true arm.
-
-    Returns:
-        Errors and coverage.
-    """
+    """Identify a box from logs of 10 s at 100 Hz with white torque noise."""
     mount = mount_of(lib, lib.link_names[-1])
     body = np.zeros(10)
     body[:4] = TRUTH[0], *TRUTH[0] * COM

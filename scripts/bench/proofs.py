@@ -48,16 +48,7 @@ BUMP = 0.3e-3
 
 
 def robot(name: str, models: Path, root: Path) -> Library:
-    """A bundled robot, or one that is built with capsules along its links and further limits.
-
-    Args:
-        name: one of `ROBOTS`.
-        models: folder of published robots.
-        root: folder of builds.
-
-    Returns:
-        The library.
-    """
+    """A bundled robot, or one that is built with capsules along its links and further limits."""
     if name in {"fr3", "ur5e"}:
         return load(name)
     request = CASES[name].request(name, models)
@@ -83,37 +74,20 @@ def robot(name: str, models: Path, root: Path) -> Library:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """One motion: largest excess over a proven bound, and how far margins are from the true ones.
-
-    Attributes:
-        robot: its name.
-        basis: of the motion.
-        excess: largest true use less the bound; for distances in m, below 0 where the proof holds.
-        where: limit of that excess.
-        torque_share: margin of the proof over the true one, of the torque.
-        distance_gap: largest true distance less the stated one, m.
-    """
+    """One motion: largest excess over a proven bound, and error of the margins."""
 
     robot: str
-    basis: str
-    excess: float
-    where: str
-    torque_share: float
-    distance_gap: float
+    basis: str  # of the motion
+    excess: float  # largest true use less the bound
+    where: str  # limit of that excess
+    torque_share: float  # margin of the proof over the true one, of the torque
+    distance_gap: float  # largest true distance less the stated one, m
 
 
 def certified_motion(
     lib: Library, rng: np.random.Generator
 ) -> tuple[Trajectory, Safety, Certificate]:
-    """A random motion of 1 to 3 s that holds all limits, as large as that allows.
-
-    Args:
-        lib: the robot.
-        rng: random numbers.
-
-    Returns:
-        Motion, limits and certificate.
-    """
+    """A random motion of 1 to 3 s that holds all limits, as large as that allows."""
     n = lib.n_joints
     basis = basis_of(str(rng.choice(["cosine", "fourier", "bspline"])))
     size, duration = basis.size(int(rng.integers(2, 7))), float(rng.uniform(1.0, 3.0))
@@ -128,15 +102,7 @@ def certified_motion(
 
 
 def states_of(motion: Trajectory, t: Array) -> Array:
-    """q, dq, ddq, dddq at times (N,), (4, N, n).
-
-    Args:
-        motion: the motion.
-        t: times, s.
-
-    Returns:
-        The states.
-    """
+    """q, dq, ddq, dddq at times (N,), (4, N, n)."""
     a = motion.coefficients
     s = np.clip(t / motion.duration, 0.0, 1.0)
     states = motion.basis.derivatives(4, a.shape[1], s) @ a.T
@@ -160,15 +126,7 @@ def _peak(function: Callable[[Array], Array], motion: Trajectory, t: Array, valu
 
 
 def check(lib: Library, rng: np.random.Generator) -> Checked:
-    """Compare one certificate with the engines.
-
-    Args:
-        lib: the robot.
-        rng: random numbers.
-
-    Returns:
-        The comparison.
-    """
+    """Compare one certificate with the engines."""
     motion, safety, proof = certified_motion(lib, rng)
     engines = Engines(lib)
     t = np.arange(int(motion.duration * DENSE) + 1) / DENSE
@@ -231,16 +189,7 @@ def _distances(
 
 
 def proof_seconds(lib: Library, rng: np.random.Generator, count: int = 5) -> float:
-    """Longest processor time of a certificate of motions of 20 s with all limits.
-
-    Args:
-        lib: the FR3.
-        rng: random numbers.
-        count: motions of every basis.
-
-    Returns:
-        Seconds.
-    """
+    """Longest processor time of a certificate of motions of 20 s with all limits."""
     longest, sides = 0.0, (0.1, 0.9, -0.7, 0.7, 0.1, 1.1)
     safety = Safety(table=0.0, box=sides, viscous=(2.0,), coulomb=(1.0,))
     for name in ("cosine", "fourier", "bspline"):
@@ -257,16 +206,7 @@ def proof_seconds(lib: Library, rng: np.random.Generator, count: int = 5) -> flo
 
 
 def planted(lib: Library, rng: np.random.Generator) -> tuple[bool, bool]:
-    """Plant a spike of torque of 0.3 ms and a dip of a distance of 0.5 mm between two samples.
-
-    Args:
-        lib: the FR3.
-        rng: random numbers.
-
-    Returns:
-        Whether the proof exceeds a limit halfway between the value of all samples of 1 kHz and the
-        true value: of the torque, and of the distance.
-    """
+    """Plant a spike of torque of 0.3 ms and a dip of a distance of 0.5 mm between two samples."""
     n, duration = lib.n_joints, 2.0
     # The first joint turns about the vertical, the last one about the axis of its link: neither
     # changes the distances.

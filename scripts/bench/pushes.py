@@ -52,36 +52,18 @@ AT = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Alarms and pushes.
+    """Alarms and pushes."""
 
-    Attributes:
-        hours: of free motion.
-        alarms: stated rate [1/h] → alarms that were counted.
-        pushes: number of pushes.
-        missed: joint of every push that was not found in time, from 1.
-    """
-
-    hours: float
-    alarms: dict[float, int]
-    pushes: int
-    missed: tuple[int, ...]
+    hours: float  # of free motion
+    alarms: dict[float, int]  # stated rate [1/h] → alarms that were counted
+    pushes: int  # number of pushes
+    missed: tuple[int, ...]  # joint of every push that was not found in time, from 1
 
 
 def seen_by_observer(
     lib: Library, designs: tuple[Trajectory, ...], logs: int, pushed_logs: int, done: Path
 ) -> Seen:
-    """Count alarms and pushes on motions that were not in the training.
-
-    Args:
-        lib: the FR3.
-        designs: two motions, of which the others are mixtures.
-        logs: number of logs of free motion.
-        pushed_logs: number of those in which pushes are added, too.
-        done: file of finished logs, one JSON object per line.
-
-    Returns:
-        Counts.
-    """
+    """Count alarms and pushes on motions that were not in the training."""
     lines = done.read_text().splitlines() if done.exists() else []
     known = {line[0]: line[1:] for line in map(json.loads, lines)}
     if any(k not in known for k in range(logs)):
@@ -162,17 +144,7 @@ def drawn_motion(lib: Library, designs: tuple[Trajectory, ...], seed: int) -> Tr
 
 
 def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list[tuple[int, bool]]:
-    """Joint of pushes that are added to a log, and whether each was found in time.
-
-    Args:
-        lib: the FR3.
-        detector: observer with thresholds.
-        data: log of free motion.
-        turn: number of the log, which chooses the joint of the first push.
-
-    Returns:
-        Joint from 0 and success of every push.
-    """
+    """Joint of pushes that are added to a log, and whether each was found in time."""
     starts = np.arange(data.t[0] + PERIOD_S, data.t[-1] - PERIOD_S, PERIOD_S)
     joints = [(turn + k) % lib.n_joints for k in range(len(starts))]
     tau = np.array(data.tau)

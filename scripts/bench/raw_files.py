@@ -18,36 +18,18 @@ ALONE = ("--no-refit",)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Errors of one log in percent of its torque.
+    """Errors of one log in percent of its torque."""
 
-    Attributes:
-        log: the log and what was added by hand.
-        tested: rows of the test.
-        band_hz: cut-off that `inspect` proposed.
-        error: in this band.
-        published_band: cut-off of the publication and the error in it, as text.
-        published: error of the publication.
-    """
-
-    log: str
-    tested: str
-    band_hz: float
-    error: str
-    published_band: str
-    published: str
+    log: str  # the log and what was added by hand
+    tested: str  # rows of the test
+    band_hz: float  # cut-off that `inspect` proposed
+    error: str  # in this band
+    published_band: str  # cut-off of the publication and the error in it, as text
+    published: str  # error of the publication
 
 
 def study(shared: Path, root: Path, builds: Path) -> list[Row]:
-    """Run the commands on the three logs.
-
-    Args:
-        shared: folder of published models and logs.
-        root: folder of recipes and results.
-        builds: folder of built robots.
-
-    Returns:
-        One row per log.
-    """
+    """Run the commands on the three logs."""
     return [each(shared, root, builds) for each in (_panda, _tx40, _lwr4)]
 
 

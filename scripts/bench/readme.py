@@ -11,15 +11,7 @@ def pages() -> list[Path]:
 
 
 def update(name: str, text: str) -> None:
-    """Write a table between <!-- name --> and <!-- /name --> of every page that has the marks.
-
-    Args:
-        name: of the marks.
-        text: the table, Markdown.
-
-    Raises:
-        ValueError: no page has the marks.
-    """
+    """Write a table between <!-- name --> and <!-- /name --> of every page that has the marks."""
     start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
     marked = [page for page in pages() if start in page.read_text(encoding="utf-8")]
     if not marked:

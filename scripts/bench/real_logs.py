@@ -33,23 +33,14 @@ TIAGO = ("head_1_joint", "head_2_joint", "gripper_finger_joint", "gripper_right_
 
 @dataclass(frozen=True, slots=True)
 class PublishedLog:
-    """A log of the shared folder.
+    """A log of the shared folder."""
 
-    Attributes:
-        name: for the table.
-        robot: key of `library_of`.
-        place: folder or file below data/.
-        run: of a folder with several.
-        facts: kind of a warning → why it is true of this log.
-        rate_hz: rate of a log without a clock, None where it has one [Hz].
-    """
-
-    name: str
-    robot: str
-    place: str
-    run: str | None = None
-    facts: dict[str, str] = field(default_factory=dict)
-    rate_hz: float | None = None
+    name: str  # for the table
+    robot: str  # key of `library_of`
+    place: str  # folder or file below data/
+    run: str | None = None  # of a folder with several
+    facts: dict[str, str] = field(default_factory=dict)  # kind of warning → true
+    rate_hz: float | None = None  # rate of a log without a clock, None where it has one [Hz]
 
 
 _DVRK = {
@@ -133,19 +124,12 @@ LOGS = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Warnings and errors of one log.
-
-    Attributes:
-        log: its name.
-        kinds: warnings and errors.
-        unfounded: those without a fact.
-        facts: facts of the others.
-    """
+    """Warnings and errors of one log."""
 
     log: str
-    kinds: tuple[str, ...]
-    unfounded: tuple[str, ...]
-    facts: tuple[str, ...]
+    kinds: tuple[str, ...]  # warnings and errors
+    unfounded: tuple[str, ...]  # those without a fact
+    facts: tuple[str, ...]  # facts of the others
 
     def as_json(self) -> dict[str, Any]:
         """The row as a JSON object."""
@@ -153,15 +137,7 @@ class Row:
 
 
 def study(shared: Path, builds: Path | None) -> Iterator[Row]:
-    """Inspect the bare files of every log.
-
-    Args:
-        shared: folder of published models and logs.
-        builds: folder of the built robots; None is a temporary one.
-
-    Yields:
-        One row per log.
-    """
+    """Inspect the bare files of every log."""
     with tempfile.TemporaryDirectory() as scratch:
         root = builds or Path(scratch)
         libraries: dict[str, Library] = {}
@@ -182,15 +158,7 @@ def study(shared: Path, builds: Path | None) -> Iterator[Row]:
 
 
 def bare(place: Path, folder: Path) -> Path:
-    """The files of a log alone, in a folder whose name says nothing; a single file as it is.
-
-    Args:
-        place: file, or folder with other files too.
-        folder: to be written; emptied before.
-
-    Returns:
-        The file or the folder.
-    """
+    """The files of a log alone, in a folder whose name says nothing; a single file as it is."""
     if place.is_file():
         return place
     shutil.rmtree(folder, ignore_errors=True)
@@ -202,16 +170,7 @@ def bare(place: Path, folder: Path) -> Path:
 
 
 def library_of(robot: str, shared: Path, root: Path) -> Library:
-    """The robot of a log, built into a folder unless it is current there.
-
-    Args:
-        robot: name.
-        shared: folder of published models and logs.
-        root: folder of the builds.
-
-    Returns:
-        Its library.
-    """
+    """The robot of a log, built into a folder unless it is current there."""
     if robot == "fr3":
         return load("fr3")
     return load(build(_request(robot, shared), root, levels=ONE_LEVEL).folder)

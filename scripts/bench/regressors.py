@@ -13,7 +13,7 @@ import runtime
 from bench.trials import trajectories
 from runtime import Recording
 from runtime.estimators.regression.samples import samples_of
-from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import document_robot
 from runtime.identification import metrics
 from runtime.library import Library
 from runtime.recording import Friction, Preparation

@@ -52,19 +52,7 @@ double run(long calls, long tiles, const float *beta, const float *sc, const flo
 
 
 def contender(lib: Library, compiler: Compiler, batch: Batch) -> Contender:
-    """The kernel in single precision over a batch.
-
-    Args:
-        lib: loaded at its best level.
-        compiler: GCC, for its `-fsingle-precision-constant`.
-        batch: of a whole number of tiles.
-
-    Returns:
-        A function that times itself.
-
-    Raises:
-        BenchError: the compiler refused, or the generated C has another form.
-    """
+    """The kernel in single precision over a batch."""
     size = BYTES.get(lib.level, 16)
     timer = open_shared(
         compile_shared(compiler, _flags(lib.level), _source(lib, size), ".c")[0]

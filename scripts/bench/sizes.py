@@ -36,38 +36,19 @@ print(json.dumps([cpu, max(part.ru_maxrss for part in parts) / 1024]))
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """Cost of one robot.
-
-    Attributes:
-        joints: number of joints.
-        cpu: of the whole build, all levels [s].
-        memory: largest of any process of the build [MB].
-        torque_cpu: of generating and compiling inverse dynamics alone, for one level [s].
-        torque_ns: inverse dynamics of one sample in a batch, on one core [ns].
-        omitted: number of kernels that the robot does not get.
-        is_serial: one chain rather than a trunk with branches.
-    """
+    """Cost of one robot."""
 
     joints: int
-    cpu: float
-    memory: float
-    torque_cpu: float
-    torque_ns: float
-    omitted: int
-    is_serial: bool = False
+    cpu: float  # of the whole build, all levels [s]
+    memory: float  # largest of any process of the build [MB]
+    torque_cpu: float  # of generating and compiling inverse dynamics alone, for one level [s]
+    torque_ns: float  # inverse dynamics of one sample in a batch, on one core [ns]
+    omitted: int  # number of kernels that the robot does not get
+    is_serial: bool = False  # one chain rather than a trunk with branches
 
 
 def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> list[Size]:
-    """Build robots of these sizes, without a compiler cache.
-
-    Args:
-        counts: numbers of joints, keys of `COUNTS`.
-        serial: numbers of joints of serial chains.
-        folder: empty folder.
-
-    Returns:
-        One row per size.
-    """
+    """Build robots of these sizes, without a compiler cache."""
     branching = [_size(count, COUNTS[count], folder) for count in counts]
     return branching + [_size(count, (), folder) for count in serial]
 
@@ -139,15 +120,7 @@ def _cpu() -> float:
 
 
 def exponent(rows: list[Size], key: str) -> float:
-    """Slope of log cost over log joints.
-
-    Args:
-        rows: of `sizes`.
-        key: attribute of `Size`.
-
-    Returns:
-        The exponent.
-    """
+    """Slope of log cost over log joints."""
     joints = np.log([row.joints for row in rows])
     return float(np.polyfit(joints, np.log([getattr(row, key) for row in rows]), 1)[0])
 

@@ -20,32 +20,17 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, slots=True)
 class Stance:
-    """One kind of stance in one half of the log.
+    """One kind of stance in one half of the log."""
 
-    Attributes:
-        half: "first" or "second".
-        feet: loaded feet.
-        seconds: time in it [s].
-        mass: mean sum of both sensors over g [kg].
-        lifted: mean reading of the lifted foot over g [kg]; None where both are loaded.
-    """
-
-    half: str
-    feet: str
-    seconds: float
-    mass: float
-    lifted: float | None
+    half: str  # "first" or "second"
+    feet: str  # loaded feet
+    seconds: float  # time in it [s]
+    mass: float  # mean sum of both sensors over g [kg]
+    lifted: float | None  # mean reading of the lifted foot over g [kg]; None where both are loaded
 
 
 def stances(log: dict[str, Any]) -> list[Stance]:
-    """Stances of a log.
-
-    Args:
-        log: arrays t, lf_fz and rf_fz.
-
-    Returns:
-        One row per half and kind of stance.
-    """
+    """Stances of a log."""
     forces = np.stack([log["lf_fz"], log["rf_fz"]], axis=1)
     total, t = forces.sum(axis=1), log["t"] - log["t"][0]
     loaded = forces > LOADED * np.median(total)

@@ -23,21 +23,13 @@ _FIGURES = "import numpy, scipy.linalg, matplotlib.figure"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Medians of one command.
+    """Medians of one command."""
 
-    Attributes:
-        work: what was run.
-        libraries: statement of the interpreter that it is compared with; "" for a build.
-        seconds: CPU time of the command [s].
-        peer: CPU time of the libraries [s]; NaN without them.
-        goal: ratio, or CPU time [s] of a build.
-    """
-
-    work: str
-    libraries: str
-    seconds: float
-    peer: float
-    goal: float
+    work: str  # what was run
+    libraries: str  # statement of the interpreter that it is compared with; "" for a build
+    seconds: float  # CPU time of the command [s]
+    peer: float  # CPU time of the libraries [s]; NaN without them
+    goal: float  # ratio, or CPU time [s] of a build
 
     @property
     def value(self) -> float:
@@ -51,19 +43,7 @@ class Row:
 
 
 def measure(rounds: int, log: str, only_imports: bool = False) -> list[Row]:
-    """Time every command and its libraries in turn.
-
-    Args:
-        rounds: runs of each.
-        log: log or data set that `identify` takes with the FR3.
-        only_imports: True leaves out `identify` and the build of an arm of seven joints.
-
-    Returns:
-        One row per command.
-
-    Raises:
-        BenchError: a command fails, or the number of rounds is not positive.
-    """
+    """Time every command and its libraries in turn."""
     if rounds < 1:
         raise BenchError(f"expected at least one round, got {rounds}")
     with tempfile.TemporaryDirectory() as name:
@@ -135,14 +115,7 @@ _HEADER = ("work", "CPU s", "libraries alone, CPU s", "ratio", "goal")
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """Rows for a terminal.
-
-    Args:
-        rows: from `measure`.
-
-    Returns:
-        The table.
-    """
+    """Rows for a terminal."""
     shown = Table(*_HEADER)
     for cells in _cells(rows):
         shown.add_row(*cells)
@@ -150,12 +123,5 @@ def table(rows: Sequence[Row]) -> Table:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Rows as a Markdown table.
-
-    Args:
-        rows: from `measure`.
-
-    Returns:
-        Its text.
-    """
+    """Rows as a Markdown table."""
     return markdown_table(_HEADER, _cells(rows))

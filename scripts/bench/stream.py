@@ -38,30 +38,20 @@ FRICTION = Friction(("viscous", "coulomb", "offset"))
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Times of one file: CPU seconds, except `wall`, the time of the whole identification.
-
-    Attributes:
-        read: of all rows, joint side, no repeats.
-        prepare: filter, derivatives, friction columns, decimation, beyond reading.
-        samples: prepared rows.
-        plain, friction: samples per second and core in the compression, without and with the
-            three friction columns.
-        compress: of the prepared training samples, with friction.
-        before, after: torque error on the test part, %.
-    """
+    """Times of one file: CPU seconds, except `wall`, the time of the whole identification."""
 
     kind: str
     rows: int
     bytes: int
-    read: float
-    prepare: float
-    samples: int
-    plain: float
+    read: float  # of all rows, joint side, no repeats
+    prepare: float  # filter, derivatives, friction columns, decimation, beyond reading
+    samples: int  # prepared rows
+    plain: float  # samples per second and core, without and with friction
     friction: float
-    compress: float
+    compress: float  # of the prepared training samples, with friction
     wall: float
     rss: int
-    before: float
+    before: float  # before, after: torque error on the test part, %
     after: float
 
     def as_json(self) -> dict[str, Any]:

@@ -8,19 +8,12 @@ from runtime.library import Library
 
 @dataclass(frozen=True, slots=True)
 class Symbolic:
-    """Expressions of one kernel.
+    """Expressions of one kernel."""
 
-    Attributes:
-        function: of CasADi.
-        inputs: their names.
-        operations: per sample, without what depends on shared inputs alone.
-        sines: how many of them are sines and cosines.
-    """
-
-    function: Any
-    inputs: tuple[str, ...]
-    operations: int
-    sines: int
+    function: Any  # of CasADi
+    inputs: tuple[str, ...]  # their names
+    operations: int  # per sample, without what depends on shared inputs alone
+    sines: int  # how many of them are sines and cosines
 
 
 def symbolic(lib: Library, names: tuple[str, ...]) -> dict[str, Symbolic]:

@@ -63,19 +63,12 @@ BATCHES = (256, 1024, 16384)
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Throughput of one program.
+    """Throughput of one program."""
 
-    Attributes:
-        work: what was run.
-        precision: "double" or "single".
-        rate: torques of all joints per second; NaN where it was not measured.
-        remark: source or reason.
-    """
-
-    work: str
-    precision: str
-    rate: float
-    remark: str = ""
+    work: str  # what was run
+    precision: str  # "double" or "single"
+    rate: float  # torques of all joints per second; NaN where it was not measured
+    remark: str = ""  # source or reason
 
     def as_json(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -83,18 +76,7 @@ class Rate:
 
 
 def measure(lib: Library, seconds: float) -> list[Rate]:
-    """Rates of the library and of its peers.
-
-    Args:
-        lib: loaded at its best level.
-        seconds: duration of all bursts of one measurement.
-
-    Returns:
-        One row per program and precision.
-
-    Raises:
-        BenchError: no C compiler.
-    """
+    """Rates of the library and of its peers."""
     ours = Ours(lib, (KERNEL,), find(("cc", "gcc", "clang")))
     count, rows = cores(), []
     for layout, label in (("tiles", "sines computed"), ("stored", "sines stored")):
@@ -168,14 +150,7 @@ def _cells(rows: list[Rate]) -> list[tuple[str, ...]]:
 
 
 def table(rows: list[Rate]) -> Table:
-    """Rows for a terminal.
-
-    Args:
-        rows: from `measure`.
-
-    Returns:
-        The table.
-    """
+    """Rows for a terminal."""
     shown = Table(*_HEADER, title="Torques per second on all cores")
     for cells in _cells(rows):
         shown.add_row(*cells)
@@ -183,12 +158,5 @@ def table(rows: list[Rate]) -> Table:
 
 
 def markdown(rows: list[Rate]) -> str:
-    """Rows as a Markdown table.
-
-    Args:
-        rows: from `measure`.
-
-    Returns:
-        Its text.
-    """
+    """Rows as a Markdown table."""
     return markdown_table(_HEADER, _cells(rows))

@@ -40,51 +40,27 @@ TRIM_S = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """Vertical forces of the walking iCub at one low-pass, in % of the weight.
+    """Vertical forces of the walking iCub at one low-pass, in % of the weight."""
 
-    Attributes:
-        cutoff: [Hz].
-        urdf: RMS error of the URDF on the second half.
-        bar: goal, `SHARE_OF_URDF` of that and at most `MOST`.
-        identified: RMS error of the model that was fitted to the first half at `DRIVER_HZ`.
-        same_band: RMS error of a model that was fitted to the first half at this low-pass.
-        no_lag, no_crosstalk: RMS errors of models without one of the errors of the sensors, fitted
-            at `DRIVER_HZ`.
-        crosstalk: coefficient about y, fitted to the first half at this low-pass [N per N·m].
-        constant: standard deviation of the measured sum on the second half.
-        best_mass: RMS error of the URDF with the total mass that fits the second half best.
-        mass, low, high: total mass and its 95 % interval [kg].
-        determined: entries of π that the log determines, of all.
-        entries: number of entries of π.
-    """
-
-    cutoff: float
-    urdf: float
-    bar: float
-    identified: float
-    same_band: float
-    no_lag: float
+    cutoff: float  # [Hz]
+    urdf: float  # RMS error of the URDF on the second half
+    bar: float  # goal, `SHARE_OF_URDF` of that and at most `MOST`
+    identified: float  # RMS error of the model that was fitted to the first half at `DRIVER_HZ`
+    same_band: float  # RMS error of a model that was fitted to the first half at this low-pass
+    no_lag: float  # RMS error of a model without this error, at `DRIVER_HZ`
     no_crosstalk: float
-    crosstalk: float
-    constant: float
-    best_mass: float
-    mass: float
+    crosstalk: float  # coefficient about y, fitted to the first half at this low-pass [N per N·m]
+    constant: float  # standard deviation of the measured sum on the second half
+    best_mass: float  # RMS error of the URDF with the total mass that fits the second half best
+    mass: float  # mass, low, high: total mass and its 95 % interval [kg]
     low: float
     high: float
-    determined: int
-    entries: int
+    determined: int  # entries of π that the log determines, of all
+    entries: int  # number of entries of π
 
 
 def walking(data: Path, folder: Path) -> list[Walk]:
-    """iCub: first half of the log for the second half, at several low-passes.
-
-    Args:
-        data: folder of walking.npz and model.urdf.
-        folder: folder of generated robots.
-
-    Returns:
-        One row per low-pass.
-    """
+    """iCub: first half of the log for the second half, at several low-passes."""
     log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
     urdf = (data / "model.urdf").read_text()
     document = Document(urdf)
@@ -147,16 +123,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
 def _predicted(
     recording: FreeBaseRecording, result: FreeBaseIdentification, cutoff_hz: float
 ) -> VerticalForce:
-    """Errors of an identified model on the second half, behind another low-pass.
-
-    Args:
-        recording: the log.
-        result: identified on its first half.
-        cutoff_hz: of the low-pass of the prediction [Hz].
-
-    Returns:
-        Errors of ΣF_z.
-    """
+    """Errors of an identified model on the second half, behind another low-pass."""
     motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
     second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
     phi = np.array([list(result.sensors.values())])

@@ -38,17 +38,11 @@ FIRST_SEED, PAUSE_S = 1000, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """The model that is watched.
+    """The model that is watched."""
 
-    Attributes:
-        saved: the result.
-        root: root of the covariance of [β; φ].
-        sigma: RMS residual of its test part, (n,) [N·m].
-    """
-
-    saved: SavedResult
-    root: Array
-    sigma: Array
+    saved: SavedResult  # the result
+    root: Array  # root of the covariance of [β; φ]
+    sigma: Array  # RMS residual of its test part, (n,) [N·m]
 
 
 def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
@@ -68,20 +62,7 @@ def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
 def weeks(
     lib: Library, designs: tuple[Trajectory, ...], counts: dict[float, int], done: Path
 ) -> dict[tuple[float, str], tuple[int, int, int]]:
-    """Verdicts on weekly logs of the virtual FR3 with and without a change.
-
-    Args:
-        lib: the FR3.
-        designs: the two weekly motions.
-        counts: size of the changes relative to gain +5 % of one joint, tool +0.2 kg, friction
-            +20 %, delay 5 ms, and the URDF of another unit whose links differ by 4 % → number of
-            weeks per change.
-        done: file of finished weeks, one JSON object per line.
-
-    Returns:
-        Size and change, "" for none → weeks, weeks with a change, weeks whose group is right and,
-        of a gain, whose joint is right.
-    """
+    """Verdicts on weekly logs of the virtual FR3 with and without a change."""
     lines = done.read_text().splitlines() if done.exists() else []
     known = {tuple(line[:3]): line[3:] for line in map(json.loads, lines)}
     model = watched(lib, designs)
@@ -121,18 +102,7 @@ def _is_right(verdict: Verdict, change: str, joint: str) -> bool:
 def changed_log(
     lib: Library, designs: tuple[Trajectory, ...], change: str, level: float, week: int
 ) -> tuple[Recording, str]:
-    """Log of one week after a change of the virtual FR3, and the joint whose gain changed.
-
-    Args:
-        lib: the FR3.
-        designs: the two weekly motions.
-        change: of `CHANGES`, "" for none.
-        level: its size, as in `weeks`.
-        week: number, which seeds the noise and, for another URDF, the other unit.
-
-    Returns:
-        The log and the name of a joint.
-    """
+    """Log of one week after a change of the virtual FR3, and the joint whose gain changed."""
     settings = now = settings_of(lib)
     payload, truth = None, 0
     if change == "friction":

@@ -31,20 +31,13 @@ PASSES = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmFit:
-    """Parameters of a training run and the samples of a test run.
+    """Parameters of a training run and the samples of a test run."""
 
-    Attributes:
-        lib: library of the arm.
-        pi, phi: standard parameters (10 n,) and friction coefficients (n, k).
-        columns: names of the k columns.
-        test: samples of the test run, from 1 s after its beginning to 1 s before its end.
-    """
-
-    lib: Library
-    pi: Array
+    lib: Library  # library of the arm
+    pi: Array  # pi, phi: standard parameters (10 n,) and friction coefficients (n, k)
     phi: Array
-    columns: tuple[str, ...]
-    test: Samples
+    columns: tuple[str, ...]  # names of the k columns
+    test: Samples  # samples of the test run, from 1 s after its beginning to 1 s before its end
 
     def residual(self, phi: Array | None = None) -> Array:
         """τ minus the torque of the model, (N, n), with other friction coefficients if given."""
@@ -52,23 +45,13 @@ class ArmFit:
         return np.asarray(self.test.tau - self.test.rigid(self.lib, self.pi) - friction)
 
     def errors(self, rest: Array, rows: slice = slice(None)) -> Array:
-        """Norm of the residual over that of the torque, known torques included, per joint.
-
-        Args:
-            rest: residuals (N, n) [N·m, N].
-            rows: of the test run.
-        """
+        """Norm of the residual over that of the torque, known torques included, per joint."""
         torque = self.test.tau + self.lib.known_torque(self.test.q)
         return np.asarray(np.linalg.norm(rest[rows], axis=0) / np.linalg.norm(torque[rows], axis=0))
 
 
 def log(data: Path, name: str) -> Recording:
-    """Recording of a run; ":0" and ":1" behind the name are its halves.
-
-    Args:
-        data: folder of the files.
-        name: of the run.
-    """
+    """Recording of a run; ":0" and ":1" behind the name are its halves."""
     file, _, half = name.partition(":")
     table = np.loadtxt(data / f"{file}.csv", delimiter=",")
     if half:
@@ -78,15 +61,7 @@ def log(data: Path, name: str) -> Recording:
 
 
 def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTOFF) -> ArmFit:
-    """Fit to the run `train`, with the samples of the run `test`.
-
-    Args:
-        lib: library of the arm.
-        data: folder of the files.
-        train: name of the training run.
-        test: name of the test run.
-        cutoff: low-pass of the rows, Hz.
-    """
+    """Fit to the run `train`, with the samples of the run `test`."""
     springs = tuple(f"spring:{name}" for name in lib.manifest.springs)
     unseen = log(data, test)
     assembly = assemble(
@@ -109,14 +84,7 @@ def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTO
 
 
 def friction_of_start(fit: ArmFit, data: Path, run: str, seconds: float) -> Array:
-    """Friction (n, k) of the first seconds of a run, at the links of the fit: `symgen friction`.
-
-    Args:
-        fit: links, and friction as the prior.
-        data: folder of the files.
-        run: name of the run.
-        seconds: length of the start, without the second that is cut at both ends.
-    """
+    """Friction (n, k) of the first seconds of a run, at the links of the fit: `symgen friction`."""
     lib, friction = fit.lib, Friction(fit.columns, dahl_stroke=STROKE)
     saved = SavedResult(
         robot=lib.name,

@@ -35,38 +35,23 @@ PLACES = (-0.15, 0.15)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadFit:
-    """Load on one body.
+    """Load on one body."""
 
-    Attributes:
-        link: name of the body.
-        mass: kg.
-        spread: standard error of the mass from those of single periods, kg.
-        place: r in the frame of the body, (3,) [m].
-        errors: per joint, norm of the residual over that of the difference less its mean, (3,).
-    """
-
-    link: str
-    mass: float
-    spread: float
-    place: Array
-    errors: Array
+    link: str  # name of the body
+    mass: float  # kg
+    spread: float  # standard error of the mass from those of single periods, kg
+    place: Array  # r in the frame of the body, (3,) [m]
+    errors: Array  # per joint, norm of the residual over that of the difference less its mean, (3,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Difference of two runs at N instants.
+    """Difference of two runs at N instants."""
 
-    Attributes:
-        difference: of the torques, less that of the motions, (N, 3) [N·m, N].
-        terms: free terms of each joint, (3, N, 4).
-        regressor: of all bodies, (N, 3, 10 n).
-        periods: number of the period of each row, (N,).
-    """
-
-    difference: Array
-    terms: Array
-    regressor: Array
-    periods: Array
+    difference: Array  # of the torques, less that of the motions, (N, 3) [N·m, N]
+    terms: Array  # free terms of each joint, (3, N, 4)
+    regressor: Array  # of all bodies, (N, 3, 10 n)
+    periods: Array  # number of the period of each row, (N,)
 
     def of_period(self, number: int) -> "Rows":
         """Rows of one period."""
@@ -88,14 +73,7 @@ class Rows:
 
 
 def difference(lib: Library, data: Path, empty: str, loaded: str) -> Rows:
-    """Difference of the run with the load to that without.
-
-    Args:
-        lib: library of the arm.
-        data: folder of the files.
-        empty: name of the run without load.
-        loaded: name of the run with it.
-    """
+    """Difference of the run with the load to that without."""
     pi = fitted(lib, data, empty, empty).pi
     steps = Preparation(filter="butterworth", cutoff_hz=CUTOFF, trim_s=1.0)
     tau, rigid, moved = [], [], None
@@ -123,13 +101,7 @@ def point(mass: float, r: Array) -> Array:
 
 
 def load_on(rows: Rows, body: int, name: str) -> LoadFit:
-    """The load as a point on one of the bodies.
-
-    Args:
-        rows: difference of the runs.
-        body: number of the body.
-        name: of the body.
-    """
+    """The load as a point on one of the bodies."""
     starts = [np.array([0.1, x, y, z]) for x in PLACES for y in PLACES for z in PLACES]
     best = min((_fit(rows, body, start) for start in starts), key=lambda each: float(each[1]))[0]
     single = [_fit(rows.of_period(k), body, best)[0][0] for k in np.unique(rows.periods)]

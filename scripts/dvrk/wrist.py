@@ -29,15 +29,6 @@ def published_wrist(
     """Relative errors of the published wrist on a run, and the level of its friction there.
 
     Both sides pass the same low-pass, as in `fits`.
-
-    Args:
-        lib: library of the arm, for the order of its joints.
-        data: folder of the files.
-        run: name of the run.
-        rows: table [[wrist]] of published.toml.
-
-    Returns:
-        Errors (4,), levels (4,), and standard deviation of the levels between periods (4,).
     """
     recording = log(data, run)
     q, dq = _low_passed(recording.q, MOTION), _low_passed(recording.required("dq"), MOTION)
@@ -71,16 +62,7 @@ def _levels(tau: Array, friction: Array, q: Array, ddq: Array) -> Array:
 
 
 def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array, Array]:
-    """One level of the friction of the whole wrist and an offset per joint, of the first seconds.
-
-    Args:
-        fit: parameters of the training run, and samples of the test run.
-        seconds: length of the start of the test run.
-
-    Returns:
-        The level, the changes of the offsets (n,), and the residuals of the whole test run (N, n)
-        [N·m, N].
-    """
+    """One level of friction of the whole wrist and an offset per joint, of the first seconds."""
     phi = fit.phi.copy()
     phi[:, fit.columns.index("offset")] = 0.0
     friction = fit.test.friction(phi)

@@ -1,4 +1,4 @@
-"""NPZ and Parquet damaged inside: members and columns of other names, types, shapes and sizes."""
+"""NPZ, Parquet and HDF5 damaged inside: parts of other names, types, shapes and sizes."""
 
 import io
 import re
@@ -6,10 +6,9 @@ import zipfile
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 
-from scripts.fuzzing.mutators import flip_bits, numbers
-
-Rng = np.random.Generator
+from scripts.fuzzing.drawing import Draw, chance, numbers, pick, pieces
 
 SHAPES = (
     *(b"(99999999999,)", b"(1000000000000, 7)", b"(-1,)", b"(2,3,4)", b"(0,)", b"(0, 7)", b"()"),
@@ -25,48 +24,44 @@ MOST_ROWS = 10**5
 """Of a table that is damaged once more: cells of 5000 numbers still fit."""
 
 
-def npz_parts(data: bytes, rng: Rng) -> bytes:
+def npz_parts(draw: Draw, data: bytes) -> bytes:
     """Members renamed, dropped, of a huge shape, of another type, pickled, or of endless zeros."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            kept = archive.infolist()[0].compress_type
-            parts = {name: archive.read(name) for name in archive.namelist()}
-    except Exception:  # damaged before
-        return data
-    name = sorted(parts)[int(rng.integers(len(parts)))]
-    kind = int(rng.integers(10))
-    if kind == 0:
-        parts["../" * 6 + "tmp/hacked.npy"] = parts.pop(name)
-    elif kind == 1:
-        del parts[name]
-    elif kind == 2:
-        parts[name] = _header(parts[name], rb"\([\d, ]*\)", SHAPES[int(rng.integers(len(SHAPES)))])
-    elif kind == 3:
-        parts[name] = _header(parts[name], rb"'<f8'", TYPES[int(rng.integers(len(TYPES)))])
-    elif kind == 4:
-        parts[name] = _header(parts[name], rb"'<f8'", b"'|O'")[:128] + PICKLE
-    elif kind == 5:
-        parts[name] = _header(parts[name], rb"\(\d+,", b"(40000000,") + bytes(ZEROS)
-        kept = zipfile.ZIP_DEFLATED
-    elif kind == 6:
-        parts[name] = numbers(parts[name][:128], rng) + parts[name][128:]
-    elif kind == 7:
-        parts[name] = parts[sorted(parts)[int(rng.integers(len(parts)))]]
-    elif kind == 8:
-        parts[name] = parts[name][:128] + _filled(parts[name][128:], rng)
-    else:
-        parts[name] = flip_bits(parts[name], rng)
-    return _zipped(parts, kept, twice=name if int(rng.integers(20)) == 0 else None)
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        kept = archive.infolist()[0].compress_type
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    name = pick(draw, sorted(parts))
+    part = parts[name]
+    match draw(st.integers(0, 9)):
+        case 0:
+            parts["../" * 6 + "tmp/hacked.npy"] = parts.pop(name)
+        case 1:
+            del parts[name]
+        case 2:
+            parts[name] = _header(part, rb"\([\d, ]*\)", pick(draw, SHAPES))
+        case 3:
+            parts[name] = _header(part, rb"'<f8'", pick(draw, TYPES))
+        case 4:
+            parts[name] = _header(part, rb"'<f8'", b"'|O'")[:128] + PICKLE
+        case 5:
+            parts[name] = _header(part, rb"\(\d+,", b"(40000000,") + bytes(ZEROS)
+            kept = zipfile.ZIP_DEFLATED
+        case 6:
+            parts[name] = numbers(draw, part[:128]) + part[128:]
+        case 7:
+            parts[name] = parts[pick(draw, sorted(parts))]
+        case 8:
+            values = np.frombuffer(part[128 : 128 + (len(part) - 128) // 8 * 8])
+            parts[name] = part[:128] + strewn(draw, values).tobytes()
+        case _:
+            parts[name] = pieces(draw, part)
+    return _zipped(parts, kept, twice=name if chance(draw, 20) else None)
 
 
-def _filled(data: bytes, rng: Rng) -> bytes:
-    """Replace some or all doubles by a value that no log has."""
-    values = np.frombuffer(data[: len(data) // 8 * 8], dtype=np.float64).copy()
-    strange = rng.choice([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e20, 0.0, 5e-324])
-    if values.size:
-        some = rng.random(values.size) < rng.choice([0.01, 0.5, 1.0])
-        values[some] = strange
-    return values.tobytes()
+def strewn(draw: Draw, values: np.ndarray) -> np.ndarray:
+    """Some or all doubles replaced by a value that no log has."""
+    strange = pick(draw, (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e20, 0.0, 5e-324))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    return np.where(rng.random(values.shape) < pick(draw, (0.01, 0.5, 1.0)), strange, values)
 
 
 def _header(part: bytes, pattern: bytes, text: bytes) -> bytes:
@@ -86,42 +81,36 @@ def _zipped(parts: dict[str, bytes], kept: int, twice: str | None) -> bytes:
     return out.getvalue()
 
 
-def parquet_columns(data: bytes, rng: Rng) -> bytes:
+def parquet_columns(draw: Draw, data: bytes) -> bytes:
     """A whole Parquet file with another column, type, length, page or key."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        table = pq.read_table(io.BytesIO(data))
-    except Exception:  # damaged before
+    table = pq.read_table(io.BytesIO(data))
+    if table.num_rows > MOST_ROWS:  # of a round before this one
         return data
-    if not table.num_columns or table.num_rows > MOST_ROWS:  # of a round before this one
-        return data
-    k, rows = int(rng.integers(table.num_columns)), table.num_rows
+    k, rows = draw(st.integers(0, table.num_columns - 1)), table.num_rows
     name, column = table.column_names[k], table.column(k).combine_chunks()
     strange = _columns(column, rows, pa)
-    kind = int(rng.integers(len(strange) + 6))
-    if kind < len(strange):
-        table = table.set_column(k, name, strange[kind]())
-    elif kind == len(strange):
-        table = table.remove_column(k)
-    elif kind == len(strange) + 1:
-        table = table.append_column(name, column)
-    elif kind == len(strange) + 2:
-        table = table.slice(0, int(rng.integers(0, 3)))
-    elif kind == len(strange) + 3:
-        table = table.rename_columns(["\u202e" if n == name else n for n in table.column_names])
-    elif kind == len(strange) + 4:
-        table = table.replace_schema_metadata({"ARROW:schema": "AAAA", "config_hash": "x"})
-    else:
-        empty = pa.nulls(6 * 10**6, pa.float64())
-        table = pa.table(dict.fromkeys(table.column_names, empty))
+    match draw(st.integers(0, len(strange) + 5)) - len(strange):
+        case 0:
+            table = table.remove_column(k)
+        case 1:
+            table = table.append_column(name, column)
+        case 2:
+            table = table.slice(0, draw(st.integers(0, 2)))
+        case 3:
+            table = table.rename_columns(["\u202e" if n == name else n for n in table.column_names])
+        case 4:
+            table = table.replace_schema_metadata({"ARROW:schema": "AAAA", "config_hash": "x"})
+        case 5:
+            empty = pa.nulls(6 * 10**6, pa.float64())
+            table = pa.table(dict.fromkeys(table.column_names, empty))
+        case kind:
+            table = table.set_column(k, name, strange[kind]())
     out = io.BytesIO()
-    codec = ("NONE", "SNAPPY", "ZSTD", "GZIP", "BROTLI")[int(rng.integers(5))]
-    try:
-        pq.write_table(table, out, compression=codec, data_page_version="2.0")
-    except Exception:  # not every type has a place in Parquet
-        return data
+    codec = pick(draw, ("NONE", "SNAPPY", "ZSTD", "GZIP", "BROTLI"))
+    pq.write_table(table, out, compression=codec, data_page_version="2.0")
     return out.getvalue()
 
 
@@ -154,3 +143,45 @@ def _columns(column: Any, rows: int, pa: Any) -> tuple[Any, ...]:
         lambda: pa.array([None if i % 3 else [1.0] for i in range(rows)], pa.list_(pa.float64())),
         column.dictionary_encode,
     )
+
+
+_TYPES = ("f2", "f4", "i8", "u1", "S3", "V8", "c16")
+_SHAPES = ((0,), (0, 3), (1,), (7,), (2, 3, 4), (10**6, 1))
+
+
+def hdf5_parts(draw: Draw, data: bytes) -> bytes:
+    """Arrays of other names, types and shapes, compressed zeros, links, and groups in groups."""
+    import h5py
+
+    out = io.BytesIO(data)
+    with h5py.File(out, "r+") as file:
+        group: Any = file.get("arm", file)
+        name = pick(draw, sorted(group))
+        if group[name].size > MOST_ROWS:  # of a round before this one: an honest file of 400 MB
+            return data
+        values = np.asarray(group[name])
+        del group[name]
+        match draw(st.integers(0, 8)):
+            case 0:
+                group[name + "x"] = values
+            case 1:
+                group[name] = np.zeros(values.shape, pick(draw, _TYPES))
+            case 2:
+                group[name] = np.zeros(pick(draw, _SHAPES))
+            case 3:
+                zeros = {"shape": (10**7, 20), "chunks": (10**5, 20), "compression": "gzip"}
+                group.create_dataset(name, dtype="f8", **zeros)
+            case 4:
+                group[name] = h5py.ExternalLink("../canary.txt", "/q")
+            case 5:
+                group[name] = h5py.SoftLink(f"/{name}")
+            case 6:
+                place = group
+                for _ in range(200):
+                    place = place.create_group(name)
+            case 7:
+                external = [("../canary.txt", 0, h5py.h5f.UNLIMITED)]
+                group.create_dataset(name, values.shape, "f8", external=external)
+            case _:
+                group[name] = strewn(draw, values)
+    return out.getvalue()

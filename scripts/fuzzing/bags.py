@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from hypothesis import strategies as st
 
 from runtime.recording import Recording
+from scripts.fuzzing.drawing import Draw, Mutator, chance, pick
 
-Rng = np.random.Generator
 Payloads = list[tuple[int, bytes]]
 """Instants in ns and encoded messages."""
-Mutator = Callable[[bytes, Rng], bytes]
 
 TYPE, TOPIC = "sensor_msgs/msg/JointState", "/joint_states"
 START = 1_700_000_000 * 10**9
@@ -101,84 +101,71 @@ def ros2(folder: Path, messages: Payloads, mode: str = "NONE") -> None:
             bag.write(connection, stamp, data)
 
 
-def with_some(messages: Payloads, mutate: Mutator, rng: Rng) -> Payloads:
+def with_some(draw: Draw, messages: Payloads, mutate: Mutator) -> Payloads:
     """Some messages damaged, doubled, left out, or of another instant."""
     changed = list(messages)
-    for _ in range(int(rng.integers(1, 6))):
-        if not changed:
-            break
-        k = int(rng.integers(len(changed)))
+    for _ in range(min(draw(st.integers(1, 5)), len(changed) - 1)):
+        k = draw(st.integers(0, len(changed) - 1))
         stamp, data = changed[k]
-        kind = int(rng.integers(6))
-        if kind <= 2:
-            changed[k] = (stamp, mutate(data, rng))
-        elif kind == 3:
-            changed.insert(k, changed[int(rng.integers(len(changed)))])
-        elif kind == 4:
-            del changed[k]
-        else:
-            changed[k] = (int(rng.choice([0, 1, START - 1, 2**32 * 10**9 - 1])), data)
-    return changed or messages[:1]
+        match draw(st.integers(0, 5)):
+            case 0:
+                changed.insert(k, pick(draw, changed))
+            case 1:
+                del changed[k]
+            case 2:
+                changed[k] = (pick(draw, (0, 1, START - 1, 2**32 * 10**9 - 1)), data)
+            case _:
+                changed[k] = (stamp, mutate(draw, data))
+    return changed
+
+
+def remade(
+    read: Callable[[bytes], Payloads],
+    write: Callable[[Payloads, str], bytes],
+    codecs: tuple[str, ...],
+    mutate: Mutator,
+) -> Mutator:
+    """A bag whose container is whole, or whose chunk is a bomb."""
+
+    def remake(draw: Draw, data: bytes) -> bytes:
+        messages = read(data)
+        if max(len(message) for _, message in messages) >= ZEROS:
+            return data  # a bomb of a round before, which would become an honest file of 200 MB
+        if chance(draw, 25):
+            return write([(messages[0][0], bytes(ZEROS))], pick(draw, codecs[1:]))
+        return write(with_some(draw, messages, mutate), pick(draw, codecs))
+
+    return remake
 
 
 def remade_mcap(encoding: str, mutate: Mutator) -> Mutator:
-    """An MCAP whose container is whole, or whose chunk is a bomb."""
+    """An MCAP whose container is whole."""
 
-    def remade(data: bytes, rng: Rng) -> bytes:
-        messages = messages_of(data)
-        if not messages or _is_bomb(messages):
-            return data
-        compression = str(rng.choice(["NONE", "LZ4", "ZSTD"]))
-        if int(rng.integers(25)) == 0:
-            messages = [(messages[0][0], bytes(ZEROS))]
-            compression = str(rng.choice(["LZ4", "ZSTD"]))
-        return mcap(with_some(messages, mutate, rng), encoding, compression)
+    def read(data: bytes) -> Payloads:
+        from mcap.reader import make_reader
 
-    return remade
-
-
-def _is_bomb(messages: Payloads) -> bool:
-    """Whether a round before this one made a bomb, which would become an honest file of 200 MB."""
-    return max(len(data) for _, data in messages) >= ZEROS
-
-
-def messages_of(data: bytes) -> Payloads:
-    """The messages of an MCAP that is whole; none of another."""
-    from mcap.reader import make_reader
-
-    try:
         reader = make_reader(io.BytesIO(data))
         return [(message.log_time, message.data) for _, _, message in reader.iter_messages()]
-    except Exception:  # damaged before
-        return []
+
+    def write(messages: Payloads, codec: str) -> bytes:
+        return mcap(messages, encoding, codec)
+
+    return remade(read, write, ("NONE", "LZ4", "ZSTD"), mutate)
 
 
 def remade_ros1(mutate: Mutator) -> Mutator:
-    """A ROS 1 bag whose container is whole, or whose chunk is a bomb."""
+    """A ROS 1 bag whose container is whole."""
 
-    def remade(data: bytes, rng: Rng) -> bytes:
+    def read(data: bytes) -> Payloads:
         from rosbags.rosbag1 import Reader
 
-        try:
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "log.bag"
-                path.write_bytes(data)
-                with Reader(path) as bag:
-                    messages = [(stamp, message) for _, stamp, message in bag.messages()]
-        except Exception:  # damaged before
-            return data
-        if not messages or _is_bomb(messages):
-            return data
-        compression = str(rng.choice(["", "BZ2", "LZ4"]))
-        if int(rng.integers(25)) == 0:
-            messages, compression = (
-                [(messages[0][0], bytes(ZEROS))],
-                str(rng.choice(["BZ2", "LZ4"])),
-            )
-            return ros1(messages, compression)
-        return ros1(with_some(messages, mutate, rng), compression)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "log.bag"
+            path.write_bytes(data)
+            with Reader(path) as bag:
+                return [(stamp, message) for _, stamp, message in bag.messages()]
 
-    return remade
+    return remade(read, ros1, ("", "BZ2", "LZ4"), mutate)
 
 
 ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT count(x) AS "
@@ -205,17 +192,14 @@ QUERIES = (
 )
 
 
-def remade_database(data: bytes, rng: Rng) -> bytes:
+def remade_database(draw: Draw, data: bytes) -> bytes:
     """A database whose pages are whole."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bag.db3"
         path.write_bytes(data)
-        try:
-            with sqlite3.connect(path) as database:
-                database.executescript(QUERIES[int(rng.integers(len(QUERIES)))])
-            database.close()
-        except sqlite3.Error:  # damaged before
-            return data
+        with sqlite3.connect(path) as database:
+            database.executescript(pick(draw, QUERIES))
+        database.close()
         return path.read_bytes()
 
 
@@ -225,8 +209,8 @@ def furnish_ros2(folder: Path, log: Recording, mode: str) -> None:
     ros2(folder / "bag", payloads(log, "cdr"), mode)
 
 
-def zstd_bomb(data: bytes, rng: Rng) -> bytes:
+def zstd_bomb(draw: Draw, data: bytes) -> bytes:
     """The zstd frame of a bag that is compressed as a whole, of endless zeros or damaged."""
     from backports import zstd
 
-    return zstd.compress(bytes(ZEROS)) if int(rng.integers(20)) == 0 else data
+    return zstd.compress(bytes(ZEROS)) if chance(draw, 20) else data

@@ -15,18 +15,15 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 from runtime.errors import RuntimeFault
 from runtime.library import load
-from scripts.fuzzing.damage import generator, mutated
+from scripts.fuzzing.damage import CANARY, Damaged, drawn
 from scripts.fuzzing.doors import DOORS, OUT, Door
-from scripts.fuzzing.mutators import CANARY
-from scripts.fuzzing.places import SHARE, clear, misplace
-from scripts.fuzzing.watch import Watch
 from symgen.errors import SymgenError
 
 SECONDS = 20.0
@@ -37,6 +34,45 @@ MEMORY = 2**30
 """Bytes of address space beyond what the process has before it reads damaged files."""
 RESIDENT = 4 * 10**8
 """Bytes of memory that one file may take; good ones take a few million."""
+
+
+FORBIDDEN = (
+    *("os.system", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.symlink"),
+    *("subprocess.Popen", "pickle.find_class", "socket.connect", "socket.bind", "pty.spawn"),
+    *("os.link", "os.chmod", "webbrowser.open"),
+)
+CHANGING = ("os.remove", "os.rename", "os.rmdir", "os.mkdir", "shutil.rmtree")
+TEMPTING = ("/etc/passwd", "/dev/zero", "/dev/stdin", CANARY)
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+
+
+class Watch:
+    """Records what the interpreter audits while armed: processes, connections, files written."""
+
+    def __init__(self, allowed: Sequence[Path]) -> None:
+        self.armed = False
+        self.seen: list[str] = []  # what was forbidden
+        self.programs: tuple[str, ...] = ()  # that may be started
+        self.allowed = tuple(str(folder) for folder in allowed)  # where files may be made, removed
+        sys.addaudithook(self._hear)
+
+    def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self.armed or (event == "subprocess.Popen" and arguments[0] in self.programs):
+            return
+        if event in FORBIDDEN or (event in CHANGING and not self._is_allowed(arguments)):
+            self.seen.append(f"{event} {arguments!r:.200}")
+        elif event == "open":
+            name, _, flags = arguments
+            writes = isinstance(flags, int) and flags & WRITING and name != os.devnull
+            if (writes and not self._is_allowed((name,))) or str(name).endswith(TEMPTING):
+                self.seen.append(f"open {arguments!r:.200}")
+
+    def _is_allowed(self, arguments: tuple[Any, ...]) -> bool:
+        """All names lie in allowed folders, or in a folder that is being removed and is open."""
+        names = [str(each) for each in arguments if isinstance(each, str | os.PathLike)]
+        inside = all(name.startswith(self.allowed) for name in names)
+        by_folder = any(isinstance(each, int) and each >= 0 for each in arguments[1:2])
+        return inside or (by_folder and "/" not in "".join(names))
 
 
 class Hang(BaseException):
@@ -69,9 +105,12 @@ def main() -> None:
         shutil.rmtree(folder / OUT, ignore_errors=True)
         good = (folder / door.file).read_bytes()
         before = _files(folder, door)
-        for index in range(first, first + count):
+        damaged = drawn(good, door.file, (job["seed"], kind), first, count)
+        for index, one in enumerate(damaged, first):
             report(begin=[kind, index])
-            _damage(door, folder, good, kind, job["seed"], index)
+            _put(one, folder / door.file)
+            if door.seal is not None:
+                door.seal(folder)
             held, start = _resident(), time.process_time()
             outcome = _read(lambda door=door, folder=folder: door.read(folder, lib), watch)
             seconds, grown = time.process_time() - start, _peak() - held
@@ -98,16 +137,30 @@ def _only_ours() -> Callable[..., None]:
     return report
 
 
-def _damage(door: Door, folder: Path, good: bytes, kind: str, seed: int, index: int) -> None:
-    rng = generator(seed, kind, index)
-    path = folder / door.file
+def _put(one: Damaged, path: Path) -> None:
+    """Put a damaged file, or something that is no file, into the place of a file."""
     clear(path)
-    if rng.random() < SHARE:
-        misplace(path, rng)
+    match one:
+        case bytes():
+            path.write_bytes(one)
+        case "folder":
+            path.mkdir()
+        case "pipe":
+            os.mkfifo(path)
+        case "device":
+            path.symlink_to("/dev/zero")
+        case "itself" | "nowhere":
+            path.symlink_to(path.name if one == "itself" else "nowhere")
+        case "empty":
+            path.write_bytes(b"")
+
+
+def clear(path: Path) -> None:
+    """Remove whatever is at a path."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
     else:
-        path.write_bytes(mutated(good, door.file, rng))
-    if door.seal is not None:
-        door.seal(folder)
+        path.unlink(missing_ok=True)
 
 
 def _read(read: Callable[[], Any], watch: Watch) -> str:

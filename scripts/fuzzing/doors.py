@@ -29,21 +29,13 @@ from scripts.fuzzing.readers import OUT, Reader
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A file that is damaged.
+    """A file that is damaged."""
 
-    Attributes:
-        file: its path in the folder.
-        furnish: writes good files.
-        read: what reads it; (folder of the files, the robot) → anything.
-        seal: called after the damage, for files that vouch for others by digest.
-        programs: that the reader may start.
-    """
-
-    file: str
-    furnish: Callable[[Path, Library], None]
-    read: Reader
-    seal: Callable[[Path], None] | None = None
-    programs: tuple[str, ...] = ()
+    file: str  # its path in the folder
+    furnish: Callable[[Path, Library], None]  # writes good files
+    read: Reader  # what reads it; (folder of the files, the robot) → anything
+    seal: Callable[[Path], None] | None = None  # renews digests
+    programs: tuple[str, ...] = ()  # that the reader may start
 
 
 def _log(file: str, furnish: Callable[[Path, Library], None], place: str = "") -> Door:

@@ -64,17 +64,7 @@ def fuzz(
     first: int = 0,
     keep: Path | None = None,
 ) -> dict[str, Tally]:
-    """Read damaged files, equally many of every kind.
-
-    Args:
-        kinds: of `doors.DOORS`.
-        count: of each kind.
-        seed: the same seed, kind and index give the same file.
-        robot: folder of a compiled robot.
-        step: called after every file with its kind, and with the fault where there is one.
-        first: index of the first file of each kind.
-        keep: a folder for the files that are faults.
-    """
+    """Read damaged files, equally many of every kind; `step` hears of each and of its fault."""
     tallies = {kind: Tally() for kind in kinds}
     job: dict[str, Any] = {"robot": str(robot), "seed": seed, "keep": keep and str(keep)}
     with tempfile.TemporaryDirectory(prefix="fuzz.") as folder, suppress(KeyboardInterrupt):
@@ -124,11 +114,7 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Step) -> No
 
 
 def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
-    """JSON lines until the end of the stream.
-
-    Raises:
-        TimeoutError: it is silent for too long.
-    """
+    """JSON lines until the end of the stream."""
     buffer = b""
     while select.select([stream], [], [], SILENCE)[0]:
         data = os.read(stream.fileno(), 65536)

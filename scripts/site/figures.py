@@ -273,16 +273,7 @@ def _legend(axes: plt.Axes, ink: str) -> None:
 
 
 def draw(name: str, scheme: str, folder: Path = IMAGES) -> Path:
-    """Draw one figure for one colour scheme.
-
-    Args:
-        name: of FIGURES.
-        scheme: "light" or "dark".
-        folder: where NAME-SCHEME.svg is written.
-
-    Returns:
-        The file; the same input gives the same bytes.
-    """
+    """Draw one figure for one colour scheme."""
     ink = SCHEMES[scheme]
     settings = {
         "svg.hashsalt": name,

@@ -23,14 +23,7 @@ PICTURE, BOTH = (
 
 
 def on_config(config: Any) -> Any:
-    """List the rooms of the Python API in the navigation.
-
-    Args:
-        config: settings of mkdocs.
-
-    Returns:
-        The same settings.
-    """
+    """List the rooms of the Python API in the navigation."""
     for section in config.nav:
         for entry in section.get("Reference", []) if isinstance(section, dict) else []:
             if API in entry:
@@ -40,29 +33,14 @@ def on_config(config: Any) -> Any:
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the generated pages to those of docs/.
-
-    Args:
-        files: pages and pictures of docs/.
-        config: settings of mkdocs.
-
-    Returns:
-        The same collection with the generated pages.
-    """
+    """Add the generated pages to those of docs/."""
     for name, text in generated_pages():
         files.append(File.generated(config, name, content=text))
     return files
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the table of the keys of result.json where a page asks for it.
-
-    Args:
-        markdown: text of a page.
-
-    Returns:
-        The text with the table in place of its mark.
-    """
+    """Put the table of the keys of result.json where a page asks for it."""
     from runtime.identification.result_schema import markdown_table
 
     return markdown.replace("<!-- keys of result.json -->", markdown_table())

@@ -21,14 +21,7 @@ FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
 def notebook(name: str) -> nbformat.NotebookNode:
-    """The notebook of a tutorial.
-
-    Args:
-        name: of NAMES.
-
-    Returns:
-        Cells without outputs; the same tutorial gives the same notebook.
-    """
+    """The notebook of a tutorial."""
     text = (TUTORIALS / f"{name}.md").read_text(encoding="utf-8")
     cells, end = [], 0
     for match in FENCE.finditer(text):

@@ -14,13 +14,19 @@ from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
-from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials.document_robot import document_robot
-from runtime.experiments.trials.frozen_link import fit_frozen, link_rows
-from runtime.experiments.trials.motions import ROLES, condition
+from runtime.experiments.study import (
+    TORQUE,
+    Arrays,
+    Row,
+    Study,
+    StudyOutcome,
+    View,
+    torque_bars,
+    torque_table,
+)
+from runtime.experiments.trials.motions import ROLES, condition, document_robot
 from runtime.experiments.trials.scores import Scorer, scorer_of, torque_rms
-from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
-from runtime.experiments.views import TORQUE, torque_bars, torque_table
+from runtime.experiments.trials.timed_fits import adam_of_all, fit_frozen, link_rows, stream, timed
 from runtime.identification.payload import identify_payload
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, centre_of_mass, links, mass

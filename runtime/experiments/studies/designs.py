@@ -14,8 +14,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
-from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.study import TORQUE, Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.montecarlo import (
     METHODS,
     Case,
@@ -23,9 +22,8 @@ from runtime.experiments.trials.montecarlo import (
     MonteCarloSetup,
     run_cases,
 )
-from runtime.experiments.trials.motions import ROLES
+from runtime.experiments.trials.motions import ROLES, document_robot
 from runtime.experiments.trials.scores import scorer_of
-from runtime.experiments.views import TORQUE
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
 

@@ -9,10 +9,8 @@ from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
-from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials.document_robot import document_robot
-from runtime.experiments.trials.motions import ROLES, condition, curves
-from runtime.experiments.views import motion
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View, motion
+from runtime.experiments.trials.motions import ROLES, condition, curves, document_robot
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
 

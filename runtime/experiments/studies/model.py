@@ -12,8 +12,7 @@ import numpy as np
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials.document_robot import document_robot
-from runtime.experiments.trials.motions import designed
+from runtime.experiments.trials.motions import designed, document_robot
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal

@@ -15,11 +15,9 @@ from runtime.estimators.descent.fit import PRESETS, fit_levenberg
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.study import Arrays, Row
-from runtime.experiments.trials.document_robot import document_robot
-from runtime.experiments.trials.frozen_link import fit_frozen
-from runtime.experiments.trials.motions import designed
+from runtime.experiments.trials.motions import designed, document_robot
 from runtime.experiments.trials.scores import Scorer, scorer_of
-from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
+from runtime.experiments.trials.timed_fits import adam_of_all, fit_frozen, stream, timed
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
 

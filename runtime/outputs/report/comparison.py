@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.errors import RuntimeFault
 from runtime.files import json_of
 from runtime.outputs.report.figures import method_bars
-from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
+from runtime.outputs.report.page import Page, ReportTable, Section, Tile
 
 NAME = "compare.json"
 FORMAT = 1

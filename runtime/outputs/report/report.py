@@ -4,14 +4,40 @@
 A comparison of methods in the folder is appended; without `result.json` it is the whole page.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
-from runtime.outputs.report.layout import Page
-from runtime.outputs.report.page import write_page
+from runtime.outputs.report.page import Page, write_page
 from runtime.outputs.report.result import Result, read_result
 from runtime.outputs.report.sections import GLOSSARY, headline, sections, tiles
+from runtime.registry import Registry
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportKind:
+    """Folders with results of another kind, which have a page of their own.
+
+    Attributes:
+        name: what wrote the folder.
+        accepts: whether a folder has such results.
+        pictures: files that `write` would write into a folder of figures.
+        write: the page, and tables and figures where requested; the files.
+    """
+
+    name: str
+    accepts: Callable[[Path], bool]
+    pictures: Callable[[Path, Path], tuple[Path, ...]]
+    write: Callable[..., tuple[Path, ...]]
+
+
+REPORT_KINDS = Registry(
+    "symgen.reports",
+    ReportKind,
+    "kind of results",
+    {"experiments": "runtime.experiments.report:EXPERIMENTS"},
+)
 
 
 def write_report(folder: Path, out: Path | None = None) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.outputs.report.figures import convergence, mass_change, torques
-from runtime.outputs.report.layout import ReportTable, Section, Tile
+from runtime.outputs.report.page import ReportTable, Section, Tile
 from runtime.outputs.report.result import Link, Result
 from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.sides import sides_section

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.outputs.report.layout import ReportTable, Section
+from runtime.outputs.report.page import ReportTable, Section
 
 
 @dataclass(frozen=True, slots=True)

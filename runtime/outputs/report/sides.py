@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.outputs.report.layout import ReportTable, Section
+from runtime.outputs.report.page import ReportTable, Section
 
 Row = tuple[str, str, str, str, str, str]
 

@@ -14,8 +14,7 @@ from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.library import Array
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, read_history, trends_of
 from runtime.outputs.report.canvas import CYCLE, PAGE_INK, page_figure, svg
-from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
-from runtime.outputs.report.page import write_page
+from runtime.outputs.report.page import Page, ReportTable, Section, Tile, write_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

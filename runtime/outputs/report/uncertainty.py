@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.report.layout import ReportTable, Section
+from runtime.outputs.report.page import ReportTable, Section
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,6 @@
 """Viewer of a moving robot in a browser, by viser."""
 
-from runtime.outputs.viewer.motion import PlayedMotion, read_motion
-from runtime.outputs.viewer.player import Player
+from runtime.outputs.viewer.player import PlayedMotion, Player, read_motion
 from runtime.outputs.viewer.scene import Scene
 from runtime.outputs.viewer.shapes import Look, look_of
 

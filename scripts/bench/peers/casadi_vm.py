@@ -12,12 +12,7 @@ from runtime.library import Array
 
 
 def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -> Peer:
-    """Expressions of our C code in CasADi's virtual machine; one sample, repeated.
-
-    Args:
-        functions: kernel → its CasADi function and the names of its inputs.
-        batch: its last sample is evaluated.
-    """
+    """Expressions of our C code in CasADi's virtual machine; one sample, repeated."""
 
     def contender(function: Any, names: tuple[str, ...]) -> Contender:
         buffer, trigger = function.buffer()

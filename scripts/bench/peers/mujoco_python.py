@@ -11,11 +11,7 @@ from runtime.library import Array, Library
 
 
 def mujoco_python(lib: Library, batch: Batch) -> Peer:
-    """`mj_inverse` without contacts and constraints, one call per sample from Python.
-
-    Raises:
-        BenchError: not installed, or MuJoCo refuses the URDF.
-    """
+    """`mj_inverse` without contacts and constraints, one call per sample from Python."""
     try:
         import mujoco
     except ImportError:

@@ -12,17 +12,11 @@ REGRESSOR = "computeJointTorqueRegressor"
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """One algorithm of a peer for one of our kernels.
+    """One algorithm of a peer for one of our kernels."""
 
-    Attributes:
-        algorithm: what it is called there.
-        run: (calls) → ns per sample over the batch.
-        last: its answer for the last sample, in our order, or None where there is nothing alike.
-    """
-
-    algorithm: str
-    run: Callable[[int], float]
-    last: Callable[[], Array] | None = None
+    algorithm: str  # what it is called there
+    run: Callable[[int], float]  # (calls) → ns per sample over the batch
+    last: Callable[[], Array] | None = None  # answer for the last sample, our order
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,7 @@ then a process was a third slower at the regressor while all else was as fast as
 
 
 def pinocchio_cpp(lib: Library, batch: Batch) -> Peer:
-    """Pinocchio's header-only algorithms, compiled for this processor.
-
-    Raises:
-        BenchError: it cannot be built here; says why.
-    """
+    """Pinocchio's header-only algorithms, compiled for this processor."""
     compiler = find(("clang++", "g++"))
     includes, versions = _headers()
     flags = (

@@ -12,11 +12,7 @@ from runtime.library import Array, Library
 
 
 def pinocchio_python(lib: Library, batch: Batch) -> Peer:
-    """The same algorithms through Pinocchio's Python interface, one call per sample.
-
-    Raises:
-        BenchError: not installed.
-    """
+    """The same algorithms through Pinocchio's Python interface, one call per sample."""
     model, ids = pinocchio_model(lib)
     import pinocchio as pin
 

@@ -10,11 +10,10 @@ import pytest
 import scipy.linalg
 
 from runtime.estimators.regression.samples import samples_of
-from runtime.experiments.storage import document_numbers as document_room
+from runtime.experiments.storage import result_files as document_room
+from runtime.experiments.studies.monte_carlo import band
 from runtime.experiments.study import Row
-from runtime.experiments.trials.curves import band
-from runtime.experiments.trials.document_robot import document_robot
-from runtime.experiments.trials.motions import sinusoidal
+from runtime.experiments.trials.motions import document_robot, sinusoidal
 from runtime.experiments.trials.scores import scorer_of
 from runtime.library import Library
 from runtime.recording import Recording
@@ -78,7 +77,9 @@ def test_the_documents_numbers_stand_in_the_document(shared_data: Path) -> None:
     """Oracle: the thesis text; b_4 is the one number that the errata correct."""
     text = (shared_data / "reference" / "thesis.txt").read_text()
     printed = {float(x) for x in re.findall(r"-?\d+\.\d+", text.replace("- ", "-"))}
-    tables = tomllib.loads(Path(document_room.__file__).with_suffix(".toml").read_text())
+    tables = tomllib.loads(
+        Path(document_room.__file__).with_name("document_numbers.toml").read_text()
+    )
     numbers: list[float] = []
     for name, table in tables.items():
         if not name.startswith("fig-"):

@@ -9,8 +9,8 @@ import pytest
 from runtime.estimators.regression.samples import Samples
 from runtime.experiments.runner import RESULT, Request, _clear
 from runtime.experiments.storage.chunks import _numbers
-from runtime.experiments.storage.document_numbers import _pairs
-from runtime.experiments.studies import logs, methods, model, sinusoid
+from runtime.experiments.storage.result_files import _pairs
+from runtime.experiments.studies import logs, methods, model, monte_carlo
 from runtime.experiments.trials.motions import sinusoidal
 from runtime.experiments.trials.scores import scorer_of
 from runtime.experiments.trials.timed_fits import stream
@@ -94,7 +94,7 @@ def test_sines_last_as_long_as_the_design(lib: Library) -> None:
     samples = Samples(still, 0 * still, 0 * still, 0 * still, np.zeros((101, lib.n_joints, 0)))
     setup = SimpleNamespace(train={"designed": samples}, lam=lib.lam0)
     config = SimpleNamespace(rate_hz=100.0, sinusoid=(0.5, 0))
-    assert sinusoid._sines(lib, config, setup).t[-1] == pytest.approx(1.0)
+    assert monte_carlo._sines(lib, config, setup).t[-1] == pytest.approx(1.0)
     half, whole = (sinusoidal(lib, 1.0, 100.0, share, 0)[1] for share in (0.5, 1.0))
     np.testing.assert_allclose(half, whole / 2, rtol=1e-14)
 

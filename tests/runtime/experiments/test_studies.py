@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.experiments import STUDIES
-from runtime.experiments import workers as cluster
+from runtime.experiments import runner as cluster
 from runtime.experiments.trials import timed_fits
 from runtime.experiments.trials.motions import sinusoidal
 from runtime.library import Library

@@ -9,7 +9,6 @@ from runtime.estimators.descent.adam import Preset
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
-from runtime.experiments.trials.frozen_link import fit_frozen
 from runtime.experiments.trials.montecarlo import (
     Case,
     MonteCarloConfig,
@@ -17,6 +16,7 @@ from runtime.experiments.trials.montecarlo import (
     problem_of,
 )
 from runtime.experiments.trials.scores import scorer_of
+from runtime.experiments.trials.timed_fits import fit_frozen
 from runtime.library import Library
 from runtime.recording import Recording
 

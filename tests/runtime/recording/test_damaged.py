@@ -10,11 +10,11 @@ import pytest
 
 from runtime.errors import IdentificationError, RecordingError, RuntimeFault
 from runtime.estimators.prior_file import read_prior
+from runtime.experiments.report.reading import is_drawable
 from runtime.experiments.storage.chunks import read_rows
 from runtime.identification.payload import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
-from runtime.outputs.report.experiments.curves import is_drawable
 from runtime.recording import Recording, open_streamed, read_recording
 from runtime.recording.formats import bounded_decompression, parquet
 from scripts.fuzzing import bags, goods
@@ -228,3 +228,14 @@ def test_a_figure_is_drawn_of_series_that_fit(kind: str, good: Any, bad: Any) ->
     names = ("a", "b", "c", "d", "e")
     assert is_drawable(kind, good, names[: len(good)])
     assert not is_drawable(kind, bad, names[: len(bad)])
+
+
+def test_positions_of_no_joint_are_refused(tmp_path: Path) -> None:
+    """Property: lists without a number in the place of positions hold no sample."""
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    lists = pa.array([[]] * 9, pa.list_(pa.float64()))
+    table = {"t": pa.array(np.arange(9.0)), "q": lists, "tau": pa.array(np.ones((9, 2)).tolist())}
+    pq.write_table(pa.table(table), tmp_path / "log.parquet")
+    with pytest.raises(RecordingError, match="holds no sample"):
+        read_recording(tmp_path / "log.parquet")

@@ -13,7 +13,7 @@ from runtime.errors import ExportError
 from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines import yaml
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.franka_yaml import yaml_comment, yaml_number
+from runtime.outputs.model_files.formats.inertials import yaml_comment, yaml_number
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import unchecked
 

@@ -3,13 +3,75 @@
 link1: {origin: {xyz: x y z, rpy: 0 0 0}, mass: m, inertia: {xx: …, xy: …, …}}
 """
 
-from runtime.outputs.model_files.bodies import RigidBody, row
+from collections.abc import Iterable
+from itertools import takewhile
+
+from runtime.outputs.model_files.bodies import RigidBody, digits, row
 from runtime.outputs.model_files.engines import pinocchio, yaml
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.urdf import urdf_text
-from runtime.outputs.model_files.franka_yaml import link_keys, yaml_comment, yaml_number
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import compare_reloaded, unchecked
+from runtime.outputs.model_files.urdf_tree import Tree
+
+
+def link_keys(tree: Tree) -> dict[str, str]:
+    """Keys of the links that move or have an inertial in the URDF, by link name."""
+    return short_names(
+        name for name in tree.links if name in tree.moving or tree.published(name) is not None
+    )
+
+
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """Each name without the common prefix that ends at the last shared underscore."""
+    listed = list(names)
+    letters = takewhile(lambda each: len(set(each)) == 1, zip(*listed, strict=False))
+    shared = "".join(each[0] for each in letters)
+    cut = shared.rfind("_") + 1 if len(listed) > 1 else 0
+    return {name: name[cut:] for name in listed}
+
+
+def yaml_number(value: float) -> str:
+    """Shortest text of a number that YAML 1.1 reads as a number."""
+    text = digits(value)
+    return text if "." in text else text.replace("e", ".0e")
+
+
+def yaml_comment(lines: tuple[str, ...]) -> str:
+    """Comment lines at the head of a YAML file."""
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def friction_text(model: IdentifiedModel) -> str:
+    """dynamics.yaml with damping and dry friction of every joint, 0 where none is known."""
+    keys = short_names(model.lib.joint_names)
+    damping, friction = (model.friction.filled(key) for key in ("damping", "friction"))
+    blocks = [
+        f"{keys[name]}:\n  dynamic:\n    damping: {yaml_number(d)}\n    friction: "
+        f"{yaml_number(f)}\n"
+        for name, d, f in zip(model.lib.joint_names, damping, friction, strict=True)
+    ]
+    units = "damping in N m s/rad or N s/m, friction in N m or N; 0 where none was identified"
+    lines = model.comment("Joint friction", *model.friction.notes, units)
+    return yaml_comment(lines) + "".join(blocks)
+
+
+def check_friction(model: IdentifiedModel, text: str) -> str:
+    """Reload a URDF into which the friction of the file was put."""
+    urdf = yaml.urdf_with_friction(text, model.lib, urdf_text(model))
+    if urdf is None:
+        return unchecked(yaml.INSTALL)
+    return compare_reloaded(model, pinocchio.reload(urdf, model.lib), pinocchio.INSTALL)
+
+
+FRICTION = ExportFormat(
+    "friction",
+    "dynamics.yaml of franka_description, damping and dry friction per joint",
+    "dynamics.yaml",
+    friction_text,
+    check_friction,
+    holds_inertia=False,
+)
 
 
 def inertials_text(model: IdentifiedModel) -> str:

@@ -11,20 +11,22 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion
-from runtime.outputs.model_files.couplings import couplings
 from runtime.outputs.model_files.engines import usd
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.usd_joints import (
     MOVING,
     anchor,
     frame_matrix,
+    indented,
     joint_prim,
     loop_prims,
     moved,
+    prim_names,
+    quoted,
     require_mechanism,
+    tuple_of,
 )
-from runtime.outputs.model_files.formats.usd_syntax import indented, prim_names, quoted, tuple_of
-from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.model import IdentifiedModel, couplings
 from runtime.outputs.model_files.reload_check import unchecked
 
 INERTIA_TOLERANCE = 1e-9

@@ -4,16 +4,48 @@ A joint x = f x_m + o has PhysxMimicJointAPI with the gearing −f and the offse
 x + gearing x_m + offset = 0. Loop joints have physics:excludeFromArticulation.
 """
 
+import re
+
 import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.library.manifest import FrameFacts
 from runtime.outputs.model_files.bodies import digits, quaternion
-from runtime.outputs.model_files.couplings import couplings
-from runtime.outputs.model_files.formats.usd_syntax import indented, quoted, tuple_of
-from runtime.outputs.model_files.model import IdentifiedModel, require_loop_frames
+from runtime.outputs.model_files.model import IdentifiedModel, couplings, require_loop_frames
 from runtime.outputs.model_files.urdf_tree import Edge
+
+
+def prim_names(names: list[str]) -> dict[str, str]:
+    """Name → identifier of USD; two names that become alike get numbers."""
+    chosen: dict[str, str] = {}
+    for name in names:
+        word = re.sub(r"\W", "_", name, flags=re.ASCII) or "_"
+        word = f"_{word}" if word[0].isdigit() else word
+        used, count = set(chosen.values()), 1
+        base = word
+        while word in used and name not in chosen:
+            count += 1
+            word = f"{base}_{count}"
+        chosen.setdefault(name, word)
+    return chosen
+
+
+def indented(lines: list[str], columns: int) -> list[str]:
+    """Lines that begin some columns further right."""
+    return [f"{' ' * columns}{line}" for line in lines]
+
+
+def tuple_of(values: Array) -> str:
+    """Tuple of numbers."""
+    return f"({', '.join(map(digits, values))})"
+
+
+def quoted(name: str) -> str:
+    """Quoted text of USD."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
 
 MOVING = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic"}
 """Kind of a joint of a URDF → word in the name of the prim."""

@@ -7,11 +7,11 @@ import json
 import re
 from collections.abc import Iterator
 
-from runtime.outputs.report.experiments.drawing import has_figure, inline
-from runtime.outputs.report.experiments.labels import AIRM, best_method, case_name, short_hash
-from runtime.outputs.report.experiments.reading import WANTED, Experiment, SavedView
-from runtime.outputs.report.experiments.tables import tables
-from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
+from runtime.experiments.report.drawing import has_figure, inline
+from runtime.experiments.report.labels import AIRM, best_method, case_name, short_hash
+from runtime.experiments.report.reading import WANTED, Experiment, SavedView
+from runtime.experiments.report.tables import tables
+from runtime.outputs.report.page import Page, ReportTable, Section, Tile
 
 DOCUMENT_TRIALS = 150
 """Number of Monte Carlo trials of the document."""

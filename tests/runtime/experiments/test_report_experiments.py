@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.outputs.report.experiments import read_experiments, write_experiments
+from runtime.experiments.report import read_experiments, write_experiments
 from tests.browser import Watched, chromium
 from tests.runtime.conftest import Command
 from tests.runtime.pages import Reader

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime.errors import RuntimeFault
-from runtime.files import replacing
-from runtime.outputs.report.experiments.labels import (
+from runtime.experiments.report.drawing import write_picture
+from runtime.experiments.report.labels import (
     AIRM,
     NOTHING,
     best_method,
@@ -19,9 +19,9 @@ from runtime.outputs.report.experiments.labels import (
     printed,
     short_hash,
 )
-from runtime.outputs.report.experiments.page import caption
-from runtime.outputs.report.experiments.pictures import write_picture
-from runtime.outputs.report.experiments.reading import Experiment, SavedView
+from runtime.experiments.report.page import caption
+from runtime.experiments.report.reading import Experiment, SavedView
+from runtime.files import replacing
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"

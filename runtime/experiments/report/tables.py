@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from runtime.outputs.report.experiments.labels import (
+from runtime.experiments.report.labels import (
     DOCUMENT,
     NOTHING,
     case_name,
@@ -11,8 +11,8 @@ from runtime.outputs.report.experiments.labels import (
     metric_name,
     printed,
 )
-from runtime.outputs.report.experiments.reading import Experiment, SavedView
-from runtime.outputs.report.layout import ReportTable
+from runtime.experiments.report.reading import Experiment, SavedView
+from runtime.outputs.report.page import ReportTable
 
 MANY = 7
 """Largest number of methods in columns; more methods become rows."""

@@ -3,7 +3,7 @@
 import math
 
 from runtime.estimators.methods import METHODS
-from runtime.outputs.report.experiments.reading import Experiment, Value
+from runtime.experiments.report.reading import Experiment, Value
 
 DOCUMENT = "document"
 NOTHING = "–"

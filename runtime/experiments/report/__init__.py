@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from runtime.experiments.report.drawing import paths_of, write_pictures
+from runtime.experiments.report.labels import short_hash
+from runtime.experiments.report.page import caption, experiments_page, headline
+from runtime.experiments.report.reading import Experiment, is_experiments, read_experiments
+from runtime.experiments.report.readme import write_readme
+from runtime.experiments.report.tables import markdown, tables
 from runtime.files import replacing
-from runtime.outputs.report.experiments.labels import short_hash
-from runtime.outputs.report.experiments.page import caption, experiments_page, headline
-from runtime.outputs.report.experiments.pictures import paths_of, write_pictures
-from runtime.outputs.report.experiments.reading import Experiment, is_experiments, read_experiments
-from runtime.outputs.report.experiments.readme import write_readme
-from runtime.outputs.report.experiments.tables import markdown, tables
+from runtime.outputs.report import ReportKind
 from runtime.outputs.report.page import write_page
 
 
@@ -83,7 +84,10 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+EXPERIMENTS = ReportKind("experiments", is_experiments, picture_paths, write_experiments)
+
 __all__ = [
+    "EXPERIMENTS",
     "all_tables",
     "is_experiments",
     "picture_paths",

@@ -1,0 +1,270 @@
+"""Monte Carlo studies of the document (Sec. 5.1): ideal case, torque noise, sines as motion."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.samples import samples_of
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View, motion, torque_table
+from runtime.experiments.trials.montecarlo import (
+    METHODS,
+    Case,
+    MonteCarloConfig,
+    MonteCarloSetup,
+    run_cases,
+    setup_of,
+)
+from runtime.experiments.trials.motions import condition, curves, sinusoidal
+from runtime.experiments.trials.scores import torque_rms
+from runtime.library import Array, Library
+from runtime.recording import Recording
+
+
+def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> dict[str, Array]:
+    """Mean and standard deviation of the AIRM over the iterations.
+
+    A trial that has ended keeps its last value.
+    """
+    chosen = [row for row in rows if row["case"] == case and row["method"] == method]
+    grid = np.arange(0, last + 1, every)
+    lines = np.empty((len(chosen), grid.size))
+    for line, row in zip(lines, chosen, strict=True):
+        curve = np.array([*row["curve"], row["airm"]])
+        line[:] = curve[np.minimum(np.arange(grid.size), len(curve) - 1)]
+    name = f"{case}/{method}"
+    std = lines.std(axis=0, ddof=1) if len(chosen) > 1 else np.zeros(grid.size)
+    return {f"{name}/iteration": grid, f"{name}/mean": lines.mean(axis=0), f"{name}/std": std}
+
+
+def single(
+    rows: Sequence[Row], case: str, method: str, number: int, every: int
+) -> dict[str, Array]:
+    """AIRM of one trial over the iterations, up to its result."""
+    for row in rows:
+        if (row["case"], row["method"], row["trial"]) == (case, method, number):
+            curve = np.array([*row["curve"], row["airm"]])
+            name = f"{case}/{method}/single"
+            grid = np.minimum(np.arange(len(curve)) * every, row["iterations"])
+            return {f"{name}_iteration": grid, f"{name}_airm": curve}
+    raise IdentificationError(
+        f"expected a trial {number} of '{case}' by '{method}', got none; increase --trials"
+    )
+
+
+MAIN = (
+    *("airm", "frobenius_rms", "base_error", "iterations", "time_s", "consistent"),
+    *("strict", "smallest_eigenvalue"),
+)
+"""Rows of Tables 5.2, 5.4 and 5.6."""
+
+
+def monte_carlo(
+    name: str,
+    title: str,
+    cases: Mapping[Case, str],
+    finish: Callable[[MonteCarloSetup, list[Row]], StudyOutcome],
+    views: tuple[View, ...],
+    prepare: Callable[[Library, MonteCarloConfig, Arrays], MonteCarloSetup] = setup_of,
+) -> Study:
+    """Study with the methods of its cases and the motions of the excitation study."""
+    used = {method for case in cases for method in case.methods}
+    return Study(
+        name=name,
+        title=title,
+        config=MonteCarloConfig(tuple(cases)),
+        prepare=prepare,
+        run=run_cases,
+        finish=finish,
+        cases={case.name: sentence for case, sentence in cases.items()},
+        methods={method: sentence for method, sentence in METHODS.items() if method in used},
+        needs=("excitation",),
+        views=views,
+    )
+
+
+def final_tables(
+    names: tuple[str, str], title: str, cases: Mapping[Case, str]
+) -> tuple[View, View]:
+    """Views of the final results of every case: distances from the truth, torque errors."""
+    columns = tuple(case.name for case in cases)
+    distances, torques = names
+    return (
+        View(distances, "table", f"{title}: final distances", columns, MAIN),
+        torque_table(torques, title, columns),
+    )
+
+
+def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
+    """Mean AIRM over the iterations of Adam, of every case."""
+    config, series = setup.config, dict[str, Array]()
+    for case in config.cases:
+        last = config.adam.rule.max_iterations
+        series |= band(rows, case.name, "adam", config.curve_every, last)
+    return series
+
+
+def data_facts(setup: MonteCarloSetup) -> dict[str, Any]:
+    """Facts of the data: rate, counts, weights, torque RMS, condition numbers."""
+    lib, config = setup.lib, setup.config
+    parts = {**setup.train, "validation": setup.held, "test": setup.scorer.test}
+    return {
+        "rate_hz": config.rate_hz,
+        "samples": {name: len(samples) for name, samples in parts.items()},
+        "filter": "none: motion and torque are exact, noise is added to the torque alone",
+        "delay": "none",
+        "friction_columns": [],
+        "weights": "Eq. 4.8 from the training torque of every trial, mean 1",
+        "torque_rms": {name: torque_rms(samples.tau).tolist() for name, samples in parts.items()},
+        "condition_numbers": {name: condition(lib, samples) for name, samples in parts.items()},
+        "condition_columns": f"{len(lib.base_columns)} base parameters, columns of unit length, "
+        f"all samples at {config.rate_hz:g} Hz",
+        "seed": config.seed,
+        "configurations": f"{config.configurations} equally spaced on the test trajectory",
+    }
+
+
+IDEAL_CASES = {
+    Case(f"p={p:g}", p): f"initial guess perturbed by {100 * p:g} %" for p in (0.05, 0.15, 0.25)
+}
+
+
+def _ideal_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Mean AIRM over the iterations of Adam."""
+    return StudyOutcome(bands(setup, rows), data_facts(setup))
+
+
+def _figure(name: str, case: Case) -> View:
+    """View of one of Figs. 5.1 to 5.3."""
+    return View(
+        name,
+        "band",
+        f"AIRM over the iterations of λ-Adam, p = {case.perturbation:g}",
+        cases=(case.name,),
+        series=tuple(f"{case.name}/adam/{part}" for part in ("iteration", "mean", "std")),
+        axes=("iteration", "AIRM"),
+    )
+
+
+IDEAL = monte_carlo(
+    "ideal",
+    "Ideal case: noise-free data, perturbed initial guess",
+    IDEAL_CASES,
+    _ideal_finish,
+    views=(
+        *final_tables(("table-5.2", "table-5.3"), "Ideal conditions", IDEAL_CASES),
+        *(_figure(f"fig-5.{k}", case) for k, case in enumerate(IDEAL_CASES, start=1)),
+    ),
+)
+"""Sec. 5.1.1: noise-free data, three perturbations of the initial guess."""
+
+
+SEVERE, THIRD = 0.1, 2
+"""Noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer."""
+WORST = f"sigma={SEVERE:g}"
+BOTH = ("adam", "adam-frozen")
+"""Methods of Fig. 5.4."""
+
+
+def _noise_case(sigma: float) -> Case:
+    frozen = BOTH[1:] if sigma == SEVERE else ()
+    return Case(
+        f"sigma={sigma:g}", 0.15, sigma, methods=("adam", "adam-zero", "map", "pc-ols", *frozen)
+    )
+
+
+NOISE_CASES = {
+    _noise_case(sigma): f"σ = {sigma:g} N·m on the torque" for sigma in (0.01, 0.05, SEVERE)
+}
+
+
+def _noise_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Bands of all cases, and both curves of one trial."""
+    series = bands(setup, rows)
+    number = min(THIRD, max(row["trial"] for row in rows))
+    for method in BOTH:
+        series |= single(rows, WORST, method, number, setup.config.curve_every)
+    facts = data_facts(setup) | {
+        "noise": "on the torque of training and validation; the test torque is exact",
+        "frozen": "link 7 of adam-frozen starts at the truth and stays there, w_7 = 0",
+        "trial_of_fig_5.4": number + 1,
+    }
+    return StudyOutcome(series, facts)
+
+
+NOISE = monte_carlo(
+    "noise",
+    "Robustness against torque noise",
+    NOISE_CASES,
+    _noise_finish,
+    views=(
+        *final_tables(("table-5.6", "table-5.7"), "Torque noise", NOISE_CASES),
+        View(
+            "fig-5.4",
+            "lines",
+            f"AIRM of one trial at {SEVERE:g} N·m: all links, and without link 7",
+            cases=(WORST,),
+            series=tuple(
+                f"{WORST}/{method}/single_{part}"
+                for method in BOTH
+                for part in ("iteration", "airm")
+            ),
+            axes=("iteration", "AIRM"),
+        ),
+    ),
+)
+"""Sec. 5.1.3: noise on the torque of training and validation, p = 0.15."""
+
+
+SINES_CASES = {
+    Case("sinusoidal", 0.15, training="sinusoidal"): "trained on sines of 2 rad/s",
+    Case("optimised", 0.15): "trained on the best design",
+}
+
+
+def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Recording:
+    samples = setup.train["designed"]
+    duration = (len(samples) - 1) / config.rate_hz
+    recording, _ = sinusoidal(lib, duration, config.rate_hz, *config.sinusoid)
+    pi = lib.pi_from_lam(setup.lam)
+    states = (recording.q, recording.required("dq"), recording.required("ddq"))
+    tau = lib.inverse_dynamics(*states, pi)
+    return recording.replace(tau=tau)
+
+
+def _sines_prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
+    """Add samples of the sinusoidal motion to those of the designed motions."""
+    setup = setup_of(lib, config, needed)
+    sines = samples_of(_sines(lib, config, setup), lib)
+    return replace(setup, train={"sinusoidal": sines, **setup.train})
+
+
+def _sines_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
+    """Motion of Fig. A.1."""
+    del rows
+    lib, config = setup.lib, setup.config
+    _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
+    facts = data_facts(setup) | {
+        "sinusoid": f"q = default pose + b sin(2 t + phase), b = {config.sinusoid[0]:g} of the "
+        "largest within the limits, phases from their seed; the document states neither, so that "
+        "Table 5.4 may differ",
+        "sinusoid_amplitude": amplitude.tolist(),
+        "sinusoid_seed": config.sinusoid[1],
+    }
+    return StudyOutcome(curves("sine", _sines(lib, config, setup)), facts)
+
+
+SINES = monte_carlo(
+    "sinusoid",
+    "Sinusoidal against optimised training trajectory",
+    SINES_CASES,
+    _sines_finish,
+    views=(
+        *final_tables(("table-5.4", "table-5.5"), "Sines against design", SINES_CASES),
+        motion("fig-A.1", "The sinusoidal training trajectory", "sine"),
+    ),
+    prepare=_sines_prepare,
+)
+"""Sec. 5.1.2: training on sines or on the designed motion, p = 0.15, noise-free."""

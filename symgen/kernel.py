@@ -15,7 +15,7 @@ import casadi as ca
 from symgen.errors import BuildError
 
 FURTHER = "further"
-"""Name of the symbols that are no inputs."""
+"""Name of the argument of all symbols that are not inputs."""
 
 Matrix = Any
 """`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
@@ -78,7 +78,7 @@ class Kernel:
         per: "sample" if a batch runs over time samples, "link" over bodies, "point" over anything
             else.
         function: CasADi function, dense and row-major, inputs and outputs in the declared order;
-            symbols of the expressions that are no inputs follow as one more (`with_further`).
+            symbols of the expressions that are not inputs follow as one more (`with_further`).
         rare: True for kernels that are called seldom: a batch calls them sample by sample, and no
             vector code is compiled.
         unhurried: True where no loop over samples calls the function of one sample, in kernels.c;
@@ -153,7 +153,7 @@ def make_kernel(
 
 
 def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], Matrix]) -> Kernel:
-    """The kernel with values of the symbols that are no inputs."""
+    """The kernel with values in place of the symbols that are not inputs."""
     function = kernel.function
     if function.n_in() == len(kernel.inputs):
         return kernel

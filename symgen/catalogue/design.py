@@ -42,16 +42,16 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
     q, dq, ddq, dddq, _ = symbols
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
-    still = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
-    moved = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
-    bent = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
+    with_ddq = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
+    with_dddq = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
+    with_ddddq = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
     tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
     rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
-    bend = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
+    second = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
     names = ("dtau_dq", "dtau_dv", "dtau_da")
-    together = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
+    slope = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
     slopes = {
-        Argument(name, (n, n), f"d tau / d {STATE[k]}"): together[:, k * n : (k + 1) * n]
+        Argument(name, (n, n), f"d tau / d {STATE[k]}"): slope[:, k * n : (k + 1) * n]
         for k, name in enumerate(names)
     }
     seed_ = Argument("seed", (n,), "d cost / d tau_rate")
@@ -59,21 +59,21 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
     return (
         make_kernel(
             "torque_derivatives",
-            still,
+            with_ddq,
             {Argument("tau", (n,), effort): tau, **slopes},
             "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
             rare=True,
         ),
         make_kernel(
             "torque_rate",
-            moved,
+            with_dddq,
             {Argument("tau_rate", (n,), f"({effort})/s"): rate},
             "d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq",
             rare=True,
         ),
         make_kernel(
             "torque_rate_adjoint",
-            moved | {seed_: seed},
+            with_dddq | {seed_: seed},
             {
                 Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): ca.reshape(
                     ca.jtimes(rate, ca.vertcat(*symbols[:4]), seed, True), n, 4
@@ -85,11 +85,11 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
         ),
         make_kernel(
             "torque_course",
-            bent,
+            with_ddddq,
             {
                 Argument("tau", (n,), effort): tau,
                 Argument("dtau", (n,), f"({effort})/s"): rate,
-                Argument("ddtau", (n,), f"({effort})/s^2"): bend,
+                Argument("ddtau", (n,), f"({effort})/s^2"): second,
             },
             "tau of Eq. 4.3 and its two first derivatives in time along a motion",
             rare=True,

@@ -1,8 +1,8 @@
 """Kernels that a robot does not get, each with what to use instead.
 
-The manifest lists them, and the run time answers a call of one with its sentence. Straight-line
-code of second derivatives and of regressors grows with the square of the joints; a large robot does
-without kernels that others replace, and gets the largest of the rest without vector code.
+The manifest lists them; a call of one at run time raises an error with its sentence. Straight-line
+code of second derivatives and of regressors grows with the square of the joints. A large robot has
+no kernels that others replace, and the longest of the rest have no vector code.
 """
 
 from dataclasses import replace
@@ -57,7 +57,7 @@ _NO_SUMS = {"loss_gradient": "use base_regressor, or a method on compressed data
 def shortened(
     chain: Chain, kernels: tuple[Kernel, ...]
 ) -> tuple[tuple[Kernel, ...], dict[str, str]]:
-    """Kernels of a large robot, the longest without vector code, and those that it does not get.
+    """Kernels of a large robot, the longest without vector code, and the omitted ones.
 
     Kernels whose length grows with the joints alone keep their vector code, whatever their length.
     """

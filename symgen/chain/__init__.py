@@ -4,8 +4,8 @@
 pinocchio. CasADi and equations of motion are left to `symgen.mechanics`.
 """
 
-from symgen.chain.model import Chain, Joint, LumpedBody, Tip
+from symgen.chain.model import Chain, Joint
 from symgen.chain.normalise import ChainOptions, moving_joints
 from symgen.chain.reading import read_chain
 
-__all__ = ["Chain", "ChainOptions", "Joint", "LumpedBody", "Tip", "moving_joints", "read_chain"]
+__all__ = ["Chain", "ChainOptions", "Joint", "moving_joints", "read_chain"]

@@ -18,7 +18,7 @@ from symgen.errors import UrdfError
 GIVEN = "given mass"
 """Origin of a body whose mass was stated."""
 PLACEHOLDER = "placeholder"
-"""Origin of a body about which nothing is known."""
+"""Origin of a body whose mass is not stated anywhere."""
 MASSLESS = "no mass"
 """Origin of the speck that stands for a link without mass whose joint takes part in a coupling."""
 MASSLESS_KG = 1e-9

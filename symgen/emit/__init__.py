@@ -1,19 +1,10 @@
-"""Kernels → the text of a generated folder, independent of robots and compilers."""
+"""Kernels → the text of a generated folder, independent of robots and compilers.
+
+`sample` and `ssa` write the code of one kernel for one sample and for tiles, `forms` the calls
+between kernels, `programs` the tables of the programs built on them, `stack` bounds the stack, and
+`files` renders the templates.
+"""
 
 from symgen.emit.files import Early, EmittedRobot, emit, ignored
-from symgen.emit.forms import Forms, forms_of
-from symgen.emit.sample import c_body
-from symgen.emit.ssa import TileProgram, c_constant, tile_program
 
-__all__ = [
-    "Early",
-    "EmittedRobot",
-    "Forms",
-    "TileProgram",
-    "c_body",
-    "c_constant",
-    "emit",
-    "forms_of",
-    "ignored",
-    "tile_program",
-]
+__all__ = ["Early", "EmittedRobot", "emit", "ignored"]

@@ -60,18 +60,7 @@ class Forms:
 
 
 def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
-    """Return all forms of the kernels.
-
-    Args:
-        robot: prefix of the functions' names.
-        kernels: all kernels of the robot.
-
-    Returns:
-        Forms by name of the kernel.
-
-    Raises:
-        BuildError: an instruction has no C text.
-    """
+    """All forms of the kernels; `robot` is the prefix of the functions' names."""
     by_name = {kernel.name: kernel for kernel in kernels}
     composed = compositions(by_name)
     called = {kernel.name for kernel in composed}

@@ -60,9 +60,6 @@ def c_body(kernel: Kernel) -> list[str]:
 
     A value that is read once and has a short text stands where it is read, in parentheses; each of
     the others is one `const double`. A compiler takes a fifth less time than with a name for each.
-
-    Raises:
-        BuildError: an instruction has no C text.
     """
     reads = _reads(kernel)
     text: dict[int, str] = {}

@@ -154,11 +154,7 @@ def c_constant(value: float) -> str:
 
 
 def tile_program(kernel: Kernel) -> TileProgram:
-    """Return the tile form of a kernel.
-
-    Raises:
-        BuildError: a per-sample instruction has no vector form.
-    """
+    """The tile form of a kernel."""
     return _TileWriter(kernel).program()
 
 
@@ -221,7 +217,7 @@ class _TileWriter:
     def _output(self, argument: Argument, index: int, text: str, shared: bool) -> None:
         if shared and text == c_constant(0.0):
             return
-        value = f"vd_all({self._seen_by_tile(text)})" if shared else text
+        value = f"vd_all({self._text_in_tile(text)})" if shared else text
         self._filled[argument.name].append(index)
         line = f"{argument.name}[{index} * VS] {'+=' if argument.summed else '='} {value};"
         self._body.append(Statement(line, "", self._uses([value])))
@@ -275,10 +271,10 @@ class _TileWriter:
     def _operand(self, text: str, shared: bool, op: int) -> str:
         if not shared:
             return text
-        seen = self._seen_by_tile(text)
-        return f"vd_all({seen})" if op in _NEEDS_VECTORS else seen
+        text = self._text_in_tile(text)
+        return f"vd_all({text})" if op in _NEEDS_VECTORS else text
 
-    def _seen_by_tile(self, text: str) -> str:
+    def _text_in_tile(self, text: str) -> str:
         """Text of a shared value in a tile: inputs and constants directly, others from `u`."""
         if not _LOCAL.fullmatch(text):
             return text

@@ -7,23 +7,19 @@ text; `inspection` combines them.
 
 from symgen.inspect.inspection import (
     Inspection,
-    LinkFigures,
     facts,
     inspect_file,
     inspect_text,
     repaired,
 )
-from symgen.inspect.model import ERROR, WARNING, Body, Finding
+from symgen.inspect.model import ERROR, Body
 from symgen.inspect.repair import Repair
 from symgen.inspect.rewrite import require_unused, write_text
 
 __all__ = [
     "ERROR",
-    "WARNING",
     "Body",
-    "Finding",
     "Inspection",
-    "LinkFigures",
     "Repair",
     "facts",
     "inspect_file",

@@ -45,7 +45,7 @@ _SAMPLES_PER_COLUMN = 4
 _LARGE = 12
 """Links above which W has `_FEW` states, or enough for `_SAMPLES_PER_COLUMN` rows per column."""
 _FEW = 120
-"""States of a large robot; a column that only one joint feels still has ten times its family."""
+"""States of a large robot: ten rows per parameter of a link that acts on one joint only."""
 _SNAP_DIGITS = 12
 """Decimals to which an entry of K is rounded."""
 _SNAP_WITHIN = 2e-14
@@ -159,7 +159,7 @@ def _preference(chain: Chain, column: int) -> tuple[int, int]:
     About a joint axis z, Table 3.2 moves m, mZ and YY into the parent; x and y follow cyclically.
     """
     link, parameter = divmod(column, N_PARAMETERS)
-    if chain.joints[link].kind == FLOATING:  # feels all ten
+    if chain.joints[link].kind == FLOATING:  # all ten are independent
         return (False, column)
     axis = int(np.argmax(np.abs(chain.joints[link].axis)))
     moved = {"m", ("mX", "mY", "mZ")[axis], ("ZZ", "XX", "YY")[axis]}

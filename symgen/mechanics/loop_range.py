@@ -3,8 +3,8 @@
 Within the box of the ranges every posture closes, the margin of every loop (`loop_equations`)
 stays above a share of the best one, and the dependent joints stay within their limits. The box is
 searched from the assembly pose on a grid along each joint, and shrunk until random postures in it
-and its corners comply. A joint without limits that complies all around, and comes back to the same
-posture, keeps no limits: it turns without end.
+and its corners comply. A joint without limits gets none where a whole turn complies and ends at the
+same posture: it turns without end.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symgen.emit import tile_program
 from symgen.emit.programs import (
     PANEL,
     Panel,
@@ -15,6 +14,7 @@ from symgen.emit.programs import (
     fill_in,
     shared_columns,
 )
+from symgen.emit.ssa import tile_program
 from symgen.kernel import Argument, make_kernel
 
 STAIRS = [[1, 1, 1, 1], [0, 1, 1, 1], [0, 0, 0, 1]]

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from symgen.emit import c_body, c_constant, emit
-from symgen.emit.sample import SHORT, reference_code
-from symgen.emit.ssa import EXPRESSIONS
+from symgen.emit import emit
+from symgen.emit.sample import SHORT, c_body, reference_code
+from symgen.emit.ssa import EXPRESSIONS, c_constant
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel
 from symgen.make.compiler import compile_library

@@ -15,7 +15,7 @@ import pytest
 from runtime.library import Library
 from symgen.catalogue import Catalogue, make_catalogue
 from symgen.chain import read_chain
-from symgen.emit import forms_of
+from symgen.emit.forms import forms_of
 from symgen.emit.sample import reference_code
 from symgen.emit.stack import StackBounds, stack_bounds
 from symgen.make.compiler import FLAGS, LEVELS, VECTOR_FLAGS, machine

@@ -3,8 +3,7 @@
 import casadi as ca
 import pytest
 
-from symgen.emit import tile_program
-from symgen.emit.ssa import _TILE_EXPRESSIONS, EXPRESSIONS
+from symgen.emit.ssa import _TILE_EXPRESSIONS, EXPRESSIONS, tile_program
 from symgen.errors import BuildError
 from symgen.kernel import Argument, make_kernel
 

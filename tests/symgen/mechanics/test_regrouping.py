@@ -6,7 +6,7 @@ import pytest
 
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, ChainOptions, read_chain
-from symgen.emit import forms_of
+from symgen.emit.forms import forms_of
 from symgen.kernel import Kernel
 from symgen.make.request import bundled_request
 from symgen.mechanics.base_parameters import regrouped

@@ -8,7 +8,6 @@ once; its rows are then stored in a temporary file.
 
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -98,10 +97,7 @@ class Blocks:
             return
         _keep_freed_memory()
         rest = iter(new)
-        # Threads that read and prepare keep so many cores busy; the passes that follow leave some
-        # idle, on which the file is hashed.
-        paused = self.log.source.paused() if cores() <= AHEAD + 1 else nullcontext()
-        with paused, ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
+        with ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
 
             def submit(index: int) -> Future[Recording | None]:
                 return pool.submit(self._prepare, index, self._read(index))

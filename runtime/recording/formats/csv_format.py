@@ -5,23 +5,24 @@ By the default convention a CSV has the header t, q1 … qn [, dq1 … dqn] [, d
 state.q[0] …, with the time in ms.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
-from runtime.recording.formats.tables import LogTable
-from runtime.recording.formats.text_blocks import lines_of
-from runtime.recording.formats.text_rows import CsvRows, head_of_text
+from runtime.recording.formats.spool import Spool
+from runtime.recording.formats.tables import Columns, FloatArray, LogTable
 from runtime.recording.formats.text_tables import (
     cells_of,
     csv_table,
     decode,
     find_header,
     flat_table,
+    lines_of,
 )
 from runtime.recording.recipes.default_convention import columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -32,6 +33,8 @@ FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torq
 """Column of logToCSV → kind of signal and its unit."""
 HEAD, FRANKA_HEAD = 200, 50
 """Lines in which a header is looked for: any one, and that of logToCSV."""
+PIECE = 2**23
+"""Number of characters of a streamed text that are parsed at once; a line must be shorter."""
 
 
 class TextReader(LogReader):
@@ -45,7 +48,7 @@ class TextReader(LogReader):
                 "read it as a whole with --no-stream"
             )
         if self.raw.in_place:
-            return head_of_text(self.raw.hashed())
+            return next(_pieces(self.raw.hashed()), "")
         return decode(self.raw.data(), self.raw.name)
 
     def convention(self) -> Recipe:
@@ -98,6 +101,64 @@ class FlatReader(TextReader):
         """Numbers of the file, `width` per sample."""
         del kind
         return flat_table(self.text(), part.width, self.raw.name)
+
+
+class CsvRows:
+    """Columns of a CSV as rows of numbers, parsed once into a spool; a corrupt line is NaN.
+
+    Raises:
+        RecordingError: no such columns, no text, or no room for the numbers.
+    """
+
+    def __init__(self, path: Path, kinds: Mapping[str, Columns]) -> None:
+        ends = np.cumsum([0, *(len(columns) for columns in kinds.values())])
+        self._places = {
+            kind: slice(a, b) for kind, a, b in zip(kinds, ends, ends[1:], strict=False)
+        }
+        self._width = int(ends[-1])
+        self._spool = Spool(path.name)
+        columns = tuple(column for each in kinds.values() for column in each)
+        for values in _parsed(path, columns):
+            self._spool.append(values)
+        self.count = self._spool.size // self._width
+
+    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Rows start … stop of every kind of signal."""
+        count = (stop - start) * self._width
+        values = self._spool.read(start * self._width, count).reshape(-1, self._width)
+        return {kind: values[:, place] for kind, place in self._places.items()}
+
+
+def _parsed(path: Path, columns: Columns) -> Iterator[FloatArray]:
+    names = tuple(column for column in columns if isinstance(column, str))
+    header = ""
+    for number, piece in enumerate(_pieces(path)):
+        if number == 0 and names:
+            place = find_header(lines_of(piece), names, path.name)
+            header = next(islice(lines_of(piece), place, None)) + "\n"
+        yield csv_table(header * (number > 0) + piece, columns, path.name).values
+
+
+def _pieces(path: Path) -> Iterator[str]:
+    """The text in pieces of whole lines, without empty ones."""
+    held, rest = "", ""
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            while piece := file.read(PIECE):
+                whole, mark, rest = (rest + piece).rpartition("\n")
+                if (not mark and len(rest) >= PIECE) or "\0" in piece:
+                    raise ValueError
+                if whole.strip():
+                    if held:
+                        yield held
+                    held = whole + mark
+    except ValueError as error:
+        raise RecordingError(
+            f"{path.name} is expected to be UTF-8 text in lines, but holds other bytes; export it "
+            "as UTF-8 CSV, or as NPZ with the suffix .npz"
+        ) from error
+    if held.strip() or rest.strip():
+        yield held + rest  # a line that was cut short is not parsed alone
 
 
 def _franka_convention(lines: Iterable[str]) -> Recipe | None:

@@ -2,10 +2,10 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import contextmanager
-from io import BufferedReader
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
 from typing import Any
 
 from runtime.errors import RecordingError
@@ -13,9 +13,6 @@ from runtime.files import require_file
 
 SMALL = 2**24
 """Size up to which a file is hashed at once [bytes]."""
-CACHED = 2**32
-"""Size up to which the system is expected to keep a file in memory, so that it is read from the
-disk once although it is hashed later [bytes]."""
 
 
 class Digests(Mapping[str, str]):
@@ -25,7 +22,7 @@ class Digests(Mapping[str, str]):
     """
 
     def __init__(self) -> None:
-        self._entries: dict[str, str | _Hashing] = {}
+        self._entries: dict[str, str | tuple[Path, Future[str]]] = {}
 
     def of_bytes(self, name: str, data: bytes) -> None:
         """Hash bytes that are in memory."""
@@ -34,30 +31,30 @@ class Digests(Mapping[str, str]):
     def of_file(self, name: str, path: Path) -> None:
         """Hash a file, a large one in a thread of its own."""
         with reading(path):
-            small = require_file(path).stat().st_size <= SMALL
-            hashing = _Hashing(path, path.open("rb"))
-        if small:
-            hashing.run()
-        else:
-            hashing.start()
-        self._entries[name] = hashing.digest() if small else hashing
+            size = require_file(path).stat().st_size
+            file = path.open("rb")
+        digest: Future[str] = Future()
+        self._entries[name] = path, digest
 
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Do not hash meanwhile, while all processors are busy; a file beyond `CACHED` goes on."""
-        waiting = [each for each in self._entries.values() if isinstance(each, _Hashing)]
-        for hashing in waiting:
-            hashing.pause()
-        try:
-            yield
-        finally:
-            for hashing in waiting:
-                hashing.go_on()
+        def run() -> None:
+            try:
+                with file:
+                    digest.set_result(hashlib.file_digest(file, "sha256").hexdigest())
+            except OSError as error:
+                digest.set_exception(error)
+
+        if size > SMALL:
+            Thread(target=run, daemon=True).start()  # a program that ends early does not wait
+        else:
+            run()
+            self[name]  # an error of the disk is raised here
 
     def __getitem__(self, name: str) -> str:
         entry = self._entries[name]
-        if isinstance(entry, _Hashing):
-            self._entries[name] = entry = entry.digest()
+        if isinstance(entry, tuple):
+            path, digest = entry
+            with reading(path):
+                self._entries[name] = entry = digest.result()
         return entry
 
     def __contains__(self, name: object) -> bool:
@@ -74,65 +71,6 @@ class Digests(Mapping[str, str]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)
-
-
-class _Hashing(Thread):
-    """One file; a daemon, so that a program that ends early does not wait for it."""
-
-    def __init__(self, path: Path, file: BufferedReader) -> None:
-        super().__init__(daemon=True)
-        self._path, self._file = path, _Pausable(file)
-        self._is_cached = path.stat().st_size <= CACHED
-        self._answer: str | OSError = ""
-
-    def run(self) -> None:
-        """Hash the file piece by piece; hashing a piece leaves Python's lock."""
-        try:
-            with self._file.file:
-                self._answer = hashlib.file_digest(self._file, "sha256").hexdigest()
-        except OSError as error:
-            self._answer = error
-
-    def pause(self) -> None:
-        """Stop after the present piece, unless the file is too large to be read later."""
-        if self._is_cached:
-            self._file.may_read.clear()
-
-    def go_on(self) -> None:
-        """End a pause."""
-        self._file.may_read.set()
-
-    def digest(self) -> str:
-        """The digest, as soon as it is there."""
-        self.go_on()
-        if self.is_alive():
-            self.join()
-        with reading(self._path):
-            if isinstance(self._answer, OSError):
-                raise self._answer
-        return self._answer
-
-
-class _Pausable:
-    """A file whose next piece is read as soon as it may be.
-
-    Attributes:
-        file: open for reading.
-        may_read: cleared during a pause.
-    """
-
-    def __init__(self, file: BufferedReader) -> None:
-        self.file, self.may_read = file, Event()
-        self.may_read.set()
-
-    def readable(self) -> bool:
-        """Whether the file is open for reading."""
-        return self.file.readable()
-
-    def readinto(self, buffer: bytearray) -> int:
-        """Read the next piece into a buffer and return its length."""
-        self.may_read.wait()
-        return self.file.readinto(buffer)
 
 
 @contextmanager

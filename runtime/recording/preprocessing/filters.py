@@ -85,8 +85,11 @@ def low_pass(
     both_directions = scipy_signal().sosfiltfilt
 
     def smooth(values: FloatArray) -> FloatArray:
-        padding = min(design.padding, len(values) - 1)
-        return np.asarray(both_directions(design.sections, values, axis=0, padlen=padding))
+        smoothed, padding = np.empty_like(values, order="C"), min(design.padding, len(values) - 1)
+        flat, out = (each.reshape(len(values), -1) for each in (values, smoothed))
+        for k, column in enumerate(flat.T):  # one by one, so that the copies of SciPy stay small
+            out[:, k] = both_directions(design.sections, column, padlen=padding)
+        return smoothed
 
     sentence = f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
     return _per_segment(recording, smooth, design.minimum, sentence, only)

@@ -104,9 +104,10 @@ def slopes(t: FloatArray, values: FloatArray) -> FloatArray:
     off = 2.0 * (t - t[centre])  # 0 but at edges
     left = (off - after) / (before * (before + after))
     right = (off + before) / (after * (before + after))
-    here = values.take(centre, axis=0)
-    slope = left[:, None] * (values.take(centre - 1, axis=0) - here)
-    slope += right[:, None] * (values.take(centre + 1, axis=0) - here)
+    slope = np.empty_like(values, order="C")
+    for k, column in enumerate(values.T):  # one by one, so that the differences stay small
+        here = column[centre]
+        slope[:, k] = left * (column[centre - 1] - here) + right * (column[centre + 1] - here)
     return slope
 
 

@@ -22,7 +22,7 @@ from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.parts import parts_of_log
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
-from runtime.recording.formats import spool, text_rows
+from runtime.recording.formats import csv_format, spool
 from runtime.recording.preprocessing import prepare, split
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.conftest import REPOSITORY
@@ -44,7 +44,7 @@ def log(lib: Library) -> Recording:
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 2048)
-    monkeypatch.setattr(text_rows, "PIECE", 2**20)
+    monkeypatch.setattr(csv_format, "PIECE", 2**20)
     monkeypatch.setattr(spool.Spool, "SMALL", 2**16)
 
 
@@ -244,14 +244,14 @@ def test_text_is_parsed_in_pieces(log, tmp_path, monkeypatch):
     lines[100] = "Segmentation fault"
     lines.insert(200, lines[0])
     (tmp_path / "x.csv").write_text("\n".join(["started", *lines[:-1], lines[-1][:90]]))
-    monkeypatch.setattr(text_rows, "PIECE", 5000)
+    monkeypatch.setattr(csv_format, "PIECE", 5000)
     streamed = open_streamed(tmp_path / "x.csv")
     assert streamed.rows == 300
     result = streamed.block(0, 300)
     good = np.delete(np.arange(300), [99, 299])
     assert np.array_equal(result.t, few.t[good])
     assert np.array_equal(result.tau, few.tau[good])
-    monkeypatch.setattr(text_rows, "PIECE", 100)
+    monkeypatch.setattr(csv_format, "PIECE", 100)
     with pytest.raises(RecordingError, match="UTF-8 text in lines"):
         open_streamed(tmp_path / "x.csv")
 

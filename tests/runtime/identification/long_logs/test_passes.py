@@ -2,7 +2,6 @@
 
 import threading
 from bisect import bisect_left
-from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,6 @@ from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.parts import first_row
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import parquet
-from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.spool import Spool
 from tests.runtime.motions import moving
 
@@ -80,29 +78,6 @@ def test_pieces_are_compressed_beside_each_other(lib, monkeypatch):
     assert result.factor == pytest.approx(expected.factor, abs=0.0)
     assert threading.main_thread() not in threads
     assert most[0] <= 7
-
-
-@pytest.mark.parametrize(("count", "pauses"), [(2, True), (8, False)])
-def test_hashing_waits_while_all_cores_prepare(lib, tmp_path, monkeypatch, count, pauses):
-    """Property: a pass on two cores pauses the hash, one beside idle cores does not."""
-    monkeypatch.setattr(blocks, "BLOCK", 1024)
-    monkeypatch.setattr(blocks, "cores", lambda: count)
-    write_recording(moving(lib, 12_000), tmp_path / "x.npz")
-    states = []
-
-    @contextmanager
-    def paused(source):
-        states.append("paused")
-        yield
-        states.append("free")
-
-    log = open_streamed(tmp_path / "x.npz")
-    monkeypatch.setattr(Digests, "paused", paused)
-    parts = blocks.blocks_of(log, lib, PREPARATION, Friction()).parts(-np.inf, np.inf)
-    next(parts)
-    assert states == ["paused"] * pauses
-    list(parts)
-    assert states == ["paused", "free"] * pauses
 
 
 def test_samples_are_not_read_again_to_be_counted(lib, tmp_path, monkeypatch):

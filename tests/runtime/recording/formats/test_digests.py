@@ -51,39 +51,3 @@ def test_a_file_that_breaks_off_is_one_sentence(large, tmp_path, monkeypatch):
         known["x.csv"]
     with pytest.raises(RecordingError, match=r"cannot read y\.csv in .* \(No such file"):
         known.of_file("y.csv", tmp_path / "y.csv")
-
-
-def test_a_pause_lasts_until_its_end_or_until_the_digest_is_needed(large, tmp_path, monkeypatch):
-    """Property: no piece is read during a pause, unless the file is too large to be read later."""
-    content = bytes(range(256)) * 4096
-    (tmp_path / "x.csv").write_bytes(content)
-    read, read_piece = [], digests._Pausable.readinto
-
-    def counted(file, buffer):
-        read.append(read_piece(file, buffer))
-        return read[-1]
-
-    monkeypatch.setattr(digests._Pausable, "readinto", counted)
-    running = threading.active_count()
-    known = Digests()
-    with monkeypatch.context() as patch:
-        patch.setattr(digests._Hashing, "start", lambda _: None)
-        known.of_file("x.csv", tmp_path / "x.csv")
-    hashing = known._entries["x.csv"]
-    with known.paused():
-        hashing.start()
-        hashing.join(0.05)
-        assert hashing.is_alive()
-        assert not read
-    hashing.join(10.0)
-    assert threading.active_count() == running
-    assert sum(read) == len(content)
-    expected = hashlib.sha256(content).hexdigest()
-    with known.paused():
-        known.of_file("y.csv", tmp_path / "x.csv")
-        assert dict(known) == {"x.csv": expected, "y.csv": expected}
-    monkeypatch.setattr(digests, "CACHED", 0)
-    known.of_file("z.csv", tmp_path / "x.csv")
-    with known.paused():
-        known._entries["z.csv"].join(10.0)
-        assert not known._entries["z.csv"].is_alive()

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording.formats import plain_numbers, text_blocks
-from runtime.recording.formats.decimals import decimals
-from runtime.recording.formats.text_tables import csv_table, flat_table
+from runtime.recording.formats import text_tables
+from runtime.recording.formats.text_tables import (
+    RowForm,
+    csv_table,
+    flat_table,
+    plain_numbers,
+    plain_rows,
+)
 
 ROWS = "t,a,b\n0.1,-1e-3,nan\n0.2, 4 ,1e400\n0.30000000000000004,5,6\n"
 ODD = {
@@ -31,9 +36,9 @@ def test_a_table_is_that_of_single_lines(name: str, reader: str, monkeypatch) ->
     """Property: values to the bit, line numbers and remarks, by either parser."""
     if reader == "pyarrow":
         pytest.importorskip("pyarrow")
-        monkeypatch.setattr(plain_numbers, "LONG", 0)
+        monkeypatch.setattr(text_tables, "LONG", 0)
     at_once = csv_table(ODD[name], ("b", "t", "t"), "log.csv")
-    monkeypatch.setattr(text_blocks, "plain_rows", lambda *_: None)
+    monkeypatch.setattr(text_tables, "plain_rows", lambda *_: None)
     by_line = csv_table(ODD[name], ("b", "t", "t"), "log.csv")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert np.array_equal(at_once.lines, by_line.lines)
@@ -43,20 +48,20 @@ def test_a_table_is_that_of_single_lines(name: str, reader: str, monkeypatch) ->
 @pytest.mark.parametrize("odd", ["7,1", "x,1,2", "# a comment", "t,a,b", ""])
 def test_an_odd_line_costs_only_its_part(odd: str, monkeypatch) -> None:
     """Property: the table of single lines, but cells near the odd line only are read singly."""
-    monkeypatch.setattr(text_blocks, "BLOCK", 4000)
-    monkeypatch.setattr(text_blocks, "PART", 200)
+    monkeypatch.setattr(text_tables, "BLOCK", 4000)
+    monkeypatch.setattr(text_tables, "PART", 200)
     singly = []
-    number_in = text_blocks.number_in
+    number_in = text_tables.number_in
     rows = [f"0.{k},{k},-{k}e-3" for k in range(2000)]
     for place in (0, 777, 2000):
         text = "\n".join(["t,a,b", *rows[:place], odd, *rows[place:]]) + "\n"
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(text_blocks, "number_in", lambda *a: singly.append(a) or number_in(*a))
+            patch.setattr(text_tables, "number_in", lambda *a: singly.append(a) or number_in(*a))
             at_once = csv_table(text, ("b", "t"), "log.csv")
         assert len(singly) <= 2 * (200 / len("0.1,1,-1e-3\n") + 1)
         singly.clear()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(text_blocks, "plain_rows", lambda *_: None)
+            patch.setattr(text_tables, "plain_rows", lambda *_: None)
             by_line = csv_table(text, ("b", "t"), "log.csv")
         assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
         assert np.array_equal(at_once.lines, by_line.lines)
@@ -68,9 +73,8 @@ def test_whole_numbers_are_parsed_at_once() -> None:
     body = ROWS.partition("\n")[2]
     for long in (0, len(body) + 1):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(plain_numbers, "LONG", long)
-            lines = iter(body.splitlines())
-            values = plain_numbers.plain_rows(body, lines, ",", 3, (0, 1))
+            patch.setattr(text_tables, "LONG", long)
+            values = plain_rows(body, RowForm("t,a,b", True, ",", 3, [0, 1]))
         assert values is not None
         assert values[-1, 0] == 0.1 + 0.2
 
@@ -86,7 +90,7 @@ def test_flat_text_is_that_of_single_lines(odd: str, monkeypatch) -> None:
     """Property: one number per line; a line that is none keeps its place as NaN."""
     text = "title\n1\n2.5\r\n" + odd + "\n-3e-5\n4\n"
     at_once = flat_table(text, 2, "log.txt")
-    monkeypatch.setattr(text_blocks, "plain_numbers", lambda *_: None)
+    monkeypatch.setattr(text_tables, "plain_numbers", lambda *_: None)
     by_line = flat_table(text, 2, "log.txt")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert at_once.remarks == by_line.remarks
@@ -99,11 +103,11 @@ def test_numbers_are_those_of_python() -> None:
     cells = [f"{x:.{k % 17}{'efg'[k % 3]}}" for k, x in enumerate(values)]
     cells[::500] = ["-0.0", "nan", "12", "-inf", "-.5", "3.", "4.9e-324", "9e400"]
     expected = np.array(list(map(float, cells)))
-    flat = plain_numbers.plain_numbers("\n".join(cells))
+    flat = plain_numbers("\n".join(cells))
     assert flat is not None
     assert flat.tobytes() == expected.tobytes()
     lines = [";".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
-    table = plain_numbers.plain_rows("\n".join(lines), iter(lines), ";", 4, (3, 1, 1))
+    table = plain_rows("\n".join(lines), RowForm(lines[0], False, ";", 4, [3, 1, 1]))
     assert table is not None
     assert table.tobytes() == expected.reshape(-1, 4)[:, [3, 1, 1]].tobytes()
 
@@ -114,25 +118,8 @@ def test_numbers_are_those_of_python() -> None:
 )
 def test_two_numbers_in_a_line_do_not_make_up_for_an_empty_one(odd: str) -> None:
     """Property: as many numbers as lines, but not one in each, or text that is no number."""
-    assert plain_numbers.plain_numbers("1.5\n" * 40 + odd) is None
-    assert plain_numbers.plain_numbers(odd + "1.5\n" * 40) is None
-
-
-def test_few_numbers_are_parsed_one_by_one(monkeypatch) -> None:
-    """Property: pieces go to the parser of decimals, others to NumPy's; `float` is for the rest."""
-    parsed = []
-    by_numpy = plain_numbers._by_numpy
-    monkeypatch.setattr(plain_numbers, "_by_numpy", lambda *a: parsed.append(a) or by_numpy(*a))
-    decimal, exponents = ("1.5\n-20.25\n" * 25 + "7\n") * 300, "1.5e-3\n2e3\n" * 5000
-    for text, count in ((decimal, 0), (exponents, 1), (decimal + exponents, 1)):
-        numbers = plain_numbers.plain_numbers(text)
-        assert numbers is not None
-        assert numbers.tolist() == list(map(float, text.split()))
-        assert len(parsed) >= count
-        assert count or not parsed
-        parsed.clear()
-    assert plain_numbers.plain_rows("1.5,2.5\n", iter(["1.5,2.5"]), ",", 2, (1,)) is not None
-    assert not parsed
+    assert plain_numbers("1.5\n" * 40 + odd) is None
+    assert plain_numbers(odd + "1.5\n" * 40) is None
 
 
 def test_decimals_are_those_of_python() -> None:
@@ -146,16 +133,15 @@ def test_decimals_are_those_of_python() -> None:
     ]
     cells[::100] = ["1e-05"] * 200
     cells[:4] = ["-0.000", "99999999.99999999", "9007199.254740993", "3"]
-    expected = np.array(list(map(float, cells)))
-    parsed = decimals(";".join(cells).encode(), b";")
+    parsed = plain_numbers("\n".join(cells))
     assert parsed is not None
-    assert parsed.tobytes() == expected.tobytes()
+    assert parsed.tobytes() == np.array(list(map(float, cells))).tobytes()
 
 
-@pytest.mark.parametrize("odd", [" 1.5", "1_0.5", "", "1.5.5", "-", ".", "1/5", "1:5.0", "\xb2.5"])
-def test_decimals_refuse_other_cells(odd: str) -> None:
-    """Property: what another parser must judge is not read as a number."""
+@pytest.mark.parametrize("odd", ["1_0.5", "1.5.5", "-", ".", "1/5", "1:5.0", "\xb2.5"])
+def test_other_cells_are_refused(odd: str) -> None:
+    """Property: what the reader of single lines must judge is not read as a number."""
     for place in (0, 20, 40):
         cells = ["1.5"] * 40
         cells.insert(place, odd)
-        assert decimals("\n".join(cells).encode(), b"\n") is None
+        assert plain_numbers("\n".join(cells)) is None

@@ -170,12 +170,7 @@ def error_of(
 ) -> float:
     """Error of the torque of other motions by the default method, fitted to all rows."""
     result = identify(
-        log,
-        lib,
-        preparation=preparation,
-        friction_columns=TERMS,
-        refit=True,
-        certify=False,
+        log, lib, preparation=preparation, friction_columns=TERMS, refit=True, certify=False
     )
     wrong = result.beta - lib.base_matrix @ pi
     return float(np.sqrt(np.einsum("k,jkl,l->", wrong, joints, wrong)))

@@ -109,10 +109,7 @@ def markdown(rows: list[Row]) -> str:
     """One line per fault, one column per virtual robot, then the counts."""
     robots = list(dict.fromkeys(row.robot for row in rows if row.fault != CLEAN))
     found = {(row.robot, row.fault): row for row in rows}
-    lines = [
-        f"| fault | {' | '.join(robots)} |",
-        f"|---|{'---|' * len(robots)}",
-    ]
+    lines = [f"| fault | {' | '.join(robots)} |", f"|---|{'---|' * len(robots)}"]
     for fault in (CLEAN, *(each.name for each in FAULTS)):
         cells = [_cell(found[robot, fault]) for robot in robots]
         lines.append(f"| {fault} | {' | '.join(cells)} |")

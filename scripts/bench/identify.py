@@ -51,11 +51,7 @@ ENTRIES = (
         None,
     ),
     Entry(
-        "adam_full",
-        "Adam iteration, all samples",
-        "adam",
-        doors.adam_full,
-        doors.numpy_adam_full,
+        "adam_full", "Adam iteration, all samples", "adam", doors.adam_full, doors.numpy_adam_full
     ),
     Entry(
         "adam_batch",
@@ -66,26 +62,11 @@ ENTRIES = (
         document=75e-3,
     ),
     Entry(
-        "levenberg",
-        "Levenberg–Marquardt step",
-        "levenberg",
-        doors.levenberg,
-        doors.numpy_levenberg,
+        "levenberg", "Levenberg–Marquardt step", "levenberg", doors.levenberg, doors.numpy_levenberg
     ),
+    Entry("map", "MAP, compressed data", "convex", estimators.most_probable, None),
     Entry(
-        "map",
-        "MAP, compressed data",
-        "convex",
-        estimators.most_probable,
-        None,
-    ),
-    Entry(
-        "path",
-        "PC-IDIM-OLS path, compressed data",
-        "convex",
-        estimators.path,
-        None,
-        document=78.0,
+        "path", "PC-IDIM-OLS path, compressed data", "convex", estimators.path, None, document=78.0
     ),
     Entry(
         "log_cholesky",

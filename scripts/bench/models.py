@@ -101,10 +101,7 @@ _CHAIN = (
     ("runtime excite --robot {robot} --duration 5 --starts 2 --out motion.json", {0}),
     ("runtime predict motion.json --robot {robot}", {0}),
     ("runtime view motion.json --robot {robot} --export film.html", {0}),
-    (
-        "runtime simulate --robot {robot} --trajectory motion.json --keep-every 5 --out log.csv",
-        {0},
-    ),
+    ("runtime simulate --robot {robot} --trajectory motion.json --keep-every 5 --out log.csv", {0}),
     ("runtime inspect log.csv --robot {robot} --recipe-out recipe.toml", {0, 1}),
     (f"runtime identify log.csv --robot {{robot}} {_LOG} --out mine", {0}),
     ("runtime identify log.csv --robot {robot} --recipe recipe.toml --out proposed", {0}),

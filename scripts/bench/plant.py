@@ -103,10 +103,5 @@ def simulated_case(
     log = closed_loop(lib, train, robot, rng, controller=controller).replace(dq=None)
     t = np.arange(0.0, test.duration, 0.05)
     return SimulatedCase(
-        lib,
-        log,
-        cad,
-        pi,
-        ClosedLoop(train, controller, ROTOR),
-        test.at(lib, t)[:3],
+        lib, log, cad, pi, ClosedLoop(train, controller, ROTOR), test.at(lib, t)[:3]
     )

@@ -35,10 +35,7 @@ What is zero by structure or by cancellation carries the rounding of the largest
 a condition of up to 1e4; numbers down to a thousandth of the largest are compared at `RTOL`."""
 SMALL = 1e-12
 """Smaller numbers of printed lines state rounding, such as the torques of a file read again."""
-IGNORED = {
-    "seconds": "time that a method took",
-    "versions": "libraries of the environment",
-}
+IGNORED = {"seconds": "time that a method took", "versions": "libraries of the environment"}
 """Key of a JSON, TOML or NPZ file that is not compared, with all below it → reason."""
 MASKS = {
     r"(?<![\w.·)])(?:\.\.)?/(?:[\w.+@%-]+/)+": "/",  # folders; names of files stay

@@ -57,10 +57,7 @@ class Rows:
         """Rows of one period."""
         taken = self.periods == number
         return Rows(
-            self.difference[taken],
-            self.terms[:, taken],
-            self.regressor[taken],
-            self.periods[taken],
+            self.difference[taken], self.terms[:, taken], self.regressor[taken], self.periods[taken]
         )
 
     def unexplained(self, torque: Array) -> Array:

@@ -57,9 +57,7 @@ def _doctor(file: str) -> Door:
     def read(folder: Path, lib: Library) -> None:
         with contextlib.suppress(typer.Exit):
             inspect_command(
-                str(folder / file),
-                robot=str(lib.folder),
-                recipe_out=folder / OUT / "recipe.toml",
+                str(folder / file), robot=str(lib.folder), recipe_out=folder / OUT / "recipe.toml"
             )
 
     return Door(file, goods.Log(file, 300), read)

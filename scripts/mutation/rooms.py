@@ -46,10 +46,7 @@ _EMIT = _in(
 
 ROOMS = {
     "convex": Room(
-        _in(
-            f"{_E}/convex",
-            "__init__ bodies compiled constraints eliminate_friction newton path",
-        ),
+        _in(f"{_E}/convex", "__init__ bodies compiled constraints eliminate_friction newton path"),
         (f"{_T}/estimators/convex",),
     ),
     "posterior": Room(
@@ -62,10 +59,7 @@ ROOMS = {
     "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
     "uncertainty": Room(_in(_E, "uncertainty laplace"), (f"{_T}/estimators/test_uncertainty.py",)),
     "residuals": Room(
-        _in(
-            f"{_E}/regression",
-            "residuals samples torque_objective score_test friction_test",
-        ),
+        _in(f"{_E}/regression", "residuals samples torque_objective score_test friction_test"),
         (f"{_T}/estimators/regression",),
     ),
     "coloured noise": Room(

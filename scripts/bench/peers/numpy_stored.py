@@ -54,9 +54,7 @@ def numpy_stored(lib: Library, batch: Batch) -> Peer:
             ),
             "torque": product,
             "torque_jacobian": contender(
-                "stored Y @ ∂π/∂λ",
-                jacobian,
-                lambda: kept["jacobian"][:, -n:].transpose(1, 0, 2),
+                "stored Y @ ∂π/∂λ", jacobian, lambda: kept["jacobian"][:, -n:].transpose(1, 0, 2)
             ),
             "loss_gradient": contender("stored Yᵀ W (Y @ π − τ)", loss, None),
         },

@@ -65,15 +65,12 @@ def test_build_stages_add_up(build: Any) -> None:
     assert 0 < build["again"] < build["total"]
 
 
-def test_start_is_compared_with_libraries(home: Path) -> None:
-    """Property: ratios are those of the times; every row of the table has its goal."""
+def test_start_is_timed(home: Path) -> None:
+    """Property: every row of the table has its time and its bar."""
     rows = script("bench_start", "--rounds", "1", "--imports", home=home)
-    assert [row["work"] for row in rows] == ["import runtime", "symgen --help"]
-    for row in rows:
-        assert row["value"] == pytest.approx(row["seconds"] / row["peer"])
-        assert row["goal"] > 1
-    # The names of the package are imported at their first use: half of what NumPy needs, at most.
-    assert rows[0]["value"] < 0.5
+    assert [row["work"] for row in rows] == ["symgen --help", "import runtime"]
+    assert [row["goal"] for row in rows] == [0.5, 0.3]
+    assert all(0 < row["seconds"] < 60 for row in rows)
 
 
 def test_throughput_names_what_is_missing(home: Path, fr3: Library) -> None:
@@ -288,7 +285,7 @@ def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None
 def test_rows_of_a_table_are_replaced_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: rows with the same first cells in their places, new ones last, the others kept."""
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
-    from bench.grid import markdown, merged
+    from bench.front import markdown, merged
 
     head = ("problem", "starts", "cond")
     before = markdown(head, [("a", "8", "4.1"), ("a", "24", "3.9"), ("b", "8", "5.0")])

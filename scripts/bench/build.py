@@ -12,16 +12,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from rich.table import Table
-
-from bench.compiled import BenchError
+from bench.front import ROOT, BenchError, Sheet
 from symgen.make.compiler import compiler_version, find_compiler
-
-_ROOT = Path(__file__).resolve().parents[2]
 
 _WRAPPER = """\
 import json, os, subprocess, sys, time
@@ -57,10 +52,6 @@ class Report:
     again: float  # the same command once more, with nothing to do
     bytes: int
     units: tuple[Unit, ...]  # every compilation; they overlap
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
 
 
 def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) -> Report:
@@ -106,7 +97,7 @@ def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) ->
 
 def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
-    path = os.pathsep.join((str(_ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
+    path = os.pathsep.join((str(ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
     environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
     command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
     command += [word for level in levels for word in ("--level", level)]
@@ -117,25 +108,17 @@ def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[st
     return time.perf_counter() - start
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """Stages and units, in seconds."""
-    shown = Table(
-        "stage",
-        "begins",
-        "seconds",
-        title=f"{report.robot}: from nothing to the compiled library",
-        caption=(
-            f"{report.compiler}, {report.cores} cores; compilations overlap. "
-            f"The library has {report.bytes / 1e6:.2f} MB."
-        ),
-    )
-    for column in shown.columns[1:]:
-        column.justify = "right"
-    shown.add_row("start Python, read, generate", "0.00", f"{report.generate:.2f}")
+    lines = [("start Python, read, generate", "0.00", f"{report.generate:.2f}")]
     for unit in report.units:
-        shown.add_row(f"  compile {unit.name}", f"{unit.start:.2f}", f"{unit.seconds:.2f}")
-    shown.add_row("compile, all", f"{report.generate:.2f}", f"{report.compile:.2f}")
-    shown.add_row("link", "", f"{report.link:.2f}", end_section=True)
-    shown.add_row("total", "", f"{report.total:.2f}")
-    shown.add_row("second call, nothing to do", "", f"{report.again:.2f}")
-    return shown
+        lines.append((f"  compile {unit.name}", f"{unit.start:.2f}", f"{unit.seconds:.2f}"))
+    lines.append(("compile, all", f"{report.generate:.2f}", f"{report.compile:.2f}"))
+    for name in ("link", "total", "again"):
+        lines.append((name, "", f"{getattr(report, name):.2f}"))
+    title = f"{report.robot}: from nothing to the compiled library"
+    caption = (
+        f"{report.compiler}, {report.cores} cores; compilations overlap. The library has "
+        f"{report.bytes / 1e6:.2f} MB. again: a second call with nothing to do."
+    )
+    return Sheet("", ("stage", "begins", "seconds"), lines, report, title, caption)

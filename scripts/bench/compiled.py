@@ -14,11 +14,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.front import BenchError
+
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "symgen" / "bench"
-
-
-class BenchError(Exception):
-    """A benchmark, or one peer of it, cannot run here; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from bench.faults import on_a_wall
+from bench.front import Sheet
 from runtime.cli.prepared_log import usable_columns
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.samples import samples_of
@@ -56,10 +55,6 @@ class Row:
     friction: str  # name of the friction model
     columns: tuple[str, ...]  # its columns
     error: float  # of the torque on the other motion, percent; NaN where the method refuses
-
-    def as_json(self) -> dict[str, Any]:
-        """The row as a JSON object."""
-        return dataclasses.asdict(self)
 
 
 def study(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Row]:
@@ -125,29 +120,19 @@ def _error(result: Identification, test: Recording) -> float:
     return float(metrics.torque_error(samples.tau, result.predict_samples(samples)).overall)
 
 
-def table(rows: list[Row]) -> Table:
-    """The rows for a terminal."""
-    shown = Table("robot", "friction", "method", "columns", "error, %")
-    for row in rows:
-        columns = ", ".join(row.columns)
-        shown.add_row(row.robot, row.friction, row.method, columns, f"{row.error:.3f}")
-    return shown
-
-
-def markdown(rows: list[Row]) -> str:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per friction model, one column per robot and method, then the distances."""
     robots = list(dict.fromkeys(row.robot for row in rows))
     methods = list(dict.fromkeys(row.method for row in rows))
     errors = {(row.robot, row.friction, row.method): row.error for row in rows}
+    pairs = [(robot, method) for robot in robots for method in methods]
     lines = [
-        f"| friction | {' | '.join(f'{r}, {m}' for r in robots for m in methods)} |",
-        f"|---|{'---|' * len(robots) * len(methods)}",
+        (name, *(_cell(errors.get((robot, name, method))) for robot, method in pairs))
+        for name in dict.fromkeys(row.friction for row in rows)
     ]
-    for name in dict.fromkeys(row.friction for row in rows):
-        cells = [_cell(errors.get((r, name, m))) for r in robots for m in methods]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
     said = [_distance(robot, [row for row in rows if row.robot == robot]) for robot in robots]
-    return "\n".join([*lines, "", *said])
+    head = ("friction", *(f"{robot}, {method}" for robot, method in pairs))
+    return Sheet("default_table", head, lines, rows, below="\n".join(["", *said]))
 
 
 def _cell(error: float | None) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 import runtime
 from bench import numpy_identify
-from bench.compiled import BenchError
+from bench.front import BenchError
 from runtime.errors import RuntimeFault
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.optimizers import AdamOptions, StoppingRule

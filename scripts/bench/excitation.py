@@ -1,16 +1,13 @@
 """The run behind `scripts/bench_excitation`: the document's problem by several optimisers."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from rich.table import Table
 
 from bench import excitation_peers as peers
-from bench import grid
-from bench.compiled import BenchError
 from bench.excitation_peers import Start
+from bench.front import BenchError, Sheet
 from bench.machine import processor
 from runtime.excitation import COST_SAMPLES
 from runtime.excitation.search.search_problem import SearchProblem
@@ -72,10 +69,6 @@ class Report:
     rows: tuple[Row, ...]
     skipped: dict[str, str]
 
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
-
 
 @one_blas_thread
 def measure(
@@ -104,18 +97,12 @@ def measure(
 
 
 _HEAD = (
-    "optimiser",
-    "starts",
-    "best",
-    "median",
-    "worst",
-    "CPU s / start",
-    "wall s / start",
+    *("optimiser", "starts", "best", "median", "worst", "CPU s / start", "wall s / start"),
     f"wall s to < {DOCUMENT}",
 )
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """One line per optimiser and one for the document."""
     title = (
         f"{report.robot}: condition numbers, t_f {report.duration:g} s, M "
@@ -126,12 +113,8 @@ def table(report: Report) -> Table:
         "acceleration limits kept at 1 kHz; the same random starts for all, one process. "
         "Document: five starts of 50 iterations, its own machine, t_f not stated."
     )
-    return grid.table(_HEAD, _lines(report), title, caption)
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    return grid.markdown(_HEAD, _lines(report))
+    notes = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
+    return Sheet("bench_excitation", _HEAD, [*_lines(report)], report, title, caption, notes)
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

@@ -8,14 +8,11 @@ error, and what `predict` expects from the residuals of the log and the accuracy
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from rich.table import Table
 
-from bench import grid
-from bench.compiled import BenchError
+from bench.front import BenchError, Sheet
 from bench.machine import processor
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.information import FRICTION
@@ -86,10 +83,6 @@ class Report:
     draws: int
     arms: int
     rows: tuple[Row, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
 
 
 def measure(
@@ -199,7 +192,7 @@ _HEAD = (
 )
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """One line per design."""
     title = f"{report.robot}: designs and what identify makes of them, {report.processor}"
     caption = (
@@ -208,12 +201,7 @@ def table(report: Report) -> Table:
         "virtual arms. Expected, by residuals and with gains: what predict states of the planned "
         "motion and of the logs, with the gain error of the virtual sensors."
     )
-    return grid.table(_HEAD, _lines(report), title, caption)
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    return grid.markdown(_HEAD, _lines(report))
+    return Sheet("bench_excitation_designs", _HEAD, [*_lines(report)], report, title, caption)
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

@@ -3,13 +3,11 @@
 import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from rich.table import Table
 
-from bench import grid
+from bench.front import Sheet
 from bench.machine import processor
 from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety
@@ -91,10 +89,6 @@ class Report:
     processor: str
     rows: tuple[Row, ...]
 
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
-
 
 def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Report:
     """Design for every goal, on as many processes as there are cores."""
@@ -161,21 +155,12 @@ def _cpu() -> float:
 KEYS = 3
 """Number of first columns that name a row."""
 _HEAD = (
-    "problem",
-    "t_f s",
-    "starts",
-    "cond",
-    "median",
-    "A %",
-    "V mN·m",
-    "wall s",
-    "CPU s",
-    "certified",
-    "goal",
+    *("problem", "t_f s", "starts", "cond", "median", "A %", "V mN·m", "wall s", "CPU s"),
+    *("certified", "goal"),
 )
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """One line per design."""
     title = f"{report.robot}: best of the starts, {report.processor}"
     caption = (
@@ -184,12 +169,7 @@ def table(report: Report) -> Table:
         f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
         "there are cores, their start included."
     )
-    return grid.table(_HEAD, _lines(report), title, caption)
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    return grid.markdown(_HEAD, _lines(report))
+    return Sheet("bench_excitation_goals", _HEAD, [*_lines(report)], report, title, caption)
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

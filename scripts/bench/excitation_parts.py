@@ -7,14 +7,12 @@ replaces that of the joints.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from rich.table import Table
 
-from bench import grid
 from bench.excitation_designs import NOISE, PREPARATION, RATE, TERMS, error_of, promised_of
+from bench.front import Sheet
 from bench.machine import processor
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -45,10 +43,6 @@ class Report:
     starts: int
     arms: int
     rows: tuple[Row, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
 
 
 def measure(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Report:
@@ -114,19 +108,14 @@ def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recordi
 _HEAD = "the logs contain", "real", "by residuals"
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """One line per set of causes."""
     title = f"{report.robot}: causes of the real error, {report.processor}"
     caption = (
         f"Criterion mixed, {DURATION:g} s, best of {report.starts} starts. RMS torque error on "
         f"unseen motions, mN·m, over {report.arms} virtual arms."
     )
-    return grid.table(_HEAD, _lines(report), title, caption)
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    return grid.markdown(_HEAD, _lines(report))
+    return Sheet("bench_excitation_parts", _HEAD, [*_lines(report)], report, title, caption)
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from bench.accuracy import parameter_order
-from bench.peers.pinocchio_model import pinocchio_model
+from bench.peers import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
 from runtime.excitation.search.measures import Measure

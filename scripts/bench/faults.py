@@ -4,16 +4,14 @@ Robots and faults are those of the tests (`tests.runtime.virtual_arms`, `tests.r
 arm on a wall and the robots of the real logs are built into a temporary folder.
 """
 
-import dataclasses
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
+from bench.front import Sheet
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
@@ -36,10 +34,6 @@ class Row:
     fault: str  # name of the fault, "clean" for none
     is_right: bool  # joint, size or place is right
     kinds: tuple[str, ...]  # warnings and errors
-
-    def as_json(self) -> dict[str, Any]:
-        """The row as a JSON object."""
-        return dataclasses.asdict(self)
 
 
 def study(shared: Path, seed: int | None) -> list[Row]:
@@ -97,30 +91,18 @@ def _real(name: str, robot: str, shared: Path, root: Path) -> Row:
     return Row(name, CLEAN, not kinds, kinds)
 
 
-def table(rows: list[Row]) -> Table:
-    """The rows for a terminal."""
-    shown = Table("robot", "fault", "named", "warnings and errors")
-    for row in rows:
-        shown.add_row(row.robot, row.fault, "yes" if row.is_right else "no", ", ".join(row.kinds))
-    return shown
-
-
-def markdown(rows: list[Row]) -> str:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per fault, one column per virtual robot, then the counts."""
     robots = list(dict.fromkeys(row.robot for row in rows if row.fault != CLEAN))
     found = {(row.robot, row.fault): row for row in rows}
-    lines = [f"| fault | {' | '.join(robots)} |", f"|---|{'---|' * len(robots)}"]
-    for fault in (CLEAN, *(each.name for each in FAULTS)):
-        cells = [_cell(found[robot, fault]) for robot in robots]
-        lines.append(f"| {fault} | {' | '.join(cells)} |")
-    counts = [
-        f"**{sum(found[robot, f.name].is_right for f in FAULTS)} of {len(FAULTS)}**"
-        for robot in robots
-    ]
-    lines.append(f"| named rightly | {' | '.join(counts)} |")
+    faults = [each.name for each in FAULTS]
+    lines = [(name, *(_cell(found[r, name]) for r in robots)) for name in (CLEAN, *faults)]
+    right = [sum(found[robot, name].is_right for name in faults) for robot in robots]
+    lines.append(("named rightly", *(f"**{count} of {len(faults)}**" for count in right)))
     real = [row for row in rows if row.robot not in robots]
     said = ", ".join(f"`{row.robot}` {', '.join(row.kinds) or 'none'}" for row in real)
-    return "\n".join([*lines, "", f"Warnings and errors on real logs with their recipes: {said}."])
+    below = f"\nWarnings and errors on real logs with their recipes: {said}."
+    return Sheet("fault_table", ("fault", *robots), lines, rows, below=below)
 
 
 def _cell(row: Row) -> str:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rich.table import Table
 
-from bench.markdown import markdown_table, table_of
+from bench.front import Sheet
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.library import Library, load, to_pinocchio_order
@@ -125,18 +124,13 @@ _RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %",
              "total mass in its 95 % interval, %", "torques within limits, %")  # fmt: skip
 
 
-def _recovery_cells(r: Trials) -> tuple[str, ...]:
-    sizes = (r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials))
-    errors = (f"{100 * r.relative:.4f}", f"{100 * r.urdf:.1f}", f"{100 * r.single:.2f}")
-    shares = (r.consistent, r.mass_covered, r.feasible)
-    return (*sizes, *errors, *(f"{100 * share:.0f}" for share in shares))
-
-
-def recovery_table(rows: list[Trials]) -> Table:
-    """Table of `recovery`."""
-    return table_of("bodies recovered from virtual logs", _RECOVERY, map(_recovery_cells, rows))
-
-
-def recovery_markdown(rows: list[Trials]) -> str:
-    """Table of `recovery` for docs/."""
-    return markdown_table(_RECOVERY, map(_recovery_cells, rows))
+def sheet(rows: list[Trials]) -> Sheet:
+    """One line per robot."""
+    lines = []
+    for r in rows:
+        sizes = (r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials))
+        errors = (f"{100 * r.relative:.4f}", f"{100 * r.urdf:.1f}", f"{100 * r.single:.2f}")
+        shares = (f"{100 * share:.0f}" for share in (r.consistent, r.mass_covered, r.feasible))
+        lines.append((*sizes, *errors, *shares))
+    title = "bodies recovered from virtual logs"
+    return Sheet("free_base_table recovery", _RECOVERY, lines, rows, title)

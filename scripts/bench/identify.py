@@ -6,16 +6,15 @@ so; a new function needs one more entry in `ENTRIES` and nothing else.
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
-from bench import doors, estimators, grid, passes
+from bench import doors, estimators, passes
 from bench.clock import interleave, ratio
 from bench.doors import Setting
+from bench.front import Sheet
 from bench.machine import processor
 from bench.passes import Passes
 from runtime.library import Library
@@ -135,10 +134,6 @@ class Report:
     skipped: dict[str, str]  # label → why
     passes: Passes  # the pass over the rows beside the limit of multiply-adds
 
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
-
 
 @one_blas_thread
 def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Report:
@@ -203,7 +198,10 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
     )
 
 
-def table(report: Report) -> Table:
+_HEAD = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
+
+
+def sheet(report: Report) -> Sheet:
     """One line per entry."""
     title = f"{report.robot}: identification and excitation, {report.level}, {report.processor}"
     caption = (
@@ -212,32 +210,18 @@ def table(report: Report) -> Table:
         "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
         "excitation gradient by differences. Document: its own times on its machine."
     )
-    return grid.table(_HEAD, (_cells(row) for row in report.rows), title, caption)
-
-
-def footnotes(report: Report) -> list[str]:
-    """Skipped entries and the pass over the rows, one line each."""
-    skipped = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
-    return [*skipped, passes.sentence(report.passes)]
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    return grid.markdown(_HEAD, (_cells(row) for row in report.rows))
-
-
-_HEAD = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        row.label,
-        _time(row.seconds),
-        _time(row.numpy),
-        _times(row.numpy_ratio),
-        _time(row.document),
-        _times(row.document_ratio),
-    )
+    lines = [
+        (
+            row.label,
+            _time(row.seconds),
+            *(_time(row.numpy), _times(row.numpy_ratio)),
+            *(_time(row.document), _times(row.document_ratio)),
+        )
+        for row in report.rows
+    ]
+    notes = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
+    notes.append(passes.sentence(report.passes))
+    return Sheet("bench_identify", _HEAD, lines, report, title, caption, notes)
 
 
 def _time(seconds: float | None) -> str:

@@ -6,18 +6,17 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
-from bench import peers
+from bench import pinocchio_cpp
 from bench.arms import Arm, build_arm, every_arm
 from bench.batch import make_batch
 from bench.clock import burst, interleave, ratio
-from bench.compiled import BenchError, Compiler, find
+from bench.compiled import Compiler, find
+from bench.front import BenchError, Sheet
 from bench.kernels import fitting
 from bench.machine import limits, processor
 from bench.ours import Ours
@@ -56,10 +55,6 @@ class Report:
     built: dict[str, float]  # robot → seconds of generation and compilation
     missing: dict[str, str]  # robot → why it was not built
     rows: tuple[Row, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
 
 
 def measure(
@@ -104,7 +99,7 @@ def _contenders(
         times["ours", lib.name, kernel] = burst(one.run, part.size)
     if cpp:
         try:
-            rival = peers.pinocchio_cpp(lib, batch)
+            rival = pinocchio_cpp.pinocchio_cpp(lib, batch)
         except BenchError as error:
             missing["Pinocchio C++"] = str(error)
             return times
@@ -145,27 +140,20 @@ def _code(library: Path, kernel: str) -> int | None:
     return sum(int(size, 16) for size in sizes) or None
 
 
-def table(report: Report) -> Table:
+def sheet(report: Report) -> Sheet:
     """One line per robot and kernel."""
-    shown = Table(
-        *_HEAD,
-        title=f"ns per sample against the number of joints, {report.level}, {report.processor}",
-        caption=(
-            f"Tiles in place, data in cache, sine and cosine included; the best of each of "
-            f"{report.rounds} interleaved rounds, medians over the rounds. Serial arms and trees "
-            "are made up: axes at right angles, offsets and bodies at random. code: of one tile; "
-            "what exceeds the instruction cache of a core is fetched anew for every tile."
-        ),
+    title = f"ns per sample against the number of joints, {report.level}, {report.processor}"
+    caption = (
+        f"Tiles in place, data in cache, sine and cosine included; the best of each of "
+        f"{report.rounds} interleaved rounds, medians over the rounds. Serial arms and trees "
+        "are made up: axes at right angles, offsets and bodies at random. code: of one tile; "
+        "what exceeds the instruction cache of a core is fetched anew for every tile."
     )
-    for column in shown.columns[1:]:
-        column.justify = "right"
-    for k, row in enumerate(report.rows):
-        last = k + 1 == len(report.rows) or report.rows[k + 1].kernel != row.kernel
-        shown.add_row(*_cells(row), end_section=last)
-    return shown
+    lines = [_cells(row) for row in report.rows]
+    return Sheet("bench_joints", _HEAD, lines, report, title, caption, _notes(report))
 
 
-def footnotes(report: Report) -> list[str]:
+def _notes(report: Report) -> list[str]:
     """Build times and missing robots, one line each."""
     seconds = ", ".join(f"{robot} {value:.1f}" for robot, value in report.built.items())
     lines = [f"built (only these kernels, one level), s: {seconds}"]
@@ -186,12 +174,6 @@ def growth(rows: tuple[Row, ...]) -> str:
         for a, b in ((arms[0], arms[-1]), worst)
     ]
     return f"growth of {_LABELS[rows[0].kernel]}: {steps[0]}; at worst {steps[1]}"
-
-
-def markdown(report: Report) -> str:
-    """Table as Markdown."""
-    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
-    return "\n".join((*lines, *(f"| {' | '.join(_cells(row))} |" for row in report.rows)))
 
 
 _HEAD = ("kernel", "robot, joints", "ops", "ns", "ps per op", "limit", "code, KiB", "Pinocchio C++")

@@ -1,18 +1,18 @@
 """The run behind `scripts/bench_kernels`: contenders, interleaved rounds, one report."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from bench import accuracy, peers
-from bench.bars import Bar, bars
 from bench.batch import Batch, make_batch
 from bench.clock import burst, interleave, ratio
-from bench.compiled import BenchError, find
+from bench.compiled import find
+from bench.front import BenchError, Sheet
 from bench.machine import cycle, limits, processor
 from bench.ours import LANES, LAYOUTS, Contender, Ours
+from bench.pinocchio_cpp import pinocchio_cpp
 from bench.symbolic import Symbolic, symbolic
 from runtime.library import Array, Library
 
@@ -36,6 +36,32 @@ LARGEST = 640 * 1024
 """Bytes of a kernel's outputs beyond which fewer samples are taken, so that all stays in cache."""
 AGREEMENT = 1e-8
 """Largest relative difference between a peer and us: rounding times the condition of M."""
+
+
+CPP = "Pinocchio C++"
+
+RATIOS = (
+    ("base_inverse_dynamics", "v4", "tiles", 50.0),
+    ("base_inverse_dynamics", "v4", "stored", 80.0),
+    ("base_regressor", "v4", "tiles", 75.0),
+    ("base_inverse_dynamics", "v3", "tiles", 20.0),
+    ("base_regressor", "v3", "tiles", 35.0),
+    ("base_inverse_dynamics", "portable", "tiles", 5.0),
+)
+"""Kernel, level, layout, how many times longer Pinocchio in C++ takes at least."""
+LONGEST = (("torque_jacobian", "v4", "tiles", 65.0),)
+"""Kernel, level, layout, ns per sample at most."""
+DEVIATION = 1e-12
+"""Relative difference from Pinocchio at most, every kernel at every level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A requirement, its measured value, and whether it is met."""
+
+    text: str
+    measured: float
+    met: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +106,6 @@ class Report:
     bars: tuple[Bar, ...]
     rows: tuple[Row, ...]
 
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
-
 
 def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
     """Time a library's kernels and its peers in the same rounds."""
@@ -123,7 +145,7 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
         peers={label: peer.detail for label, peer in rivals.items()},
         missing=missing,
         deviation=max(deviations.values(), default=None),
-        bars=bars(rows),
+        bars=_bars(rows),
         rows=rows,
     )
 
@@ -159,7 +181,7 @@ def _rivals(
 ) -> tuple[dict[str, peers.Peer], dict[str, str]]:
     """Peers that run on this machine, and the reason for each one that does not."""
     makers: dict[str, Callable[[], peers.Peer]] = {
-        "Pinocchio C++": lambda: peers.pinocchio_cpp(lib, batch),
+        "Pinocchio C++": lambda: pinocchio_cpp(lib, batch),
         "Pinocchio Python": lambda: peers.pinocchio_python(lib, batch),
         "MuJoCo Python": lambda: peers.mujoco_python(lib, batch),
         "CasADi VM": lambda: peers.casadi_vm(
@@ -238,3 +260,105 @@ def _row(
     return Row(
         name, level, layout, samples, ns, count, count / ns, share, deviations.get(key), against
     )
+
+
+def _bars(rows: tuple[Row, ...]) -> tuple[Bar, ...]:
+    """Bars whose row and whose peer were measured."""
+    by_key = {(row.kernel, row.level, row.layout): row for row in rows}
+    result = []
+    for *key, least in RATIOS:
+        row = by_key.get(tuple(key))
+        if row is not None and CPP in row.peers:
+            times = row.peers[CPP].ratio
+            text = f"{' '.join(key)}: at least {least:.0f} times as fast as {CPP}"
+            result.append(Bar(text, times, times >= least))
+    for *key, most in LONGEST:
+        row = by_key.get(tuple(key))
+        if row is not None:
+            result.append(Bar(f"{' '.join(key)}: at most {most:.0f} ns", row.ns, row.ns <= most))
+    known = [row.deviation for row in rows if row.deviation is not None]
+    if known:
+        worst = max(known)
+        text = f"every kernel and level: within {DEVIATION:.0e} of Pinocchio"
+        result.append(Bar(text, worst, worst <= DEVIATION))
+    return tuple(result)
+
+
+LABELS = {
+    "base_inverse_dynamics": "τ (base parameters)",
+    "inverse_dynamics": "τ (π)",
+    "torque": "τ (λ)",
+    "base_regressor": "Y_b",
+    "regressor": "Y",
+    "torque_jacobian": "∂τ/∂λ",
+    "mass_matrix": "M",
+    "forward_dynamics": "forward dynamics",
+    "end_effector": "end effector",
+    "loss_gradient": "loss and gradient",
+}
+CAPTION = (
+    "One thread, data in cache; the best of each of {rounds} interleaved rounds, medians over the "
+    "rounds, ratios within a round. tiles: arrays of tiles of 8 samples in place, sine and cosine "
+    "included or, where the row says so, stored; what depends on λ or π alone once per call. "
+    "samples: sample-major arrays in and out, zeros included. Called in a loop from C on {samples} "
+    "samples, on fewer where the outputs would leave the cache. Peers: how many times our tiles, "
+    "the same states one at a time, Pinocchio C++ in a C++ loop, the others from a Python loop. "
+    "limit: operations per time over the measured limit of one core at the level's width, a "
+    "multiply-add counted as two, a sine or cosine as one."
+)
+
+
+def sheet(report: Report) -> Sheet:
+    """One line per kernel and level, tiles and samples side by side."""
+    labels = [label for label in report.peers if label != "NumPy"]  # it starts from a stored Y
+    pairs: dict[tuple[str, str, bool], dict[bool, Row]] = {}
+    for row in report.rows:
+        key = (row.kernel, row.level, row.layout == "stored")
+        pairs.setdefault(key, {})[row.layout == "batch"] = row
+    lines = []
+    for (kernel, level, stored), pair in pairs.items():
+        row = pair.get(False) or pair[True]
+        label = LABELS.get(kernel, kernel)
+        lines.append(
+            (
+                f"{label}, sine and cosine stored" if stored else label,
+                level,
+                f"{pair[False].ns:.1f}" if False in pair else "",
+                f"{100 * row.share:.0f} %",
+                f"{pair[True].ns:.1f}" if True in pair else "",
+                *(_times(row.peers.get(each)) for each in labels),
+            )
+        )
+    head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *labels)
+    title = f"{report.robot}: ns per sample, {report.processor}"
+    caption = CAPTION.format(rounds=report.rounds, samples=report.samples)
+    return Sheet("bench_kernels", head, lines, report, title, caption, _notes(report))
+
+
+def _times(item: Against | None) -> str:
+    return "" if item is None else f"{item.ratio:.{1 if item.ratio < 10 else 0}f}×"
+
+
+def _notes(report: Report) -> list[str]:
+    """Limits, requirements, algorithms of the peers and missing peers, one line each."""
+    limits = ", ".join(f"{level} {value:.1f}" for level, value in report.limits.items())
+    lines = [
+        f"limit of one core, GFLOP/s: {limits} (with {report.timer}); clock {report.clock:.2f} GHz"
+    ]
+    cycles = {
+        item.algorithm: item.ns * report.clock
+        for row in report.rows
+        for label, item in row.peers.items()
+        if label == "Pinocchio C++"
+    }
+    if cycles:
+        listed = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
+        lines.append(f"cycles of one call of Pinocchio C++: {listed}")
+    for label, detail in report.peers.items():
+        used = {row.kernel: row.peers[label] for row in report.rows if label in row.peers}
+        names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())
+        lines += [f"{label}: {names}", f"    {detail}"]
+    lines += [f"{label} did not run: {why}." for label, why in report.missing.items()]
+    for bar in report.bars:
+        lines.append(f"{'met   ' if bar.met else 'MISSED'} {bar.text}: {bar.measured:.3g}")
+    return lines

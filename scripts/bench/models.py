@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.table import Table
 
+from bench.chains import branching, serial
+from bench.front import Sheet
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
@@ -24,8 +25,6 @@ from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
 from tests.robots import CASES, DATA, MORE, Case
-
-from .chains import branching, serial
 
 STATES = 300
 ALLOWED = 1e-12
@@ -114,20 +113,17 @@ _CHAIN = (
 """Command and its expected exit codes; 1 is a finding about a robot or a log."""
 
 
-def table(rows: list[Row]) -> Table:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per robot."""
-    heads = ("robot", "joints", "base", "kept ≥", "dropped <", "build s", "error", "inspect")
-    shown = Table(*heads, title=f"one level, {STATES} states, error against Pinocchio in τ, Y, M")
-    for column in shown.columns[1:-1]:
-        column.justify = "right"
+    head = ("robot", "joints", "base", "kept ≥", "dropped <", "build s", "error", "inspect")
+    lines = []
     for row in rows:
-        if row.sentence:
-            shown.add_row(row.name, *[""] * (len(heads) - 2), row.sentence)
-            continue
         base = str(row.base) if row.base == row.expected else f"{row.base}, not {row.expected}"
-        cells = (row.name, str(row.joints), base, f"{row.kept:.2g}", f"{row.dropped:.0e}")
-        shown.add_row(*cells, f"{row.seconds:.1f}", f"{row.error:.1e}", row.verdict)
-    return shown
+        facts = (str(row.joints), base, f"{row.kept:.2g}", f"{row.dropped:.0e}")
+        facts = (*facts, f"{row.seconds:.1f}", f"{row.error:.1e}", row.verdict)
+        lines.append((row.name, *((*[""] * 6, row.sentence) if row.sentence else facts)))
+    title = f"one level, {STATES} states, error against Pinocchio in τ, Y, M"
+    return Sheet("", head, lines, rows, title)
 
 
 def _row(name: str, case: Case, models: Path, folder: Path) -> Row:

@@ -7,8 +7,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.table import Table
-
+from bench.front import Sheet
 from bench.real_logs import bare, library_of
 from tests.runtime.inspection.published_logs import KNOWN_GEARS, KNOWN_RATE, KNOWN_ZEROS, in_band
 
@@ -117,32 +116,10 @@ def _band(recipe: Path) -> float:
     return float(tomllib.loads(recipe.read_text(encoding="utf-8"))["preparation"]["cutoff_hz"])
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    return (
-        row.log,
-        row.tested,
-        f"{row.band_hz:g} Hz",
-        row.error,
-        row.published_band,
-        row.published,
-    )
-
-
-HEAD = (
-    *("log", "tested on", "proposed band", "error in it", "error in the published band"),
-    "published",
-)
-
-
-def table(rows: list[Row]) -> Table:
-    """The rows for a terminal."""
-    shown = Table(*HEAD)
-    for row in rows:
-        shown.add_row(*_cells(row))
-    return shown
-
-
-def markdown(rows: list[Row]) -> str:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per log."""
-    lines = [f"| {' | '.join(HEAD)} |", "|" + "---|" * len(HEAD)]
-    return "\n".join([*lines, *(f"| {' | '.join(_cells(row))} |" for row in rows)])
+    head = ("log", "tested on", "proposed band", "error in it", "error in the published band")
+    lines = [
+        (r.log, r.tested, f"{r.band_hz:g} Hz", r.error, r.published_band, r.published) for r in rows
+    ]
+    return Sheet("raw_files", (*head, "published"), lines, rows)

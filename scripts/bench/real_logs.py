@@ -4,7 +4,6 @@ The facts are those of the publications, of the files that come with the logs, o
 themselves. A warning without a fact is counted as false.
 """
 
-import dataclasses
 import shutil
 import sysconfig
 import tempfile
@@ -12,10 +11,8 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from rich.table import Table
-
+from bench.front import ROOT, Sheet
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
@@ -24,7 +21,6 @@ from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import CASES, ONE_LEVEL
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 RAW = {".txt", ".csv", ".npz"}
 TIAGO = ("head_1_joint", "head_2_joint", "gripper_finger_joint", "gripper_right_finger_joint")
@@ -131,10 +127,6 @@ class Row:
     unfounded: tuple[str, ...]  # those without a fact
     facts: tuple[str, ...]  # facts of the others
 
-    def as_json(self) -> dict[str, Any]:
-        """The row as a JSON object."""
-        return dataclasses.asdict(self)
-
 
 def study(shared: Path, builds: Path | None) -> Iterator[Row]:
     """Inspect the bare files of every log."""
@@ -191,19 +183,13 @@ def _request(robot: str, shared: Path) -> BuildRequest:
     return BuildRequest(robot, text, ChainOptions(masses={}, mechanism=mechanism))
 
 
-def table(rows: list[Row]) -> Table:
-    """The rows for a terminal."""
-    shown = Table("log", "warnings and errors", "without a fact")
-    for row in rows:
-        shown.add_row(row.log, ", ".join(row.kinds), ", ".join(row.unfounded))
-    return shown
-
-
-def markdown(rows: list[Row]) -> str:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per log, then the number of warnings without a fact."""
-    lines = ["| log | warnings and errors | what is true of the log |", "|---|---|---|"]
-    for row in rows:
-        kinds = ", ".join(f"`{k}`" for k in row.kinds) or "none"
-        lines.append(f"| {row.log} | {kinds} | {'; '.join(row.facts)} |")
-    unfounded = sum(len(row.unfounded) for row in rows)
-    return "\n".join([*lines, f"| **without a fact** | **{unfounded}** | |"])
+    lines = [
+        (row.log, ", ".join(f"`{k}`" for k in row.kinds) or "none", "; ".join(row.facts))
+        for row in rows
+    ]
+    unfounded = [f"{row.log}: {kind}" for row in rows for kind in row.unfounded]
+    lines.append(("**without a fact**", f"**{len(unfounded)}**", ""))
+    head = ("log", "warnings and errors", "what is true of the log")
+    return Sheet("real_logs", head, lines, rows, notes=unfounded)

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.batch import Batch
-from bench.compiled import BenchError, Compiler, compile_shared, open_shared
+from bench.compiled import Compiler, compile_shared, open_shared
+from bench.front import BenchError
 from bench.ours import Contender
 from runtime.library import Library
 

@@ -7,15 +7,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from bench import chains
+from bench.front import Sheet
 from runtime.library import load
 
 COUNTS = {7: (), 15: (1, 2, 7), 29: (1, 4, 7), 60: (4, 8, 7)}
@@ -125,35 +124,18 @@ def exponent(rows: list[Size], key: str) -> float:
     return float(np.polyfit(joints, np.log([getattr(row, key) for row in rows]), 1)[0])
 
 
-def table(rows: list[Size]) -> Table:
-    """Table of `sizes`."""
-    out = Table("joints", title="build cost")
-    for head in ("CPU s", "MB", "CPU s of τ alone", "ns per τ", "kernels omitted"):
-        out.add_column(head, justify="right")
-    for r in rows:
-        out.add_row(*_cells(r))
-    return out
-
-
-def _cells(r: Size) -> tuple[str, ...]:
-    numbers = (f"{r.cpu:.1f}", f"{r.memory:.0f}", f"{r.torque_cpu:.2f}", f"{r.torque_ns:.0f}")
-    shape = " serial" if r.is_serial else ""
-    return (f"{r.joints}{shape}", *numbers, str(r.omitted))
-
-
-def markdown(rows: list[Size]) -> str:
-    """Table of docs/benchmarks.md."""
-    head = "| joints | build, CPU s | MB | τ alone, CPU s | τ, ns per sample | kernels omitted |"
-    lines = [head, "|---|---|---|---|---|---|"]
-    lines += ["| " + " | ".join(_cells(r)) + " |" for r in rows]
+def sheet(rows: list[Size]) -> Sheet:
+    """One line per robot, and the exponents of joints."""
+    head = ("joints", "build, CPU s", "MB", "τ alone, CPU s", "τ, ns per sample", "kernels omitted")
+    lines = [
+        (
+            f"{r.joints}{' serial' if r.is_serial else ''}",
+            *(f"{r.cpu:.1f}", f"{r.memory:.0f}", f"{r.torque_cpu:.2f}", f"{r.torque_ns:.0f}"),
+            str(r.omitted),
+        )
+        for r in rows
+    ]
     if len(rows) > 1:
-        slopes = [
-            f"{exponent(rows, key):.2f}" for key in ("cpu", "memory", "torque_cpu", "torque_ns")
-        ]
-        lines.append("| exponent | " + " | ".join(slopes) + " | |")
-    return "\n".join(lines)
-
-
-def facts(rows: list[Size]) -> dict[str, Any]:
-    """Everything as JSON."""
-    return {"sizes": [asdict(row) for row in rows]}
+        keys = ("cpu", "memory", "torque_cpu", "torque_ns")
+        lines.append(("exponent", *(f"{exponent(rows, key):.2f}" for key in keys), ""))
+    return Sheet("bench_sizes", head, lines, {"sizes": rows}, "build cost")

@@ -1,89 +1,64 @@
-"""The runs behind `scripts/bench_start`: CPU time of a command over that of its libraries."""
+"""The runs behind `scripts/bench_start`: CPU time of whole commands, in fresh interpreters."""
 
 import os
-import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from rich.table import Table
+from bench.front import ROOT, BenchError, Sheet
 
-from bench.compiled import BenchError
-from bench.markdown import markdown_table
-
-_ROOT = Path(__file__).resolve().parents[2]
-_LIBRARIES = "import numpy, scipy.linalg"
-_FIGURES = "import numpy, scipy.linalg, matplotlib.figure"
+_IDENTIFY = ("-m", "runtime", "identify", "{log}", "--robot", "fr3", "--out", "out", "--overwrite")
+COMMANDS = (
+    ("symgen --help", ("-m", "symgen", "--help"), 0.5),
+    ("import runtime", ("-c", "import runtime"), 0.3),
+    ("identify {log}", _IDENTIFY, 2.0),
+    ("identify {log} --no-report", (*_IDENTIFY, "--no-report"), 1.5),
+)
+"""Label, words of the interpreter, and largest CPU time on a quiet core [s]."""
+_BUILD = ("-m", "symgen", "build", "--urdf", "arm.urdf", "--name", "arm", "--snap", "1e-9")
+LONGEST_BUILD = 9.0
+"""CPU time of a build of an arm of seven joints, at most [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Medians of one command."""
+    """CPU time of one command and its bar [s]."""
 
-    work: str  # what was run
-    libraries: str  # statement of the interpreter that it is compared with; "" for a build
-    seconds: float  # CPU time of the command [s]
-    peer: float  # CPU time of the libraries [s]; NaN without them
-    goal: float  # ratio, or CPU time [s] of a build
-
-    @property
-    def value(self) -> float:
-        """Ratio of both times; CPU time [s] of a build."""
-        return self.seconds / self.peer if self.libraries else self.seconds
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        facts = asdict(self) | {"value": self.value}
-        return facts | {"peer": self.peer if self.libraries else None}
+    work: str
+    seconds: float
+    goal: float
 
 
 def measure(rounds: int, log: str, only_imports: bool = False) -> list[Row]:
-    """Time every command and its libraries in turn."""
+    """Medians of `rounds` runs; the build of the FR3 under another name once."""
     if rounds < 1:
         raise BenchError(f"expected at least one round, got {rounds}")
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        identify = ("-m", "runtime", "identify", log, "--robot", "fr3")
-        out = ("--out", str(folder / "out"), "--overwrite")
-        cases = (
-            ("import runtime", ("-c", "import runtime"), _LIBRARIES, 1.2),
-            ("symgen --help", ("-m", "symgen", "--help"), "import typer, rich", 4.0),
-            ("identify with report", (*identify, *out), _FIGURES, 1.8),
-            ("identify --no-report", (*identify, *out, "--no-report"), _LIBRARIES, 1.8),
-        )
-        rows = []
-        for work, words, libraries, goal in cases[: 2 if only_imports else None]:
-            _cpu(folder, words)  # compiles and reads what later runs find
-            pairs = [(_cpu(folder, words), _cpu(folder, ("-c", libraries))) for _ in range(rounds)]
-            own, peer = (statistics.median(times) for times in zip(*pairs, strict=True))
-            rows.append(Row(work, libraries, own, peer, goal))
+        folder, rows = Path(name), []
+        for label, words, goal in COMMANDS[: 2 if only_imports else None]:
+            command = [word.format(log=log) for word in words]
+            _cpu(folder, command)  # compiles and reads what later runs find
+            seconds = statistics.median(_cpu(folder, command) for _ in range(rounds))
+            rows.append(Row(label.format(log=log), seconds, goal))
         if not only_imports:
-            rows.append(_build(folder))
+            text = (ROOT / "symgen/robots/fr3.urdf").read_text(encoding="utf-8")
+            text = text.replace('name="fr3"', 'name="arm"', 1)
+            (folder / "arm.urdf").write_text(text, encoding="utf-8")
+            seconds = _cpu(folder, (*_BUILD, "--out", str(folder / "generated")))
+            rows.append(Row("build --urdf, 7 joints", seconds, LONGEST_BUILD))
     return rows
 
 
-def _build(folder: Path) -> Row:
-    """The FR3 under another name and without its configuration, by the plain compiler."""
-    text = (_ROOT / "symgen/robots/fr3.urdf").read_text(encoding="utf-8")
-    (folder / "arm.urdf").write_text(text.replace('name="fr3"', 'name="arm"', 1), encoding="utf-8")
-    words = ("build", "--urdf", "arm.urdf", "--name", "arm", "--snap", "1e-9")
-    builds = str(folder / "builds")
-    place = {"CCACHE_DISABLE": "1", "SYMGEN_BUILDS": builds}
-    (folder / "builds").mkdir(mode=0o700)
-    seconds = _cpu(folder, ("-m", "symgen", *words, "--out", str(folder / "generated")), place)
-    shutil.rmtree(folder / "generated")
-    return Row("build --urdf, 7 joints", "", seconds, float("nan"), 9.0)
-
-
-def _cpu(folder: Path, words: Sequence[str], place: Mapping[str, str] | None = None) -> float:
-    """CPU time of an interpreter and of all its processes [s]."""
-    environment = {**os.environ, "PYTHONPATH": str(_ROOT), **(place or {})}
+def _cpu(folder: Path, words: Sequence[str]) -> float:
+    """CPU time of an interpreter and of all its processes, without a compiler cache [s]."""
+    own = {"PYTHONPATH": str(ROOT), "CCACHE_DISABLE": "1", "SYMGEN_BUILDS": str(folder / "builds")}
+    environment = os.environ | own
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have their byte code
+    (folder / "builds").mkdir(mode=0o700, exist_ok=True)
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [sys.executable, *words], cwd=folder, env=environment, stdout=output, stderr=output
@@ -97,31 +72,7 @@ def _cpu(folder: Path, words: Sequence[str], place: Mapping[str, str] | None = N
     return used.ru_utime + used.ru_stime
 
 
-def _cells(rows: Sequence[Row]) -> list[tuple[str, ...]]:
-    """Text of every row."""
-    return [
-        (
-            row.work,
-            f"{row.seconds:.2f}",
-            f"{row.peer:.2f} ({row.libraries})" if row.libraries else "",
-            f"{row.value:.2f} ×" if row.libraries else "",
-            f"≤ {row.goal:g} ×" if row.libraries else f"≤ {row.goal:g} s",
-        )
-        for row in rows
-    ]
-
-
-_HEADER = ("work", "CPU s", "libraries alone, CPU s", "ratio", "goal")
-
-
-def table(rows: Sequence[Row]) -> Table:
-    """Rows for a terminal."""
-    shown = Table(*_HEADER)
-    for cells in _cells(rows):
-        shown.add_row(*cells)
-    return shown
-
-
-def markdown(rows: Sequence[Row]) -> str:
-    """Rows as a Markdown table."""
-    return markdown_table(_HEADER, _cells(rows))
+def sheet(rows: list[Row]) -> Sheet:
+    """One line per command."""
+    lines = [(row.work, f"{row.seconds:.2f}", f"≤ {row.goal:g}") for row in rows]
+    return Sheet("bench_start", ("work", "CPU s", "goal"), lines, rows)

@@ -13,13 +13,12 @@ import sys
 import time
 import zipfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
+from bench.front import Sheet
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs import blocks_of, identify_streamed
@@ -53,10 +52,6 @@ class Row:
     rss: int
     before: float  # before, after: torque error on the test part, %
     after: float
-
-    def as_json(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return asdict(self)
 
 
 def motion(lib: Library, rows: int) -> Iterator[tuple[np.ndarray, ...]]:
@@ -241,16 +236,8 @@ HEADS = (
 )
 
 
-def table(rows: list[Row]) -> Table:
+def sheet(rows: list[Row]) -> Sheet:
     """One line per file."""
-    shown = Table(*(head for head, _ in HEADS), title="A log that stays in its file")
-    for row in rows:
-        shown.add_row(*(cell(row) for _, cell in HEADS))
-    return shown
-
-
-def markdown(rows: list[Row]) -> str:
-    """Table as Markdown."""
-    lines = [f"| {' | '.join(head for head, _ in HEADS)} |", "|---" * len(HEADS) + "|"]
-    lines += [f"| {' | '.join(cell(row) for _, cell in HEADS)} |" for row in rows]
-    return "\n".join(lines)
+    lines = [[cell(row) for _, cell in HEADS] for row in rows]
+    title = "A log that stays in its file"
+    return Sheet("bench_stream", [head for head, _ in HEADS], lines, rows, title)

@@ -13,15 +13,13 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from bench import single
 from bench.batch import make_batch
 from bench.compiled import find
-from bench.markdown import markdown_table
+from bench.front import Sheet
 from bench.ours import Contender, Ours
 from runtime.library import Library
 from runtime.parallel import cores
@@ -70,7 +68,7 @@ class Rate:
     rate: float  # torques of all joints per second; NaN where it was not measured
     remark: str = ""  # source or reason
 
-    def as_json(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, object]:
         """JSON-ready values."""
         return asdict(self) | {"rate": self.rate if self.rate == self.rate else None}
 
@@ -133,30 +131,12 @@ def _frax(precision: str, seconds: float) -> Rate:
     return Rate(FRAX, precision, best, f"Panda, batches of {size}")
 
 
-_HEADER = ("program", "precision", "million torques per second", "remark")
-
-
-def _cells(rows: list[Rate]) -> list[tuple[str, ...]]:
-    """Text of every row."""
-    return [
-        (
-            row.work,
-            row.precision,
-            f"{row.rate / 1e6:.3g}" if row.rate == row.rate else "–",
-            row.remark,
-        )
-        for row in rows
+def sheet(rows: list[Rate]) -> Sheet:
+    """One line per program."""
+    head = ("program", "precision", "million torques per second", "remark")
+    lines = [
+        (r.work, r.precision, f"{r.rate / 1e6:.3g}" if r.rate == r.rate else "–", r.remark)
+        for r in rows
     ]
-
-
-def table(rows: list[Rate]) -> Table:
-    """Rows for a terminal."""
-    shown = Table(*_HEADER, title="Torques per second on all cores")
-    for cells in _cells(rows):
-        shown.add_row(*cells)
-    return shown
-
-
-def markdown(rows: list[Rate]) -> str:
-    """Rows as a Markdown table."""
-    return markdown_table(_HEADER, _cells(rows))
+    facts = [row.facts() for row in rows]
+    return Sheet("bench_throughput", head, lines, facts, "Torques per second on all cores")

@@ -1,13 +1,13 @@
-"""Vertical forces of a walking iCub: first half of the log for the second half."""
+"""Vertical forces of a walking iCub: first half of the log for the second half, and by stance."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from bench.free_base import library
-from bench.markdown import markdown_table, table_of
+from bench.front import Sheet
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.vertical_force import VerticalForce, vertical_force
@@ -145,19 +145,64 @@ _WALK = ("low-pass Hz", "URDF %", "goal %", "identified at 3 Hz %", "without lag
          "URDF of the best mass %", "best constant %", "mass kg", "95 % interval")  # fmt: skip
 
 
-def _walk_cells(r: Walk) -> tuple[str, ...]:
-    numbers = (r.urdf, r.bar, r.identified, r.no_lag, r.no_crosstalk, r.same_band, r.crosstalk,
-               r.best_mass, r.constant)  # fmt: skip
-    errors = tuple(f"{number:.2f}" for number in numbers)
-    return (f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}")
-
-
-def walking_table(rows: list[Walk]) -> Table:
-    """Table of `walking`."""
+def sheet(rows: list[Walk]) -> Sheet:
+    """One line per low-pass."""
+    lines = []
+    for r in rows:
+        numbers = (r.urdf, r.bar, r.identified, r.no_lag, r.no_crosstalk, r.same_band, r.crosstalk,
+                   r.best_mass, r.constant)  # fmt: skip
+        errors = tuple(f"{number:.2f}" for number in numbers)
+        lines.append((f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}"))
     title = "iCub walking: error of ΣF_z on the second half"
-    return table_of(title, _WALK, map(_walk_cells, rows))
+    return Sheet("free_base_table walking", _WALK, lines, rows, title)
 
 
-def walking_markdown(rows: list[Walk]) -> str:
-    """Table of `walking` for docs/."""
-    return markdown_table(_WALK, map(_walk_cells, rows))
+LOADED = 0.15
+"""Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
+SHORTEST_S = 0.1
+"""Shortest stance that is counted [s]."""
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """One kind of stance in one half of the log."""
+
+    half: str  # "first" or "second"
+    feet: str  # loaded feet
+    seconds: float  # time in it [s]
+    mass: float  # mean sum of both sensors over g [kg]
+    lifted: float | None  # mean reading of the lifted foot over g [kg]; None where both are loaded
+
+
+def stances(log: dict[str, Any]) -> list[Stance]:
+    """Stances of a log."""
+    forces = np.stack([log["lf_fz"], log["rf_fz"]], axis=1)
+    total, t = forces.sum(axis=1), log["t"] - log["t"][0]
+    loaded = forces > LOADED * np.median(total)
+    kinds = loaded[:, 0] * 1 + loaded[:, 1] * 2
+    step = float(np.median(np.diff(t)))
+    starts = np.flatnonzero(np.diff(kinds, prepend=-1))
+    long_enough = np.zeros(len(t), dtype=bool)
+    for first, last in zip(starts, [*starts[1:], len(t)], strict=True):
+        long_enough[first:last] = (last - first) * step >= SHORTEST_S
+    rows = []
+    for half, within in (("first", t < t[-1] / 2), ("second", t >= t[-1] / 2)):
+        for kind, feet in ((3, "both"), (1, "left"), (2, "right")):
+            chosen = within & long_enough & (kinds == kind)
+            if chosen.any():
+                lifted = None if kind == 3 else float(forces[chosen, 2 - kind].mean() / GRAVITY)
+                mass = float(total[chosen].mean() / GRAVITY)
+                rows.append(Stance(half, feet, float(chosen.sum() * step), mass, lifted))
+    return rows
+
+
+def stance_sheet(rows: list[Stance]) -> Sheet:
+    """One line per half of the log and stance."""
+    head = ("half", "loaded feet", "s", "mean ΣF_z / g, kg", "lifted foot / g, kg")
+    lines = [
+        (r.half, r.feet, f"{r.seconds:.2f}", f"{r.mass:.2f}", f"{r.lifted:.2f}" if r.lifted else "")
+        for r in rows
+    ]
+    title = "iCub walking: what the force sensors read"
+    return Sheet("free_base_table stances", head, lines, rows, title)

@@ -23,7 +23,7 @@ from cosmic_ray.testing import run_tests
 from cosmic_ray.util import restore_contents
 from cosmic_ray.work_item import TestOutcome
 
-from scripts.bench.grid import markdown as table_of
+from scripts.bench.front import markdown as table_of
 from scripts.mutation.mutants import Mutant, sample
 from scripts.mutation.rooms import ROOMS, Room
 

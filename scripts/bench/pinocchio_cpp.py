@@ -5,13 +5,14 @@ import itertools
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bench.batch import Batch
-from bench.compiled import BenchError, compile_shared, find, open_shared
-from bench.peers.peer import REGRESSOR, Contender, Peer
-from bench.peers.pinocchio_model import model_text
+from bench.compiled import compile_shared, find, open_shared
+from bench.front import BenchError
+from bench.peers import REGRESSOR, Contender, Peer, pinocchio_model
 from runtime.library import Array, Library, to_pinocchio_order
 
 INSTANCES = 4
@@ -83,6 +84,41 @@ def pinocchio_cpp(lib: Library, batch: Batch) -> Peer:
             "loss_gradient": contender(f"{REGRESSOR}ᵀ W r", None),
         },
     )
+
+
+def model_text(lib: Library) -> str:
+    """The model as pinocchio_bench.cpp reads it, joints in our order."""
+    model, ids = pinocchio_model(lib)
+    place = {index: k + 1 for k, index in enumerate(ids)} | {0: 0}
+    lines = [_numbers(model.gravity.linear)]
+    for index, facts in zip(ids, lib.manifest.joints, strict=True):
+        joint, placement = model.joints[index], model.jointPlacements[index]
+        axis = _axis(model, index)
+        inertia = model.inertias[index].toDynamicParameters()
+        numbers = (axis, placement.rotation.ravel(), placement.translation, inertia)
+        if joint.nq != 1 or model.parents[index] not in place:
+            raise BenchError(
+                f"expected a joint of one coordinate after its parent, got '{facts.name}'; "
+                "time this robot without Pinocchio in C++"
+            )
+        shown = " ".join(_numbers(part) for part in numbers)
+        lines.append(f"{place[model.parents[index]]} {joint.shortname()} {shown}")
+    return "\n".join(lines)
+
+
+def _axis(model: Any, index: int) -> Array:
+    """Axis of a one-dimensional joint in its own frame: its motion subspace at q = 0."""
+    import pinocchio
+
+    data = model.createData()
+    pinocchio.computeJointJacobians(model, data, np.zeros(model.nq))
+    column = pinocchio.getJointJacobian(model, data, index, pinocchio.LOCAL)
+    motion = column[:, model.joints[index].idx_v]
+    return motion[3:] if np.linalg.norm(motion[3:]) > 0.5 else motion[:3]
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{x:.17g}" for x in values)
 
 
 def _headers() -> tuple[tuple[Path, ...], str]:

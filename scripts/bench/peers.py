@@ -1,0 +1,227 @@
+"""Peers that compute the same: Pinocchio and MuJoCo from Python, CasADi's VM, NumPy.
+
+Every peer gets the same states and the same model, and its result for the last sample of the
+batch is compared with ours before its time counts. `pinocchio_cpp` is one more.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+from xml.etree.ElementTree import tostring
+
+import numpy as np
+from defusedxml.ElementTree import fromstring
+
+from bench.batch import Batch
+from bench.front import BenchError
+from runtime.library import Array, Library
+
+REGRESSOR = "computeJointTorqueRegressor"
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """One algorithm of a peer for one of our kernels."""
+
+    algorithm: str  # what it is called there
+    run: Callable[[int], float]  # (calls) → ns per sample over the batch
+    last: Callable[[], Array] | None = None  # answer for the last sample, our order
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """A library, and its algorithms by the name of our kernel."""
+
+    detail: str
+    contenders: dict[str, Contender]
+
+
+def one_by_one(batch: Batch, one: Callable[..., object], *arrays: Array) -> Callable[[int], float]:
+    """Times a Python call per sample, the loop included."""
+    rows = list(zip(*(list(x) for x in arrays), strict=True))
+
+    def run(calls: int) -> float:
+        start = time.perf_counter_ns()
+        for _ in range(calls):
+            for row in rows:
+                one(*row)
+        return (time.perf_counter_ns() - start) / (calls * batch.size)
+
+    return run
+
+
+def pinocchio_model(lib: Library) -> tuple[Any, list[int]]:
+    """Pinocchio's model of the robot and its joints' indices in our order."""
+    try:
+        import pinocchio
+    except ImportError:
+        raise BenchError("the wheel of Pinocchio (pip install pin) is not installed") from None
+    robot = fromstring(lib.urdf())
+    for joint in robot.iter("joint"):
+        if joint.get("type") == "continuous":  # two numbers per joint there, one here
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = joint.makeelement("limit", {}) if limit is None else limit
+            joint.append(limit)
+            limit.attrib.update(lower="-9", upper="9", effort="1", velocity="1")
+    model = pinocchio.buildModelFromXML(tostring(robot, "unicode"))
+    model.gravity.linear = lib.gravity
+    return model, [model.getJointId(name) for name in lib.joint_names]
+
+
+def pinocchio_python(lib: Library, batch: Batch) -> Peer:
+    """The same algorithms through Pinocchio's Python interface, one call per sample."""
+    model, ids = pinocchio_model(lib)
+    import pinocchio as pin
+
+    data, n = model.createData(), lib.n_joints
+    columns = np.array([model.joints[i].idx_v for i in ids])
+    order = np.empty(n, dtype=int)
+    order[columns] = np.arange(n)
+    q, dq, ddq, tau = (x[:, order] for x in (batch.q, batch.dq, batch.ddq, batch.tau))
+    motion = (q, dq, ddq)
+
+    def contender(algorithm: str, *arrays: Array, last: Callable[[], Array] | None) -> Contender:
+        function = getattr(pin, algorithm)
+        return Contender(
+            f"pin.{algorithm}",
+            one_by_one(batch, lambda *row: function(model, data, *row), *arrays),
+            last,
+        )
+
+    rnea = contender("rnea", *motion, last=lambda: data.tau[columns])
+    regressor = contender(REGRESSOR, *motion, last=None)
+    return Peer(
+        f"pin {version('pin')}",
+        {
+            "inverse_dynamics": rnea,
+            "base_inverse_dynamics": rnea,
+            "torque": rnea,
+            "regressor": regressor,
+            "base_regressor": regressor,
+            "mass_matrix": contender("crba", q, last=None),
+            "forward_dynamics": contender(
+                "aba",
+                q,
+                dq,
+                tau,
+                last=lambda: pin.aba(model, data, q[-1], dq[-1], tau[-1])[columns],
+            ),
+            "end_effector": contender("forwardKinematics", q, last=None),
+        },
+    )
+
+
+def mujoco_python(lib: Library, batch: Batch) -> Peer:
+    """`mj_inverse` without contacts and constraints, one call per sample from Python."""
+    try:
+        import mujoco
+    except ImportError:
+        raise BenchError("mujoco is not installed") from None
+    try:
+        model = mujoco.MjModel.from_xml_string(lib.urdf())
+        joints = [model.joint(name) for name in lib.joint_names]
+    except (ValueError, KeyError) as error:
+        raise BenchError(f"MuJoCo refuses the URDF ({str(error).splitlines()[0]})") from None
+    off = mujoco.mjtDisableBit
+    model.opt.disableflags |= int(off.mjDSBL_CONTACT) | int(off.mjDSBL_CONSTRAINT)
+    model.opt.gravity[:] = lib.gravity
+    data = mujoco.MjData(model)
+    columns = np.array([int(joint.dofadr[0]) for joint in joints])
+    order = np.empty(lib.n_joints, dtype=int)
+    order[columns] = np.arange(lib.n_joints)
+    qpos, qvel, qacc, inverse = data.qpos, data.qvel, data.qacc, mujoco.mj_inverse
+
+    def one(q: Array, dq: Array, ddq: Array) -> None:
+        qpos[:], qvel[:], qacc[:] = q, dq, ddq
+        inverse(model, data)
+
+    arrays = (x[:, order] for x in (batch.q, batch.dq, batch.ddq))
+    contender = Contender(
+        "mj_inverse", one_by_one(batch, one, *arrays), lambda: data.qfrc_inverse[columns]
+    )
+    names = ("inverse_dynamics", "base_inverse_dynamics", "torque")
+    return Peer(f"mujoco {version('mujoco')}", dict.fromkeys(names, contender))
+
+
+def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -> Peer:
+    """Expressions of our C code in CasADi's virtual machine; one sample, repeated."""
+
+    def contender(function: Any, names: tuple[str, ...]) -> Contender:
+        buffer, trigger = function.buffer()
+        arrays = [batch.named(name) for name in names]
+        inputs = [np.array(x[-1] if x.ndim == 2 else x) for x in arrays]
+        outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        for k, x in enumerate(inputs):
+            buffer.set_arg(k, x.data)
+        for k, x in enumerate(outputs):
+            buffer.set_res(k, x.data)
+
+        kept = (buffer, inputs)  # the trigger holds only addresses
+
+        def run(calls: int, _kept: object = kept) -> float:
+            start = time.perf_counter_ns()
+            for _ in range(calls * batch.size):
+                trigger()
+            return (time.perf_counter_ns() - start) / (calls * batch.size)
+
+        def last() -> Array:
+            return outputs[-1]
+
+        return Contender("Function", run, last)
+
+    contenders = {name: contender(f, names) for name, (f, names) in functions.items()}
+    return Peer(f"casadi {version('casadi')}", contenders)
+
+
+def numpy_stored(lib: Library, batch: Batch) -> Peer:
+    """NumPy products with the stored Y of all samples."""
+    n = lib.n_joints
+    y = lib.regressor(batch.q, batch.dq, batch.ddq)
+    flat = y.reshape(-1, 10 * n)
+    base = np.ascontiguousarray(flat[:, lib.base_columns])
+    by_link = np.ascontiguousarray(flat.reshape(-1, n, 10).transpose(1, 0, 2))
+    blocks = lib.pi_jacobian(batch.lam)
+    kept: dict[str, Array] = {}
+
+    def torque() -> None:
+        kept["torque"] = flat @ batch.pi
+
+    def base_torque() -> None:
+        kept["torque"] = base @ batch.beta
+
+    def jacobian() -> None:
+        kept["jacobian"] = by_link @ blocks
+
+    def loss() -> None:
+        r = flat @ batch.pi - batch.tau.ravel()
+        kept["gradient"] = flat.T @ (np.tile(batch.weight, batch.size) * r)
+
+    def contender(
+        algorithm: str, whole: Callable[[], None], last: Callable[[], Array] | None
+    ) -> Contender:
+        def run(calls: int) -> float:
+            start = time.perf_counter_ns()
+            for _ in range(calls):
+                whole()
+            return (time.perf_counter_ns() - start) / (calls * batch.size)
+
+        return Contender(algorithm, run, last)
+
+    product = contender("stored Y @ π", torque, lambda: kept["torque"][-n:])
+    return Peer(
+        f"numpy {np.__version__}",
+        {
+            "inverse_dynamics": product,
+            "base_inverse_dynamics": contender(
+                "stored Y_b @ β", base_torque, lambda: kept["torque"][-n:]
+            ),
+            "torque": product,
+            "torque_jacobian": contender(
+                "stored Y @ ∂π/∂λ", jacobian, lambda: kept["jacobian"][:, -n:].transpose(1, 0, 2)
+            ),
+            "loss_gradient": contender("stored Yᵀ W (Y @ π − τ)", loss, None),
+        },
+    )

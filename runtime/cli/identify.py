@@ -46,7 +46,7 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.without_prior import settings_for
-from runtime.inspection.candidate_columns import MEMORY
+from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
 from runtime.recording import Recording, is_large
 

@@ -147,7 +147,6 @@ def _facts(inspection: Inspection) -> dict[str, Any]:
             {
                 "kind": f.kind,
                 "level": f.level,
-                "trap": f.trap or None,
                 "sentence": f.sentence,
                 "evidence": f.evidence,
             }

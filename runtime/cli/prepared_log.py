@@ -12,7 +12,7 @@ from runtime.cli.parts_of_log import split_of
 from runtime.cli.progress import waiting
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
-from runtime.inspection.candidate_columns import MEMORY, USABLE
+from runtime.inspection.default_friction import MEMORY, USABLE
 from runtime.library import Library
 from runtime.recording import (
     Friction,

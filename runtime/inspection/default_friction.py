@@ -5,28 +5,53 @@
 
 All columns are prepared together, with Coulomb columns of some widths ε, and compressed to one
 triangular factor per block. A candidate is a choice of columns of these factors, so that its
-cross-validation costs some small least squares (`column_trial`).
+cross-validation costs some small least squares.
 A Dahl column depends on the path, so that no torque of a single instant follows from it. It
 replaces the Coulomb column only where it reduces the mean square error by `LEAST_MEMORY_GAIN`.
-`friction_choice` tries more models and searches their widths.
+`friction_choice` tries more models and searches their widths. The estimate of a candidate is
+
+    x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
+
+over the blocks other than b, with the spread Σ_π of the inertial prior of `map` about the URDF.
+Without it a slow log, one block of which moves as no other does, counts against every friction
+model. It is solved with the columns S of the candidate alone,
+
+    G_S x_S = R_Sᵀ r,   G = D RᵀR D,   x_S ← x_S + G_S⁻¹ R_Sᵀ (r − R_S x_S)
+
+G is computed once with columns of length one (D); a choice S takes its rows and columns. The second
+step removes the error of the normal equations (corrected semi-normal equations, Björck, Numerical
+Methods for Least Squares Problems, Sec. 2.9.4 of the first edition).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from runtime.errors import IdentificationError
+from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
-from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY, SPRINGS, USABLE
-from runtime.inspection.column_trial import Trial, trial_on
-from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
+from runtime.estimators.regression.residuals import inflation
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.robust import explicit, scaled, weights_of_rows
+from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import spring_names
+from runtime.recording.friction import spring_names, unresolved, without_columns
+from runtime.recording.friction_column import SPRING
 from runtime.recording.preprocessing import before_test, prepare
 
+LEAST = 1e-10
+"""1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has
+the accuracy of an orthogonal factorisation; below it the singular values decide on the rank."""
+EXACT = 1e-5
+"""Residual over target below which rounding, not noise, separates candidates: there the singular
+values decide, whose estimate has a residual as small as rounding allows."""
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))
 """Strokes z_c of the Dahl column that are tried first, rad or m."""
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)
@@ -40,6 +65,20 @@ FINER = 2.0 ** (np.arange(-3, 4) / 4)
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
 of a slow log differ so much that one standard error would admit any loss."""
+DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
+"""Columns of the candidates without memory."""
+MEMORY = "dahl"
+"""Column that replaces "coulomb" where friction depends on the path."""
+SPRINGS = SPRING
+"""Word for the columns of all springs of unknown stiffness, which every candidate has."""
+USABLE = (*DEFAULT_COLUMNS, MEMORY, SPRINGS)
+"""Columns of a method that can use all of them."""
+UNKNOWN = 1e3
+"""Factor on the spread of the prior of robots whose URDF states no masses."""
+ROWS = 4000
+"""Rows that the choice uses, evenly spread."""
+_PASSES = 2
+"""Passes in which the noise of the joints is estimated from the residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +186,7 @@ def _coulomb(speeds: Array) -> list[Friction]:
 
 
 def _with_memory(
-    trial_of: Callable[..., Trial], shared: tuple[str, ...], usual: Friction
+    trial_of: Callable[..., "Trial"], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction | None, float]:
     """The model with a Dahl column in place of the Coulomb column, if it predicts much better."""
     coulomb = Friction(("coulomb",), usual.coulomb_speed)
@@ -176,7 +215,7 @@ def _with_memory(
     return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
 
 
-def _best_width(trial: Trial, shared: int, speeds: Array) -> float:
+def _best_width(trial: "Trial", shared: int, speeds: Array) -> float:
     """ε or z_c with the smallest error of the richest model: vertex of a parabola at the best."""
     scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
     return minimum_on_grid(speeds, scores)
@@ -193,3 +232,135 @@ def _simplest(scores: Sequence[Array]) -> int:
         return float(gap.mean()) <= max(min(error, MOST_LOSS * least), LEAST_GAIN * least)
 
     return next(k for k, score in enumerate(scores) if is_near(score))
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnSolver:
+    """A factor and the Gram matrix of its columns.
+
+    Attributes:
+        statistics: factor R and target r of the rows.
+        gram: G, (p, p).
+        lengths: of the columns, one for a column of zeros, (p,).
+    """
+
+    statistics: Statistics
+    gram: Array
+    lengths: Array
+
+    def solution(self, left_out: NDArray[np.bool_]) -> Array:
+        """x = argmin ‖R x − r‖² of least length in which some entries of φ are zero.
+
+        left_out (n k,) → (p,) [β; φ].
+        """
+        s = self.statistics
+        kept = np.concatenate([np.ones(s.n_base, dtype=bool), ~left_out])
+        kept &= np.diagonal(self.gram) > 0
+        chosen = np.flatnonzero(kept)
+        part = self.gram[np.ix_(chosen, chosen)]
+        upper, info = lapack.dpotrf(part.T, lower=False, clean=False, overwrite_a=True)
+        # With a norm of one in place of ‖G_S‖, dpocon returns 1/‖G_S⁻¹‖.
+        if info or lapack.dpocon(upper, 1.0)[0] < LEAST:
+            return solved([s.without(left_out)])[0]
+        x = np.zeros(len(kept))
+        for _ in range(2):
+            misfit = s.target - s.factor @ (x / self.lengths)
+            slope = misfit @ s.factor / self.lengths
+            x[chosen] += lapack.dpotrs(upper, slope[chosen], lower=False)[0]
+        if misfit @ misfit + s.rest < EXACT**2 * (s.target @ s.target):
+            return solved([s.without(left_out)])[0]
+        return x / self.lengths
+
+
+def column_solver(statistics: Statistics) -> ColumnSolver:
+    """The solver of a factor, with its Gram matrix."""
+    matrix, lengths = statistics.unit_columns()
+    return ColumnSolver(statistics, matrix.T @ matrix, lengths)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Factors of the blocks with all columns.
+
+    Attributes:
+        blocks: statistics of every block.
+        others: statistics of all other blocks together, with the prior, for each block.
+        joints: number n of joints.
+    """
+
+    blocks: tuple[Statistics, ...]
+    others: tuple[ColumnSolver, ...]
+    joints: int
+
+    def scores(self, columns: tuple[int, ...]) -> Array:
+        """Mean square error of every block, predicted by the others with some of the columns."""
+        count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
+        left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
+        return np.array([
+            _error(block, rest, left_out) / (block.n_samples * self.joints)
+            for block, rest in zip(self.blocks, self.others, strict=True)
+        ])  # fmt: skip
+
+
+def _error(block: Statistics, others: ColumnSolver, left_out: NDArray[np.bool_]) -> float:
+    """Weighted sum of squared residuals on a block of the estimate from the others."""
+    rest = block.factor @ others.solution(left_out) - block.target
+    return float(rest @ rest + block.rest)
+
+
+def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
+    """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
+    if done.columns is not None and done.tau is not None:
+        done = without_columns(done, unresolved(done.columns, done.tau))
+    whole = samples_of(done, lib)
+    taken = np.arange(0, len(whole), max(1, len(whole) // ROWS))
+    cuts = [cut for cut in np.array_split(taken, BLOCKS) if cut.size]
+    blocks = [whole.rows(cut) for cut in cuts]
+    equations = sum(map(len, blocks[:-1])) * lib.n_joints
+    unknowns = len(lib.base_columns) + lib.n_joints * len(DEFAULT_COLUMNS)
+    if len(blocks) < BLOCKS or equations < 2 * unknowns:
+        raise IdentificationError(
+            f"{len(whole)} training rows are too few to choose a model; name one with --friction"
+        )
+    if robust:
+        rows = explicit(lib, whole)
+        whole = scaled(rows, weights_of_rows(lib, rows).weights)
+        blocks = [whole.rows(cut) for cut in cuts]
+    weights = thesis_weights(whole.tau)
+    for _ in range(_PASSES):
+        stats = [compress(lib, block, weights) for block in blocks]
+        x, _rank = solved([stats[0].merged(*stats[1:])])
+        rests = _residuals(lib, blocks, x)
+        variance = np.mean(np.concatenate(rests) ** 2, axis=0)
+        weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
+    stats = [compress(lib, block, weights) for block in blocks]
+    prior = _prior(lib, stats[0], inflation(np.concatenate(rests), weights))
+    others = [
+        column_solver(rest[0].merged(*rest[1:], prior))
+        for k in range(len(stats))
+        if (rest := [s for i, s in enumerate(stats) if i != k])
+    ]
+    return Trial(tuple(stats), tuple(others), lib.n_joints)
+
+
+def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> Statistics:
+    """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior, of no sample."""
+    matrix, pi = lib.base_matrix, lib.pi0
+    spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
+    links = matrix.reshape(len(matrix), -1, N_PARAMETERS)
+    root = np.einsum("bki,kij->bkj", links, spread).reshape(matrix.shape)
+    covariance = root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0)
+    values, vectors = np.linalg.eigh(covariance)
+    scale = np.sqrt(samples_per_independent / np.maximum(values, 1e-12 * values[-1]))
+    rows = scale[:, None] * vectors.T
+    whole = np.zeros_like(like.factor)
+    target = np.zeros_like(like.target)
+    whole[: len(rows), : len(rows)] = rows
+    target[: len(rows)] = rows @ (matrix @ pi)
+    return replace(like, factor=whole, target=target, rest=0.0, n_samples=0.0)
+
+
+def _residuals(lib: Library, blocks: list[Samples], x: Array) -> list[Array]:
+    """Residuals of [β; φ] on every block."""
+    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :].reshape(lib.n_joints, -1)
+    return [b.tau - b.base_rigid(lib, beta) - b.friction(phi) for b in blocks]

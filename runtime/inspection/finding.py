@@ -1,7 +1,4 @@
-"""A finding of an inspection: one sentence with its evidence.
-
-Trap numbers are those of the list in `runtime.inspection`.
-"""
+"""A finding of an inspection: one sentence with its evidence."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,14 +22,12 @@ class Finding:
             corrected), info.
         sentence: what was measured, what it means, what to do.
         evidence: the numbers, JSON-ready.
-        trap: number in the list of `runtime.inspection`, 0 for none.
     """
 
     kind: str
     level: str
     sentence: str
     evidence: dict[str, Any] = field(default_factory=dict)
-    trap: int = 0
 
     def _repr_html_(self) -> str:
         """The finding with its numbers, as a table for notebooks."""

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
@@ -220,8 +221,6 @@ class _Trial:
 
     def best_width(self, terms: Friction, candidate: str, near: bool = False) -> Friction:
         """Search the width with the best score: on a grid, then between its points."""
-        from scipy.optimize import minimize_scalar
-
         key, grid = WIDTHS[candidate]
 
         def score(log_width: float) -> float:

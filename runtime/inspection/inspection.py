@@ -2,39 +2,43 @@
 
 Each check returns a plan (a recipe) with which the next one reads the log: first the layout of the
 files, then units, order and clock of the motion, then order, sign and unit of the torque, then the
-fit of the model.
+fit of the model. Of a log of all joints of a robot with couplings or loops, the independent joints
+are checked. Motor currents whose recipe states no gain are read with gain 1, which
+`torque_signs.scale` compares with the model; the recipe stays without gains, which `identify`
+estimates from the rows before the test part.
 """
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.errors import RecordingError
-from runtime.inspection.all_joints import of_independent_joints
-from runtime.inspection.check_run import CheckRun
+import numpy as np
+
+from runtime.errors import IdentificationError, RecordingError
 from runtime.inspection.checks import (
     clock,
-    frozen,
     joint_order,
     motion,
     outlying_rows,
     signals,
     units,
-    unknown_gains,
 )
-from runtime.inspection.checks.column_names import meaning
+from runtime.inspection.checks.columns import meaning
 from runtime.inspection.checks.file_layout import draft
-from runtime.inspection.checks.velocity_filter import velocity_filter
 from runtime.inspection.checks.vendor_signals import vendor_torque
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
-from runtime.inspection.torque_checks import check_commanded, check_torque, proposed_terms
+from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.commanded_torque import COMMANDED
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
-from runtime.recording.reader import Raw, locate, read_raw
+from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.static_poses import static_poses
+
+_PASSIVE = 1e-9
+"""Torque of a dependent joint over the largest torque, below which no drive acts on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +112,7 @@ def inspect_log(
     plan, meant = vendor_torque(plan, lib, is_drafted=recipe is None)
     findings += meant
     has_gains = not plan.has_unknown_gains
-    raw, plan = unknown_gains.with_gain_one(raw, plan)
+    raw, plan = with_gain_one(raw, plan)
     raw, plan, reduced = of_independent_joints(raw, plan, lib)
     findings += reduced
     checks = CheckRun(raw, plan, findings, has_gains=has_gains)
@@ -116,14 +120,14 @@ def inspect_log(
     # Quantised torques at rest look like a frozen, saturated or corrupt signal.
     at_rest = static_poses(checks.recording) if has_gains else None
     if at_rest is None:
-        checks.run(lambda r, p: frozen.frozen(r, p, lib))
+        checks.run(lambda r, p: outlying_rows.frozen(r, p, lib))
         checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     else:
         findings.append(_of_poses(len(at_rest)))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
     findings += motion.constant_velocity(checks.recording, lib)
     checks.run(lambda r, p: units.units(r, p, lib))
-    checks.run(lambda r, p: velocity_filter(r, p, lib))
+    checks.run(lambda r, p: motion.velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     if not lib.placeholders:
         checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
@@ -146,7 +150,7 @@ def inspect_log(
         if has_gains:  # unknown gains scale the torque of each joint
             findings += signals.little_torque(checks.recording, lib)
     if not has_gains:
-        checks.plan, checks.findings = unknown_gains.stated(checks.plan, checks.findings)
+        checks.plan, checks.findings = stated(checks.plan, checks.findings)
         findings = checks.findings
     motors = any(f.kind == "position_range" for f in findings) and not checks.plan.gear
     # Columns of coupled motors are proposed once the gear matrix is known.
@@ -191,11 +195,9 @@ def _read(
 
 
 def _of_file(raw: Raw) -> list[Finding]:
-    """Findings of the reader, and signals whose names stand for a command or a model (trap 4)."""
-    findings = [Finding("corrupt_rows", WARNING, each, trap=9) for each in raw.dropped]
-    findings += [
-        Finding("file_form", INFO, each.removeprefix("Warning: "), trap=9) for each in raw.remarks
-    ]
+    """Findings of the reader, and signals whose names stand for a command or a model."""
+    findings = [Finding("corrupt_rows", WARNING, each) for each in raw.dropped]
+    findings += [Finding("file_form", INFO, each.removeprefix("Warning: ")) for each in raw.remarks]
     findings += [Finding("other_file", WARNING, each) for each in raw.pins]
     for kind, signal in raw.plan.signals().items():
         titles = [str(c) for c in signal.columns] or [signal.key or signal.file]
@@ -210,7 +212,6 @@ def _of_file(raw: Raw) -> list[Finding]:
                 "measurement: it fits a model very well but shows nothing of the robot; log the "
                 "measured signal",
                 {"kind": kind, "title": odd},
-                trap=4,
             )
         )
     return findings
@@ -225,3 +226,73 @@ def _completed(plan: Recipe, lib: Library) -> Recipe:
     if plan.friction is None and friction == Friction():
         return plan.replace(robot=lib.name)
     return plan.replace(robot=lib.name, friction=replace(friction, gear=()))
+
+
+def of_independent_joints(
+    raw: Raw, plan: Recipe, lib: Library
+) -> tuple[Raw, Recipe, list[Finding]]:
+    """Take the columns of the independent joints where a log holds all of them."""
+    recording = recording_of(replace(raw, plan=plan))
+    few = independent_joints(recording, lib)
+    if few is recording or few.n_joints == recording.n_joints:
+        return raw, plan, []
+    names = recording.joint_names or lib.all_joint_names
+    places = [names.index(name) for name in lib.joint_names]
+    if recording.tau is not None:
+        others = np.abs(np.delete(recording.tau, places, axis=1))
+        if others.max(initial=0.0) > _PASSIVE * np.abs(recording.tau).max():
+            raise IdentificationError(_refusal(lib, "torques act on joints that follow others"))
+    signals = plan.signals()
+    if any(
+        len(signal.columns) != recording.n_joints or signal.order for signal in signals.values()
+    ):
+        raise IdentificationError(_refusal(lib, "its columns have no names of their own"))
+    changes = {
+        kind: replace(signal, columns=tuple(signal.columns[k] for k in places))
+        for kind, signal in signals.items()
+    }
+    sentence = (
+        f"the log holds all {recording.n_joints} joints, of which those of q are checked: "
+        f"{', '.join(lib.joint_names)}; the positions of the others agree with the mechanism"
+    )
+    tables = {
+        kind: replace(table, values=table.values[:, places]) if kind in changes else table
+        for kind, table in raw.tables.items()
+    }
+    changed = replace(raw, tables=tables)
+    return changed, plan.replace(**changes), [Finding("all_joints", INFO, sentence)]
+
+
+def _refusal(lib: Library, reason: str) -> str:
+    return (
+        f"the log holds all joints of '{lib.name}', and {reason}; identify reads it as it is, but "
+        f"inspect checks the independent joints: name the columns of {', '.join(lib.joint_names)} "
+        "in a recipe"
+    )
+
+
+def with_gain_one(raw: Raw, plan: Recipe) -> tuple[Raw, Recipe]:
+    """The log with currents counted as torques of gain 1."""
+
+    def known(recipe: Recipe) -> Recipe:
+        if recipe.torque is None or not recipe.has_unknown_gains:
+            return recipe
+        return recipe.replace(torque=replace(recipe.torque, gain=1.0))
+
+    recipe = None if raw.recipe is None else known(raw.recipe)
+    return replace(raw, plan=known(raw.plan), recipe=recipe), known(plan)
+
+
+def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]]:
+    """The recipe without gains, and "current_gains" in place of the finding on the unit."""
+    seen = next((each for each in findings if each.kind == "torque_unit"), None)
+    rest = [each for each in findings if each.kind != "torque_unit"]
+    sentence = (
+        "the torque is a motor current in A with unknown gains: identify estimates them "
+        "with the masses of the URDF as prior and states what remains undetermined; symgen gains "
+        "fixes the common factor by --total-mass, --weighed or a known payload"
+    )
+    evidence = {} if seen is None else dict(seen.evidence)
+    stated_gains = Finding("current_gains", INFO, sentence, evidence)
+    torque = None if plan.torque is None else replace(plan.torque, gain=None)
+    return plan.replace(torque=torque), [*rest, stated_gains]

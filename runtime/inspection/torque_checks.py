@@ -1,27 +1,33 @@
-"""Checks of the torque in their order: columns, signs, unit, gravity, delay, fit of the model."""
+"""Checks of the torque in their order: columns, signs, unit, gravity, delay, fit of the model.
 
+The proposed preparation has a cut-off whose accelerations the log supports. Cross-validation orders
+the candidates (`cutoff_choice`). Proposed is the first of them that
+predicts within `WORSE` of the best and whose accelerations pass the check of `regressor_choice`;
+where none does, the regressor of momentum, which needs no accelerations.
+"""
+
+from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.errors import RuntimeFault
-from runtime.inspection.check_run import CheckRun
 from runtime.inspection.checks import (
     drives,
-    gear_coupling,
     gravity,
-    measured_torque,
     model_fit,
-    other_model,
     position_columns,
     torque_delay,
     torque_signs,
 )
-from runtime.inspection.checks.torque_rows import rough
+from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
+from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.inspection.finding import INFO, WARNING, Finding
-from runtime.inspection.proposed_preparation import proposed_preparation
 from runtime.inspection.regressor_choice import choose_regressor, differentiation_of
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording import Friction, Preparation, Recipe, Recording, Split
 from runtime.recording.friction import DRIVE, ROTOR, names_where
+from runtime.recording.preprocessing import before_test
+from runtime.recording.reader import Raw, recording_of
+from runtime.recording.rest_speeds import as_rest_speed
 
 _AGAINST_THE_LINKS = (
     position_columns.position_columns,
@@ -33,6 +39,45 @@ _AGAINST_THE_LINKS = (
 """Checks of τ that compare it with the torque of the URDF's links."""
 _LOWERED = 5
 """Largest number of lower cut-offs that are tried."""
+WORSE = 0.05
+"""Excess of a candidate's score over the best one up to which it may replace the chosen one."""
+_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
+"""Factors of decimation that are proposed."""
+
+
+class CheckRun:
+    """The plan so far, the recording read with it, and the findings."""
+
+    def __init__(
+        self, raw: Raw, plan: Recipe, findings: list[Finding], *, has_gains: bool = True
+    ) -> None:
+        """Read the log with the plan."""
+        self._raw, self.plan, self.findings = raw, plan, findings
+        self.has_gains = has_gains
+        self.recording = recording_of(replace(raw, plan=plan))
+
+    def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
+        """Run a check, and read the log again where it changes the plan."""
+        plan, findings = check(self.recording, self.plan)
+        self.findings += findings
+        if plan != self.plan:
+            self.plan = plan
+            self.recording = recording_of(replace(self._raw, plan=plan))
+
+    def run_on_torque(
+        self,
+        check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
+        lib: Library,
+        terms: Friction,
+    ) -> None:
+        """Run a check of the torque on prepared rows."""
+        torque_rows = self.torque_rows(lib, terms)
+        self.run(lambda _, plan: check(torque_rows, plan))
+
+    def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
+        """Prepared rows of the recording, read with the plan so far."""
+        usual = rough(self.recording, self.plan.preparation)
+        return torque_rows_of(self.recording, lib, usual, terms)
 
 
 def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
@@ -119,8 +164,8 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     torque_rows = checks.torque_rows(lib, terms)
     matrix = model_fit.fit_rows(torque_rows)
     tau = checks.recording.required("tau")
-    computed = measured_torque.not_measured(torque_rows, matrix, tau)
-    gain = [] if computed or not checks.has_gains else other_model.joint_gain(torque_rows, matrix)
+    computed = model_fit.not_measured(torque_rows, matrix, tau)
+    gain = [] if computed or not checks.has_gains else model_fit.joint_gain(torque_rows, matrix)
     late = (
         []
         if computed or gain
@@ -133,7 +178,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         checks.plan = checks.plan.replace(preparation=shifted)
         torque_rows = checks.torque_rows(lib, terms)
         matrix = model_fit.fit_rows(torque_rows)
-        computed = measured_torque.not_measured(torque_rows, matrix, tau)
+        computed = model_fit.not_measured(torque_rows, matrix, tau)
     strange = model_fit.unexplained(torque_rows, matrix, has_gains=checks.has_gains)
     checks.findings += late + strange + computed
     torque = checks.plan.torque
@@ -144,8 +189,8 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         checks.findings += gain
         no_tool = bool(gain or lib.placeholders)
         tool = [] if no_tool else model_fit.tool(torque_rows)
-        coupled = [] if gain else gear_coupling.coupling(torque_rows, matrix, terms)
-        other = [] if no_tool or tool else other_model.other_robot(torque_rows, matrix)
+        coupled = [] if gain else model_fit.coupling(torque_rows, matrix, terms)
+        other = [] if no_tool or tool else model_fit.other_robot(torque_rows, matrix)
         checks.findings += tool + coupled + other
     checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
 
@@ -158,3 +203,69 @@ def proposed_terms(plan: Recipe) -> Friction:
     coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
     motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
     return Friction(columns=(*Friction().columns, *(motors if coupled else ())))
+
+
+def proposed_preparation(
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation,
+    splitting: Split | None,
+    terms: Friction,
+) -> tuple[Preparation, list[Finding]]:
+    """Choose cut-off, derivative and regressor."""
+    choice = choose_cutoff(recording, lib, preparation, splitting, terms)
+    findings = [Finding("cutoff", INFO, choice.sentence)]
+    seen = before_test(recording, splitting)
+    for ready in _candidates(choice):
+        quality = differentiation_of(seen, lib, ready)
+        if quality is None or not quality.fails:
+            if ready != choice.preparation:
+                findings.append(_instead(ready, choice))
+            return _thinned(ready, recording, lib), findings
+    taken, sentences = choose_regressor(seen, lib, choice.preparation, replaces=True)
+    findings += [Finding("regressor", INFO, each) for each in sentences]
+    return _thinned(taken or choice.preparation, recording, lib), findings
+
+
+def _candidates(choice: CutoffChoice) -> list[Preparation]:
+    """The chosen preparation, then those of the others that predict nearly as well."""
+    best = min(c.score for c in choice.candidates)
+    near = [c for c in choice.candidates if c.score <= (1.0 + WORSE) * best]
+    ready = choice.preparation
+    # Trimmed edges follow the cut-off, unless the recipe states them.
+    usual_trim = ready.trim_s == 1.0 / choice.chosen.cutoff_hz
+    others = [
+        replace(
+            ready,
+            cutoff_hz=c.cutoff_hz,
+            derivative=c.derivative,
+            trim_s=1.0 / c.cutoff_hz if usual_trim else ready.trim_s,
+        )
+        for c in sorted(near, key=lambda c: c.score)
+    ]
+    return [ready, *(each for each in others if each != ready)]
+
+
+def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
+    """The note that another candidate is proposed."""
+    from_q = " with velocities from q" * (ready.derivative == "position")
+    return Finding(
+        "regressor",
+        INFO,
+        f"a cut-off of {ready.cutoff_hz:g} Hz{from_q} is proposed instead of "
+        f"{choice.chosen.cutoff_hz:g} Hz, at which differentiation fails; it predicts nearly as "
+        "well",
+    )
+
+
+def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:
+    """A preparation decimated to the rate that its band needs, without intervals of rest."""
+    grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
+    most = grid / (ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
+    step = max(k for k in _STEPS if k <= max(most, 1.0))
+    return replace(
+        ready,
+        trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
+        rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
+        rest_speed=ready.rest_speed or as_rest_speed(lib),
+    )

@@ -23,8 +23,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
 from runtime.inspection import inspect_log
-from runtime.inspection.column_trial import DEFAULT_COLUMNS
-from runtime.inspection.default_friction import choose_default_friction
+from runtime.inspection.default_friction import DEFAULT_COLUMNS, choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
 from runtime.library import load
 from runtime.recording import Friction, Recording, read_recording

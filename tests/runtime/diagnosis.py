@@ -13,8 +13,9 @@ def sentences(inspection: Inspection) -> dict[str, str]:
     return {f.kind: f.sentence for f in inspection.of_level(ERROR, WARNING)}
 
 
-def trap_of(inspection: Inspection, kind: str) -> int:
-    return next(f.trap for f in inspection.findings if f.kind == kind)
+def kinds(inspection: Inspection) -> set[str]:
+    """Kinds of all findings."""
+    return {f.kind for f in inspection.findings}
 
 
 def require_no_warning(inspection: Inspection, log: Path, lib: Library, tmp_path: Path) -> None:

@@ -1,7 +1,14 @@
-"""Checks of the clock: backward time, repeated states, dropped samples, jitter, holes (trap 2).
+"""Checks of the clock: backward time, repeated states, dropped samples, jitter, holes.
 
 A trouble that the recipe already handles is reported as information, any other as a warning with
 the steps of [preparation] that handle it.
+
+Rows may be lost before a log is stamped at a constant rate,
+
+    r_k = Δq_k · v̄_k / (|v̄_k|² Δt)
+
+r is 1 for a row after its predecessor and 2 where one between is lost. v̄ is the mean measured
+velocity of both ends, or without one the mean of the neighbouring steps.
 """
 
 from dataclasses import replace
@@ -10,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.inspection.checks.lost_rows import lost_beside_repeats, lost_rows
 from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording import Preparation, Recipe, Recording
 from runtime.recording.preprocessing import repair_clock
 from runtime.recording.preprocessing.segments import HOLE, JITTER
@@ -38,6 +44,17 @@ _GAP_STEPS = 10.0
 _COUNTS = 5.0
 """Encoder counts per row above which a repeated value is not the resolution of the encoder."""
 _NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
+EVEN = 0.05
+"""Largest relative spread of the steps of a clock that counts as made up."""
+MADE_UP = 0.95
+"""Share of such steps from which on the clock counts as made up."""
+LOST, WIDTH = 0.004, 0.2
+"""Share of the steps with r = 2 that is reported, and their distance from it."""
+BETWEEN = (1.35, 1.65)
+"""r of neither case, which noise fills as well."""
+CLEAR = 4.0
+"""Steps with r = 2 over those between, so that noise is excluded."""
+FEWEST = 100
 
 
 def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
@@ -64,7 +81,6 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
             "of another clock; cut the log into runs, or replace [time] by the proposed rate_hz "
             "if the rows are equally spaced",
             {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step},
-            trap=2,
         )
     ]
 
@@ -122,7 +138,7 @@ def _gaps(t: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Findi
         "them"
     )
     evidence = {"count": int(gaps.size), "longest_s": longest}
-    return [Finding("holes", level, sentence, evidence, trap=2)]
+    return [Finding("holes", level, sentence, evidence)]
 
 
 def _dropped(steps: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Finding]:
@@ -135,7 +151,7 @@ def _dropped(steps: FloatArray, is_logged: NDArray[np.bool_], level: str) -> lis
         "were dropped; set max_gap_s under [preparation] to interpolate them"
     )
     evidence = {"count": count, "share": count / len(steps)}
-    return [Finding("dropped_ticks", level, sentence, evidence, trap=2)]
+    return [Finding("dropped_ticks", level, sentence, evidence)]
 
 
 def _jitter(steps: FloatArray, level: str) -> list[Finding]:
@@ -149,7 +165,7 @@ def _jitter(steps: FloatArray, level: str) -> list[Finding]:
         "under [preparation]"
     )
     evidence = {"steps_s": [float(s * median) for s in spread], "median_s": median}
-    return [Finding("jitter", level, sentence, evidence, trap=2)]
+    return [Finding("jitter", level, sentence, evidence)]
 
 
 def _is_countable(evidence: dict) -> bool:
@@ -229,7 +245,7 @@ def _repeated(level: str, count: int, share: float, remedy: str, evidence: dict)
         f"{count} rows ({100 * share:.1f} %) repeat the previous state while the arm moves: the "
         f"logger reads faster than the robot updates its state; {remedy}"
     )
-    return Finding("repeated_rows", level, sentence, evidence, trap=2)
+    return Finding("repeated_rows", level, sentence, evidence)
 
 
 def _counts(q: FloatArray) -> FloatArray:
@@ -279,3 +295,78 @@ def _nice_rate(rate: float) -> float:
     """The rate itself [Hz], or a number of two digits within 2 % of it."""
     rounded = float(f"{rate:.2g}")
     return rounded if abs(rounded / rate - 1.0) < 0.02 else float(f"{rate:.6g}")
+
+
+def lost_rows(recording: Recording) -> list[Finding]:
+    """Steps of q that took two periods by the velocities, on a clock of constant rate."""
+    if len(recording) < FEWEST:
+        return []
+    step, even = _even_steps(recording)
+    if even.mean() < MADE_UP:
+        return []
+    ratio, fast = _ratios(recording, step)
+    ratio = ratio[fast & even]
+    if len(ratio) < FEWEST:
+        return []
+    twice = float(np.mean(np.abs(ratio - 2.0) < WIDTH))
+    between = float(np.mean((ratio > BETWEEN[0]) & (ratio < BETWEEN[1])))
+    if twice < LOST or twice < CLEAR * between:
+        return []
+    return [
+        Finding(
+            "restamped",
+            WARNING,
+            f"at {100 * twice:.1f} % of the steps q moves twice as far as its velocity in one "
+            f"period of {1e3 * step:.4g} ms, though the stamps are even: rows were lost and the "
+            "others stamped at a constant rate, so that velocities, accelerations and the delay "
+            "of τ are wrong there; log the clock of the controller, or use clock_tick under "
+            "[preparation] where it is proposed",
+            {"share": twice, "share_between": between, "step_s": step},
+        )
+    ]
+
+
+def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> list[Finding]:
+    """Rows lost from a log that also repeats states.
+
+    A logger at the rate of the robot that is not in step with it repeats as many states as it
+    skips. More skipped ticks, under a clock of constant rate, are rows that were lost before it
+    was made.
+    """
+    step, even = _even_steps(recording)
+    gaps = np.round(np.diff(recording.t)[~even] / step) - 1.0
+    lost = skipped - repeated - int(gaps.clip(0.0).sum())
+    share = lost / max(len(recording), 1)
+    if even.mean() < MADE_UP or share < LOST:
+        return []
+    return [
+        Finding(
+            "restamped",
+            WARNING,
+            f"{lost} rows more are missing than repeated ({100 * share:.1f} %), though the stamps "
+            "are even: rows were lost and the others stamped at a constant rate; use the rebuilt "
+            "clock (clock_tick under [preparation]), or log the clock of the controller",
+            {"share": share, "step_s": step},
+        )
+    ]
+
+
+def _even_steps(recording: Recording) -> tuple[float, NDArray[np.bool_]]:
+    """Median step [s], and whether each step is that of a clock of constant rate, (N − 1,)."""
+    steps = np.diff(recording.t)
+    step = float(np.median(steps))
+    return step, np.asarray(np.abs(steps / step - 1.0) < EVEN)
+
+
+def _ratios(recording: Recording, step: float) -> tuple[Array, NDArray[np.bool_]]:
+    """r of every step, and whether the arm moves fast enough there, (N − 1,) each."""
+    moved = np.diff(recording.q, axis=0)
+    if recording.dq is not None:
+        speed = 0.5 * (recording.dq[1:] + recording.dq[:-1]) * step
+    else:
+        speed = np.zeros_like(moved)
+        speed[1:-1] = 0.5 * (moved[2:] + moved[:-2])
+    power = np.sum(speed**2, axis=1)
+    fast = power > 0.25 * float(np.mean(power))
+    ratio = np.sum(moved * speed, axis=1) / np.where(power > 0, power, np.inf)
+    return np.asarray(ratio), fast

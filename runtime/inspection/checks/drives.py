@@ -1,4 +1,4 @@
-"""Checks of a commanded torque: its law, its delay, and the share of the drives (traps 2, 4).
+"""Checks of a commanded torque: its law, its delay, and the share of the drives.
 
     τ(t − d) = Y π0 + F φ + J ddq
 
@@ -31,7 +31,7 @@ LATE = 4.0
 
 
 def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
-    """The torque is that of a control law (trap 4)."""
+    """The torque is that of a control law."""
     law = plan.law
     if law is None:
         return []
@@ -43,7 +43,6 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
             "friction, and a wrong gain kp scales masses and friction alike; check kp and kd with "
             "the driver of the robot",
             {"law": law.law, "source": recording.torque_source},
-            trap=4,
         )
     ]
 
@@ -59,7 +58,7 @@ def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
 def delay(
     recording: Recording, lib: Library, plan: Recipe, terms: Friction
 ) -> tuple[Recipe, list[Finding]]:
-    """Delay of a commanded torque behind its stamp (trap 2).
+    """Delay of a commanded torque behind its stamp.
 
     Measured: profile of the loss over the delay, with the links of the URDF and free drives.
     """
@@ -79,7 +78,7 @@ def delay(
             f"end of the range (interval {1e3 * low:.0f} to {1e3 * high:.0f} ms); record a faster "
             "motion, or take the delay from the driver"
         )
-        return plan, [Finding("delay", INFO, sentence, {"delay_s": None, **evidence}, trap=2)]
+        return plan, [Finding("delay", INFO, sentence, {"delay_s": None, **evidence})]
     evidence = {"delay_s": value, "sigma_s": profile.sigma, "gain": profile.gain, **evidence}
     written = plan.preparation.torque_delay_s
     sentence = (
@@ -88,18 +87,16 @@ def delay(
     )
     if written is not None:
         sentence += f"; the recipe has torque_delay_s = {written} under [preparation]"
-        return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
+        return plan, [Finding("delay", INFO, sentence, evidence)]
     if abs(value) < LATE * profile.sigma:
-        return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
+        return plan, [Finding("delay", INFO, sentence, evidence)]
     late = float(f"{seen.sign * value:.3g}")
     sentence += (
         f": shifting it removes {100 * profile.gain:.0f} % of the squared residual; estimate it "
         f"with identify --delay auto, or set torque_delay_s = {late:g} under [preparation]"
     )
     shifted = replace(plan.preparation, torque_delay_s=late)
-    return plan.replace(preparation=shifted), [
-        Finding("delay", WARNING, sentence, evidence, trap=2)
-    ]
+    return plan.replace(preparation=shifted), [Finding("delay", WARNING, sentence, evidence)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,24 +1,36 @@
 """A first recipe for files without one: which file, column or array is which signal.
 
 Only names and shapes are used, with SI units unless a title names another; the other checks compare
-the numbers. Measured signals are preferred to commanded ones (trap 4). Joints are ordered by their
-numbers, whatever the order of the columns (trap 9).
+the numbers. Measured signals are preferred to commanded ones. Joints are ordered by their numbers,
+whatever the order of the columns. Files whose names differ in their last number only, such as
+`log_1.csv`, are runs of one folder.
 """
 
-from collections.abc import Callable
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from runtime.errors import RecordingError
-from runtime.inspection.checks.column_content import Block
-from runtime.inspection.checks.column_names import SI
-from runtime.inspection.checks.file_runs import run_of, several_runs
-from runtime.inspection.checks.signal_parts import Group, has_titles, signal_parts
+from runtime.inspection.checks.columns import (
+    SI,
+    Block,
+    Meaning,
+    blocks_by_content,
+    by_joint,
+    meaning,
+)
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
+from runtime.recording.formats import format_of_suffix
+from runtime.recording.formats.log_format import LogReader
 from runtime.recording.log_files import LogFiles
 from runtime.recording.recipes.recipe import Signal, Time
 
 _NO_CLOCK = Time(rate_hz=1.0)
+_NUMBER = re.compile(r"\d+(?=\D*$)")
+Group = dict[str, list[dict]]
 
 
 def draft(
@@ -66,7 +78,6 @@ def _by_content(blocks: tuple[Block, ...]) -> Finding:
         f"the file has no header; its columns, counted from 0, were assigned by their content: "
         f"{spans}; check them, then write the recipe with --recipe-out, or correct its columns",
         {"table": rows},
-        trap=9,
     )
 
 
@@ -127,7 +138,6 @@ def _recipe(
                 ERROR,
                 "the log has no column of time, and no velocity to compute its rate from; give the "
                 "rate of the logger with --log-rate, or write rate_hz under [time] of the recipe",
-                trap=2,
             )
         )
     recipe = Recipe(run=run, time=time, **chosen)  # type: ignore[arg-type]
@@ -141,7 +151,7 @@ def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:
         return []
     sentence = f"{kind} is read from '{parts[0]['title']}'; not used: {', '.join(others[:6])}"
     evidence = {"kind": kind, "chosen": parts[0]["title"], "others": others}
-    return [Finding("left_aside", INFO, sentence, evidence, trap=4)]
+    return [Finding("left_aside", INFO, sentence, evidence)]
 
 
 def _computed(parts: list[dict]) -> Finding:
@@ -150,3 +160,160 @@ def _computed(parts: list[dict]) -> Finding:
         "unknown filter; they are computed again with the filter of the other signals"
     )
     return Finding("left_aside", INFO, sentence, {"kind": "acceleration"})
+
+
+def run_of(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:
+    """Place of the first part, with `{run}` for the number in which the files differ."""
+    where = dict(parts[0]["where"])
+    files = [str(part["where"]["file"]) for part in parts if part["measured"]]
+    match = _NUMBER.search(str(where["file"]))
+    if len({_NUMBER.sub("#", name) for name in files}) == 1 and len(set(files)) > 1 and match:
+        where["file"] = where["file"][: match.start()] + "{run}" + where["file"][match.end() :]
+        return where, match[0]
+    return where, ""
+
+
+def several_runs(parts: list[dict[str, Any]], run: str) -> Finding:
+    """Which of the runs of a folder is read, and how to read the others."""
+    files = [str(part["where"]["file"]) for part in parts if part["measured"]]
+    names = sorted({_NUMBER.findall(name)[0] for name in files}, key=int)
+    sentence = (
+        f"the folder contains the runs {', '.join(names)}; without --run, run {run} is "
+        f"inspected; identify from all of them with --run {','.join(names)}"
+    )
+    return Finding("several_runs", INFO, sentence, {"runs": names, "inspected": run})
+
+
+def signal_parts(place: Path, names: tuple[str, ...]) -> Group:
+    """Parts of a log by the kind of signal that they may be."""
+    signals: Group = defaultdict(list)
+    files = [place]
+    if place.is_dir():
+        files = sorted(place.iterdir())
+    for path in files:
+        file = path.name if place.is_dir() else ""
+        if has_titles(path):
+            reader = LogFiles(path, Recipe()).reader(path.name, "")
+            for kind, part in (*_arrays(reader, file, len(names)), *_texts(reader, file, names)):
+                signals[kind].append(part)
+    for parts in signals.values():
+        parts.sort(key=lambda part: not part["measured"])
+    return signals
+
+
+def has_titles(path: Path) -> bool:
+    """Whether a recipe can be proposed from the titles in a file."""
+    log_format = format_of_suffix(path.name)
+    return log_format is not None and log_format.has_titles
+
+
+def _arrays(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:
+    log_format = format_of_suffix(reader.raw.name)
+    layout = "npz" if log_format is None else log_format.name
+    for key, shape in reader.arrays().items():
+        what = meaning(key)
+        width = shape[1] if len(shape) == 2 else 1
+        wanted = 1 if what.kind == "time" else joints
+        if what.kind and len(shape) in {1, 2} and width == wanted:
+            yield what.kind, _part(what, file_name, key, layout=layout, key=key)
+
+
+def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterable[tuple[str, dict]]:
+    joints = len(names)
+    path, rows = reader.raw.path, reader.head()
+    file = meaning(path.stem)
+    numeric = [all(_is_number(cell) for cell in row) for row in rows]
+    first = next((i for i, good in enumerate(numeric) if good), None)
+    if first is None:
+        return
+    width = len(rows[first])
+    if width == 1 and file.kind:  # one number per line
+        part = {"layout": "flat"} | ({} if file.kind == "time" else {"width": joints})
+        yield file.kind, _part(file, file_name, path.name, **part)
+        return
+    header = next((row for row in reversed(rows[:first]) if len(row) == width), None)
+    if header is not None:
+        yield from _titled(header, names, file_name, path.name, file)
+    elif width == joints and file.kind:
+        yield (
+            file.kind,
+            _part(file, file_name, path.name, layout="csv", columns=tuple(range(width))),
+        )
+    else:
+        table = reader.table(
+            "position", Signal(unit="rad", layout="csv", columns=tuple(range(width)))
+        )
+        blocks = blocks_by_content(table.values, joints)
+        if blocks:
+            yield from _recognised(blocks, file_name, path.name)
+        else:
+            yield from _untitled(width, file_name, path.name, joints)
+
+
+def _recognised(blocks: tuple[Block, ...], file_name: str, name: str) -> Iterable[tuple[str, dict]]:
+    """Signals of columns without titles, by their content."""
+    for block in blocks:
+        first = block.columns[0]
+        where: dict = {"columns": block.columns}
+        if block.kind == "time":
+            where = {"column": first}
+        if block.kind:
+            what = Meaning("", -1, True, block.unit)
+            part = _part(what, file_name, f"{name}: column {first}", layout="csv", **where)
+            yield block.kind, part | {"blocks": blocks}
+
+
+def _titled(
+    header: list[str], names: tuple[str, ...], file_name: str, name: str, file: Meaning
+) -> Iterable[tuple[str, dict]]:
+    """Signals of titles that differ in the joint's name, or only in their last number."""
+    named = by_joint(header, names)
+    groups: dict[str, list[tuple[int, str]]] = defaultdict(list)
+    for title in header:
+        if not any(title in titles for titles in named.values()):
+            stem = re.sub(r"\d+(?=\D*$)", "#", title)
+            groups[stem].append((meaning(title).joint, title))
+    numbered = {stem: tuple(t for _, t in sorted(members)) for stem, members in groups.items()}
+    for stem, titles in (named | numbered).items():
+        what = meaning(stem.replace("#", "1"))
+        kind = what.kind or (file.kind if len(titles) > 1 else "")
+        if kind == "time":
+            yield kind, _part(what, file_name, stem, layout="csv", column=titles[0])
+        elif kind:
+            yield kind, _part(what, file_name, f"{name}: {stem}", layout="csv", columns=titles)
+
+
+def _untitled(width: int, file_name: str, name: str, joints: int) -> Iterable[tuple[str, dict]]:
+    """Signals of columns without titles: at most one of time, then q τ, q dq τ or q dq ddq τ."""
+    blocks, clock = divmod(width, joints)
+    orders: dict[int, tuple[str, ...]] = {
+        2: ("position", "torque"),
+        3: ("position", "velocity", "torque"),
+        4: ("position", "velocity", "acceleration", "torque"),
+    }
+    if clock > 1 or blocks not in orders:
+        return
+    unnamed = Meaning("", -1, True, "")
+    if clock:
+        yield "time", _part(unnamed, file_name, "column 0", layout="csv", column=0)
+    for k, kind in enumerate(orders[blocks]):
+        first = clock + k * joints
+        columns = tuple(range(first, first + joints))
+        yield kind, _part(unnamed, file_name, f"{name}: {first}…", layout="csv", columns=columns)
+
+
+def _part(what: Meaning, file: str, title: str, **where: object) -> dict:
+    return {
+        "title": title,
+        "measured": what.is_measured and meaning(file.rsplit(".", 1)[0]).is_measured,
+        "unit": what.unit,
+        "where": {"file": file, **where},
+    }
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

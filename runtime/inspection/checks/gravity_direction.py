@@ -1,4 +1,4 @@
-"""Direction of gravity in the base frame, fitted to the torque (trap 5).
+"""Direction of gravity in the base frame, fitted to the torque.
 
 An arm on a wall: gravity loads joint 1, which no sign explains. The gravity torque of any direction
 g comes from the poses of the tip with the outer joints at zero, with unit masses in a frame of each
@@ -104,7 +104,6 @@ def _finding(
         f"gravity ({_numbers(fitted)} m/s²{f', nearly along {name}' if exact else ''}) "
         f"{100 * left:.2g} %: {cause}",
         evidence | {"gravity": [float(x) for x in vector], "along": along, "left": left},
-        trap=5,
     )
 
 

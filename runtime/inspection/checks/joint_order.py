@@ -1,4 +1,4 @@
-"""Check of the order of all joints, by their limits and the gravity torque (trap 9).
+"""Check of the order of all joints, by their limits and the gravity torque.
 
     E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
 
@@ -10,10 +10,10 @@ from dataclasses import replace
 from math import factorial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from runtime.inspection.checks.order_scores import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.inspection.finding import WARNING, Finding
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 
 MOST = 5040
@@ -21,6 +21,10 @@ MOST = 5040
 GOOD, BETTER = 0.5, 0.6
 """E below which an order fits, and E of the best order over that of the present one below which
 the order is changed."""
+BEYOND = 0.2
+"""Distance beyond a limit [rad or m] that is accepted: offsets and soft limits."""
+ROWS = 60
+"""Number of rows that E is computed on."""
 
 
 def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
@@ -59,7 +63,6 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
             f"(counted from 0) limits and gravity torque fit (mismatch {least:.2f}; {reason}); "
             f"compare with the logger and set order = [{columns}] for every signal",
             {"order": best.tolist(), "mismatch": least, "mismatch_as_is": float(stands)},
-            trap=9,
         )
     ]
 
@@ -75,3 +78,48 @@ def _orders(n: int) -> itertools.chain | itertools.permutations:
         for a, b in itertools.combinations(range(n), 2)
     )
     return itertools.chain(shifted, [tuple(reversed(base))], swapped)
+
+
+def beyond_limits(q: Array, lib: Library) -> Array:
+    """Distance by which each column exceeds the limits of each joint.
+
+    q (N, n) [rad, m] → (columns, joints) [rad, m].
+    """
+    limits = lib.limits()
+    low, high = q.min(axis=0)[:, None], q.max(axis=0)[:, None]
+    upper = np.where(np.isfinite(limits["upper"]), limits["upper"], 4 * np.pi)
+    lower = np.where(np.isfinite(limits["lower"]), limits["lower"], -4 * np.pi)
+    return np.asarray(np.maximum(np.maximum(lower - low, high - upper), 0.0))
+
+
+def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
+    """E of several orders of the joints.
+
+    q (N, n) [rad, m], tau (N, n), orders (P, n) → (P,) [0, 1].
+    """
+    placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
+    still = np.zeros_like(placed).reshape(-1, lib.n_joints)
+    gravity = lib.inverse_dynamics(placed.reshape(still.shape), still, still, lib.pi0)
+    measured = np.moveaxis(tau[:, orders], 1, 0).reshape(len(orders), -1)
+    if lib.manifest.springs or "known_torque" in lib.manifest.kernels:
+        places = placed.reshape(still.shape)
+        static = gravity + lib.known_torque(places)
+        return _with_springs(measured, static, lib.spring_columns(places))
+    model = gravity.reshape(len(orders), -1)
+    size = np.linalg.norm(model, axis=1) * np.linalg.norm(measured, axis=1)
+    cosine = np.sum(model * measured, axis=1) / np.where(size > 0, size, np.inf)
+    return np.asarray(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))
+
+
+def _with_springs(measured: Array, model: Array, springs: Array) -> Array:
+    """E of torques that springs of unknown stiffness explain as well."""
+    columns = np.concatenate([model[..., None], springs], axis=2)
+    columns = columns.reshape(*measured.shape, -1)
+    errors = []
+    for matrix, tau in zip(columns, measured, strict=True):
+        lengths = np.linalg.norm(matrix, axis=0)
+        basis, sizes, _ = np.linalg.svd(matrix / np.where(lengths > 0, lengths, 1.0), False)
+        basis = basis[:, sizes > 1e-9 * max(float(sizes[0]), 1e-300)]
+        rest = tau - basis @ (basis.T @ tau)
+        errors.append(np.linalg.norm(rest) / max(float(np.linalg.norm(tau)), 1e-300))
+    return np.array(errors)

@@ -1,16 +1,20 @@
 """Checks of the torque against a fit of the robot's model, once units, signs and order are right.
 
-A torque that no bodies of this robot explain, and a tool that the model lacks. The checks use the
-residual of least squares on base parameters and friction, W x = T (traps 1, 12).
+The residual of least squares on base parameters and friction, W x = T, shows a torque that no
+bodies of this robot explain, a tool that the model lacks, gears that couple joints, the gain of one
+joint, another robot, and a torque that no sensor has measured.
 """
 
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.gain_test import gain_test
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.inspection.checks.torque_signs import slopes_to_model
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
+from runtime.recording import Friction
 from runtime.recording.rest_speeds import rest_speeds
 
 SURE = 4.0
@@ -20,6 +24,26 @@ TOOL_KG, TOOL_GAIN = 0.4, 0.6
 links of a CAD model err by 0.3 kg (LWR 4+), a Franka hand weighs 0.73 kg."""
 STRANGE = 0.3
 """Residual over torque above which the model does not fit the log at all."""
+COUPLED, INDEPENDENT = 0.35, 30.0
+"""Share of a joint's squared residual that the speed of the other joint must explain, in both
+directions, and the effective sample size that this check needs."""
+ALONE = 0.5
+"""Largest share of any joint beside the two, over that of the pair."""
+OTHER = 0.35
+"""Mismatch from which on the log is of another robot: 0.03 to 0.13 for the URDFs of real logs, 0.26
+for a tool of 1.5 kg that one of them lacks."""
+OFF = 1.4
+"""Factor between gains that is reported; the bodies of a URDF err by less."""
+PERFECT = 5e-4
+"""Residual over torque below which the torque cannot come from a sensor."""
+SILENT, GOOD = 1e-5, 5e-3
+"""Noise of the raw torque over its RMS, and residual over torque: below both, the torque cannot
+come from a sensor."""
+FRICTIONLESS, FITTED = 1.3, 0.03
+"""Residual without friction columns over that with them, median over the joints, and residual over
+torque: below both, the joints have no friction. Arms with torque sensors behind the gears reach
+2.4 to 4, motor torques 4 to 20."""
+_DIFFERENCES = 4
 
 
 def fit_rows(torque_rows: TorqueRows) -> Array:
@@ -74,7 +98,7 @@ def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
 
 
 def tool(torque_rows: TorqueRows) -> list[Finding]:
-    """A body at the last link that the URDF lacks, or has too much (trap 1).
+    """A body at the last link that the URDF lacks, or has too much.
 
     Measured: ten parameters of the last link, of either sign, fitted to the residual of the URDF.
     """
@@ -125,20 +149,18 @@ def tool(torque_rows: TorqueRows) -> list[Finding]:
             f"{mass_kg:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
             f"explain the residual of the model ({100 * gain:.0f} % remains); {what}",
             {"mass_kg": mass_kg, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
-            trap=1,
         )
     ]
 
 
 def one_run(duration_s: float) -> Finding:
-    """Note that a test on a part of the same run of this duration [s] is optimistic (trap 12)."""
+    """Note that a test on a part of the same run of this duration [s] is optimistic."""
     return Finding(
         "one_run",
         INFO,
         f"this is one run of {duration_s:.3g} s: a test on a part of it "
         "underestimates the error of the model; record another motion for the test",
         {"duration_s": duration_s},
-        trap=12,
     )
 
 
@@ -147,3 +169,190 @@ def inflation_of(matrix: Array, errors: Array, weights: Array) -> float:
     scale = np.sqrt(weights)
     rows = matrix.reshape(*errors.shape, -1) * scale[:, None]
     return coloured_noise_of_rows(rows, errors * scale).inflation
+
+
+def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Finding]:
+    """Residual torques of two neighbours that follow the speed of each other.
+
+    A motor that turns with two joints, R being its row of the gear matrix, loads both with its
+    friction. Motions with common harmonics let the residual of one joint resemble the speed of
+    another by chance, but not both ways.
+    """
+    s, lib = torque_rows.samples, torque_rows.lib
+    if any(name.startswith("motor_") for name in terms.columns):
+        return []
+    _, rest = least_squares(matrix, s.tau.ravel())
+    errors = rest.reshape(-1, lib.n_joints)
+    inflation = inflation_of(matrix, errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
+    if len(errors) / inflation < INDEPENDENT:
+        return []
+    shares = _shares(s.dq, s.ddq, errors)
+    pairs = []
+    for j in range(lib.n_joints - 1):
+        k = j + 1
+        others = [m for m in range(lib.n_joints) if m not in (j, k)]
+        by_chance = float(shares[np.ix_([j, k], others)].max(initial=0.0))
+        least = min(shares[j, k], shares[k, j])
+        if least > COUPLED and by_chance < ALONE * least:
+            pairs.append((j, k, float(least)))
+    if not pairs:
+        return []
+    j, k, share = max(pairs, key=lambda pair: pair[2])
+    names = lib.joint_names
+    return [
+        Finding(
+            "gear_coupling",
+            WARNING,
+            f"the residuals of {names[j]} and {names[k]} follow the speed of each other "
+            f"({100 * share:.0f} % of their squares or more), as where a gear couples their "
+            "motors; if it does, give the full matrix under [gear] and add motor_viscous, "
+            "motor_coulomb, motor_rotor to the columns of [friction]",
+            {"pairs": [[a, b, c] for a, b, c in pairs]},
+        )
+    ]
+
+
+def _shares(dq: Array, ddq: Array, errors: Array) -> Array:
+    """Share of the squared residual of joint j that the drive of joint k explains, (n, n)."""
+    n = errors.shape[1]
+    shares = np.zeros((n, n))
+    for j in range(n):
+        drive = _drive(dq[:, j], ddq[:, j])
+        _, left = least_squares(drive, errors[:, j])
+        power = float(left @ left)
+        for k in range(n):
+            if k == j or power == 0:
+                continue
+            speeds = (dq[:, k], dq[:, k] + dq[:, j], dq[:, k] - dq[:, j])
+            for speed in speeds:
+                _, free = least_squares(drive, _drive(speed, ddq[:, k]))
+                _, after = least_squares(free, left)
+                shares[j, k] = max(shares[j, k], 1.0 - float(after @ after) / power)
+    return shares
+
+
+def _drive(dq: Array, ddq: Array) -> Array:
+    """Columns of a drive: viscous and Coulomb friction, inertia, (N, 3)."""
+    return np.column_stack([dq, np.tanh(dq / 0.05), ddq])
+
+
+def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+    """Torque of one joint whose scale contradicts that of the others.
+
+    Measured: test of the gains against each other, which needs no URDF, and the slope of τ on the
+    torque of the URDF.
+    """
+    lib, s = torque_rows.lib, torque_rows.samples
+    _, rest = least_squares(matrix, s.tau.ravel())
+    power = rest.reshape(-1, lib.n_joints).var(axis=0)
+    test = gain_test(lib, s, 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300))
+    if test is None or not test.is_contradicted:
+        return []
+    slopes, is_used = slopes_to_model(torque_rows)
+    others = is_used & (np.arange(lib.n_joints) != test.joint)
+    if not is_used[test.joint] or not others.any():
+        return []
+    gain = float(slopes[test.joint] / np.median(slopes[others]))
+    if gain <= 0 or (not (gain > OFF and test.gain > 1) and not (gain < 1 / OFF and test.gain < 1)):
+        return []
+    name = lib.joint_names[test.joint]
+    return [
+        Finding(
+            "torque_gain",
+            WARNING,
+            f"the torque of {name} is about {gain:.2g} times too large beside that of the other "
+            "joints: no bodies explain them together, and the slope on the torque of the URDF "
+            f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
+            f"to {1 / gain:.2g} times the present one under [torque]",
+            {"joint": test.joint, "gain": gain, "statistic": test.statistic},
+        )
+    ]
+
+
+def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+    """Bodies of the URDF that are far from those of the log; friction is free in all fits.
+
+        mismatch = (‖r_URDF‖² − ‖r_free‖²)^½ / (‖r_0‖² − ‖r_free‖²)^½
+
+    with the residuals r of friction alone (r_0), with the URDF and with free bodies, which explain
+    the torque of any arm with the same axes.
+    """
+    s, lib = torque_rows.samples, torque_rows.lib
+    tau, friction = s.tau.ravel(), torque_rows.friction_rows()
+    urdf = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0).ravel()
+    free, by_urdf, none = (
+        float(np.sum(least_squares(columns, target)[1] ** 2))
+        for columns, target in ((matrix, tau), (friction, tau - urdf), (friction, tau))
+    )
+    mismatch = float(np.sqrt(max(by_urdf - free, 0.0) / max(none - free, 1e-300)))
+    if mismatch < OTHER:
+        return []
+    return [
+        Finding(
+            "other_robot",
+            WARNING,
+            f"the bodies of the URDF miss {100 * mismatch:.0f} % of the rigid torque of this log, "
+            "which other bodies on the same axes explain: the log is of another robot or variant, "
+            "the arm carries something, or the masses of the URDF are placeholders; build the "
+            "robot of the log",
+            {"mismatch": mismatch},
+        )
+    ]
+
+
+def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list[Finding]:
+    """A torque that is the output of a model: it fits better than a measurement can.
+
+    Three signs: a fit without constraints that is exact, noise below that of any sensor, and joints
+    without friction. Every real joint has friction; torque sensors behind the gears measure a part.
+
+    raw_tau (N, n) [N·m, N].
+    """
+    tau = torque_rows.samples.tau
+    _, rest = least_squares(matrix, tau.ravel())
+    size = np.sqrt(np.mean(tau**2, axis=0))
+    misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+    noise = noise_floor(raw_tau) / np.maximum(size, 1e-300)
+    floor = float(np.median(noise))
+    friction = _share_of_friction(torque_rows, matrix, rest)
+    frictionless = friction < FRICTIONLESS and misfit < FITTED
+    if misfit > PERFECT and not (floor < SILENT and misfit < GOOD) and not frictionless:
+        return []
+    why = (
+        f"the model fits it to {100 * misfit:.2g} %, and friction columns reduce the residual by a "
+        f"factor of {friction:.2g} only, whereas real joints have friction"
+        if frictionless
+        else f"the model fits it to {100 * misfit:.2g} %, and its noise is {100 * floor:.2g} % of "
+        "its RMS"
+    )
+    return [
+        Finding(
+            "not_measured",
+            WARNING,
+            f"the torque is not a measurement: {why}; it is the output of a model (commanded, "
+            "feed-forward or simulated torque), from which only that model can be identified; log "
+            "the measured torque or current",
+            {
+                "misfit": misfit,
+                "noise_over_rms": [float(x) for x in noise],
+                "without_friction_over_with": friction,
+            },
+        )
+    ]
+
+
+def noise_floor(values: Array) -> Array:
+    """σ of white noise per column from fourth differences: ‖Δ⁴x‖ / √(70 N)."""
+    differences = np.diff(values, n=_DIFFERENCES, axis=0)
+    return np.asarray(np.sqrt(np.mean(differences**2, axis=0) / 70.0))
+
+
+def _share_of_friction(torque_rows: TorqueRows, matrix: Array, rest: Array) -> float:
+    """Residual without viscous and Coulomb columns over that with them, median over the joints."""
+    n = torque_rows.lib.n_joints
+    n_base = len(torque_rows.lib.base_columns)
+    offsets = np.tile(np.eye(n), (len(torque_rows.samples), 1))
+    tau = torque_rows.samples.tau.ravel()
+    _, without = least_squares(np.hstack([matrix[:, :n_base], offsets]), tau)
+    powers = [np.sum(each.reshape(-1, n) ** 2, axis=0) for each in (without, rest)]
+    return float(np.median(np.sqrt(powers[0] / np.maximum(powers[1], 1e-300))))

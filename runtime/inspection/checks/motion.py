@@ -1,19 +1,27 @@
 """Checks of the velocities against the positions: order and signs of dq, jumps of one turn.
 
 dq is compared with the derivative of q by their correlation, which needs no unit, so that this
-check comes before those of the units (traps 3, 9, 10).
+check comes before those of the units. Velocities may be computed from the positions by a low-pass,
+
+    dq_k = a dq_{k−1} + b (q_k − q_{k−1})/h_k,    b = 1 − a,    lag a h/(1 − a)
+
+A measured velocity has noise of its own, which its past and the last step of q do not predict. The
+filter delays dq, friction and Coriolis torque against q and τ; without the column, dq is
+differentiated from q with the filter of the other signals.
 """
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import unwrap
 from runtime.recording.recipes.recipe import Signal
+from runtime.recording.rest_speeds import STILL
 
 ALIKE = 0.8
 """Correlation of dq with the derivative of q above which the two belong together."""
@@ -21,14 +29,20 @@ TRAVEL = 0.05
 """Travel [rad or m] from which on a joint has had a velocity."""
 GAINED = 0.2
 """Correlation that another order must gain; the joint speeds of one motion resemble each other."""
+EXACT = 0.1
+"""Residual of the filter over that of the past of dq alone, below which dq contains q alone."""
+SLOWEST, FASTEST = 0.999, 0.3
+"""Range of a; a dq with less memory is hardly late."""
+CLOSED = 0.05
+"""Distance of the gain b/(1 − a) of a filter from 1."""
+FEWEST = 200
+"""Rows that the regression needs."""
 
 
 def velocity_pairs(
     recording: Recording, plan: Recipe, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
     """Order and sign of dq, by the correlation with the derivative of q."""
-    from scipy.optimize import linear_sum_assignment
-
     if recording.dq is None or plan.velocity is None or len(recording) < 10:
         return plan, []
     slope = np.gradient(unwrap(recording.q)[0], recording.t, axis=0)
@@ -51,7 +65,6 @@ def velocity_pairs(
                 f"{columns} of dq (correlation {best[moved].min():.2f}, in the present order "
                 f"{present[moved].max():.2f} at most); set order = [{columns}] under [velocity]",
                 {"order": list(map(int, changes.order)), "correlation": numbers(best)},
-                trap=9,
             )
         )
         alike = alike[:, final]
@@ -69,7 +82,6 @@ def velocity_pairs(
                 f"(correlation {min(alike[j, j] for j in against):.2f}): one of the two has the "
                 "wrong sign; set sign under [velocity], or under [position] where q is reversed",
                 {"joints": against, "correlation": numbers(np.diag(alike))},
-                trap=3,
             )
         )
     return plan.replace(velocity=changes), findings
@@ -93,7 +105,6 @@ def constant_velocity(recording: Recording, lib: Library) -> list[Finding]:
             "log it, leave [velocity] out of the recipe so that all velocities are computed from "
             "q, or lock the joint in the build",
             {"joints": dead, "travel": numbers(travel[dead])},
-            trap=9,
         )
     ]
 
@@ -102,7 +113,7 @@ def wraps(recording: Recording) -> list[Finding]:
     """Jumps of one turn that the reader has unwrapped."""
     sentences = [sentence for sentence in recording.history if sentence.startswith("Unwrapped")]
     check = "as the reader always does; check that the robot itself did not make these turns"
-    return [Finding("wrap", INFO, f"{each[:-1]}, {check}", trap=10) for each in sentences]
+    return [Finding("wrap", INFO, f"{each[:-1]}, {check}") for each in sentences]
 
 
 def correlation(a: Array, b: Array) -> Array:
@@ -131,3 +142,62 @@ def _composed(signal: Signal, order: NDArray[np.int64]) -> tuple[int, ...]:
 
 def _signs(signal: Signal, n: int) -> Array:
     return np.broadcast_to(np.asarray(signal.sign, dtype=float), (n,))
+
+
+def velocity_filter(
+    recording: Recording, plan: Recipe, lib: Library
+) -> tuple[Recipe, list[Finding]]:
+    """Velocities that are a first-order filter of the differences of q.
+
+    Measured: least squares of dq_k on dq_{k−1} and the last difference quotient of q.
+    """
+    if recording.dq is None or plan.velocity is None or len(recording) < FEWEST or plan.law:
+        return plan, []
+    q = unwrap(recording.q)[0]
+    moving = np.flatnonzero(np.ptp(q, axis=0) > STILL)
+    if not moving.size:
+        return plan, []
+    steps = np.diff(recording.t)
+    slope = np.diff(q, axis=0) / steps[:, None]
+    fits = np.array([_filter(recording.dq[:, j], slope[:, j]) for j in moving])
+    memory, gain, rest = fits.T
+    if not ((rest < EXACT) & (memory > FASTEST) & (memory < SLOWEST)).all():
+        return plan, []
+    if (np.abs(gain - 1) > CLOSED).any():
+        return plan, []
+    factor, step = float(np.median(memory)), float(np.median(steps))
+    lag = factor * step / (1 - factor)
+    names = joint_list(lib.joint_names, [int(j) for j in moving])
+    return plan.replace(velocity=None), [
+        Finding(
+            "velocity_filtered",
+            WARNING,
+            f"dq of {names} is not a measurement: dq[k] = {factor:.3g} dq[k-1] + {1 - factor:.3g} "
+            "(q[k] - q[k-1])/h reproduces it, a low-pass of the positions that is "
+            f"{1e3 * lag:.0f} ms late; the velocity is computed from q instead: leave [velocity] "
+            "out of the recipe",
+            {
+                "factor": numbers(memory),
+                "gain": numbers(gain),
+                "unexplained": numbers(rest),
+                "lag_s": lag,
+            },
+        )
+    ]
+
+
+def _filter(dq: Array, slope: Array) -> tuple[float, float, float]:
+    """a, b/(1 − a), and the residual over that of two past values of dq."""
+    target = dq[2:]
+    fitted = np.column_stack([dq[1:-1], slope[1:]])
+    past = np.column_stack([dq[1:-1], dq[:-2]])
+    x, left = _solved(fitted, target)
+    _, innovation = _solved(past, target)
+    a, b = float(x[0]), float(x[1])
+    return a, b / (1 - a) if a != 1 else np.inf, left / max(innovation, 1e-300)
+
+
+def _solved(rows: Array, target: Array) -> tuple[Array, float]:
+    """Least squares solution and the norm of its residual."""
+    x = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
+    return x, float(np.linalg.norm(target - rows @ x))

@@ -57,7 +57,7 @@ def position_columns(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, lis
             f"set sign = {value} under [position] and [velocity], or turn the axis in the URDF"
         )
         return plan.replace(**changes), [
-            Finding("position_sign", WARNING, sentence, evidence | {"joints": [j]}, trap=3)
+            Finding("position_sign", WARNING, sentence, evidence | {"joints": [j]})
         ]
     order = swaps[int(np.argmax(by_order))]
     moved = [int(j) for j in np.flatnonzero(order != still)]
@@ -69,7 +69,7 @@ def position_columns(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, lis
     )
     changes = {kind: _ordered(each, order) for kind, each in _motion(plan).items()}
     return plan.replace(**changes), [
-        Finding("position_order", WARNING, sentence, evidence | {"order": order.tolist()}, trap=9)
+        Finding("position_order", WARNING, sentence, evidence | {"order": order.tolist()})
     ]
 
 

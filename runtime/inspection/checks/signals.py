@@ -1,4 +1,4 @@
-"""Checks of single signals: saturation, end stops, rest, little torque (traps 7, 13)."""
+"""Checks of single signals: saturation, end stops, rest, little torque."""
 
 import numpy as np
 
@@ -104,13 +104,12 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
             WARNING if 2 * still.size > lib.n_joints else INFO,
             f"{sentence}; record a motion that moves every joint",
             {"joints": still.tolist()},
-            trap=7,
         )
     ]
 
 
 def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
-    """Intervals in which no joint moves (trap 7).
+    """Intervals in which no joint moves.
 
     Measured: share of the rows in which every joint is slower than `rest_speeds`. There the
     friction torque lies anywhere between its bounds, and the sign of dq is noise.
@@ -134,7 +133,6 @@ def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
             f"the arm rests for {100 * share:.0f} % of the log ({listed}{more}); there friction "
             f"lies anywhere between its bounds and the sign of dq is noise; {what}",
             {"share": share, "spans_s": [list(span) for span in spans]},
-            trap=7,
         )
     ]
 
@@ -154,7 +152,7 @@ def rest_spans(
 
 
 def little_torque(recording: Recording, lib: Library) -> list[Finding]:
-    """Joints whose relative torque error misleads (trap 13).
+    """Joints whose relative torque error misleads.
 
     Measured: RMS torque of every joint over that of the most loaded one.
     """
@@ -172,7 +170,6 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
             f"{joint_list(lib.joint_names, few)} carries little torque (RMS {listed} N·m or N, the "
             f"most loaded joint {rms.max():.3g}): use its RMS error, not the error in percent",
             {"joints": few, "rms": [float(x) for x in rms]},
-            trap=13,
         )
     ]
 

@@ -1,4 +1,4 @@
-"""Delay δ of the time stamps of τ (trap 2): minimum over δ of ‖τ(t + δ) − W x‖.
+"""Delay δ of the time stamps of τ: minimum over δ of ‖τ(t + δ) − W x‖.
 
 Rows near a reversal of a joint's speed are left out for that joint: friction has a memory there and
 lags behind the sign of dq, which looks like a delay of some 20 ms. A coarse search up to `LONGEST`
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.residuals import NORMAL_95
@@ -72,7 +73,6 @@ def delay(
             f"removes {100 * gain:.0f} % of the squared residual; set torque_delay_s = {late:.2g} "
             "under [preparation]",
             {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach},
-            trap=2,
         ),
         stated,
     ]
@@ -90,7 +90,7 @@ def _stated(grid: Array, cost: Array, late: float | None, sigma: float | None) -
             "a delay of the measured torque is not determined: the loss has no minimum within "
             f"{1e3 * grid[0]:.0f} to {1e3 * grid[-1]:.0f} ms; record a faster motion to estimate it"
         )
-        return Finding("delay", INFO, sentence, evidence, trap=2)
+        return Finding("delay", INFO, sentence, evidence)
     half = NORMAL_95 * sigma
     evidence["interval_s"] = [late - half, late + half]
     sentence = (
@@ -98,7 +98,7 @@ def _stated(grid: Array, cost: Array, late: float | None, sigma: float | None) -
         f"{1e3 * (late - half):.1f} to {1e3 * (late + half):.1f} ms); friction with a memory looks "
         "like a delay of some ms"
     )
-    return Finding("delay", INFO, sentence, evidence, trap=2)
+    return Finding("delay", INFO, sentence, evidence)
 
 
 class _Search:
@@ -154,8 +154,6 @@ def _basis(rows: Array) -> Array:
 
 def _sliding(torque_rows: TorqueRows) -> NDArray[np.bool_]:
     """Rows and joints far from a reversal of the speed, (N, n)."""
-    from scipy.ndimage import maximum_filter1d
-
     dq, rate = torque_rows.whole.required("dq"), torque_rows.whole.rate_hz
     slow = np.abs(dq) < SLIDING * np.abs(dq).max(axis=0)
     width = 2 * round(NEAR * rate) + 1

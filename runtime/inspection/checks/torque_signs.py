@@ -1,17 +1,17 @@
-"""Checks of order, sign and unit of τ, by regression on the torque of the URDF (traps 3, 9, 11).
+"""Checks of order, sign and unit of τ, by regression on the torque of the URDF.
 
     τ_i = s τ̂_j + v dq_j + c tanh(dq_j / ε) + b
 
-s is 1 where τ is the torque at the joint in N·m, and −1 where the log has the opposite sign (trap
-3). One factor for all joints is a unit; different factors are motor currents or motor torques (trap
-11). The torque of the URDF errs by 10 to 20 %, so that gains computed from it are a start, not a
-calibration.
+s is 1 where τ is the torque at the joint in N·m, and −1 where the log has the opposite sign. One
+factor for all joints is a unit; different factors are motor currents or motor torques. The torque
+of the URDF errs by 10 to 20 %, so that gains computed from it are a start, not a calibration.
 """
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
@@ -34,8 +34,6 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
 
     Measured: share of each column of τ that the model's torque of each joint explains.
     """
-    from scipy.optimize import linear_sum_assignment
-
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls
     n = torque_rows.lib.n_joints
@@ -67,7 +65,6 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
                 "explained": best.tolist(),
                 "explained_as_is": present.tolist(),
             },
-            trap=9,
         )
     ]
 
@@ -90,9 +87,7 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
             "unit = 'mN*m' under [torque]"
         )
         torque = replace(plan.torque, unit="mN*m")
-        return plan.replace(torque=torque), [
-            Finding("torque_unit", ERROR, sentence, evidence, trap=11)
-        ]
+        return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence)]
     known = [float(s) for s, k in zip(size, is_used, strict=True) if k]
     gains = [
         1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, is_used, strict=True)
@@ -111,7 +106,7 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
         f"The proposed gains {', '.join(f'{g:.3g}' for g in gains)} reproduce the masses of the "
         "URDF and are not a calibration: identified masses inherit their error"
     )
-    return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence, trap=11)]
+    return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence)]
 
 
 def _unscaled(plan: Recipe) -> bool:
@@ -145,7 +140,6 @@ def joint_signs(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fin
             "too, and set sign = "
             f"{[int(s) for s in sign * present]} under [torque]",
             {"joints": where, "slopes": [float(s) for s in slopes]},
-            trap=3,
         )
     ]
 

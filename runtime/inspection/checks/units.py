@@ -1,14 +1,15 @@
 """Checks of the units of q, dq and t, by the limits of the joints and the slope of q on ∫ dq dt.
 
-s = Δq / ∫ dq dt  =  u_dq u_t / u_q   is 1 in the right units (traps 2, 6, 10)
+s = Δq / ∫ dq dt  =  u_dq u_t / u_q   is 1 in the right units
 """
 
 import itertools
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from runtime.inspection.checks.order_scores import BEYOND, ROWS, beyond_limits, mismatches
+from runtime.inspection.checks.joint_order import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.inspection.finding import ERROR, WARNING, Finding, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
@@ -59,7 +60,6 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
                 f"{np.abs(recording.q).max():.4g} and span {span:.4g}, in {position.unit} "
                 "they lie within the limits of the joints; set the unit under [position]",
                 {"factor": factor, "reach": float(np.abs(recording.q).max())},
-                trap=10,
             )
         )
     if recording.dq is None or plan.velocity is None:
@@ -99,7 +99,6 @@ def _velocity_and_time(
                 f"the log has no column of time; Δq = dq Δt gives a rate of {rate:.4g} Hz; confirm "
                 "rate_hz under [time]",
                 {"rate_hz": rate},
-                trap=2,
             )
         )
         return plan.replace(time=time), findings
@@ -111,7 +110,6 @@ def _velocity_and_time(
             f"{', '.join(f'{s:.3g}' for s in slopes)}), which no unit explains: check gear, order "
             "and clock; until then take velocities from q (derivative = 'position'), as proposed",
             {"slope": seen, "slopes": numbers(slopes)},
-            trap=2,
         )
     )
     return plan.replace(preparation=replace(plan.preparation, derivative="position")), findings
@@ -134,7 +132,6 @@ def _in_units(
                 f"time looks like {unit}: Δq/Δt is {seen:.3g} of dq, and in {unit} the log runs "
                 f"at {rate:.4g} Hz; set unit = '{unit}' under [time]",
                 {"slope": seen, "rate_hz": rate, "unit": unit},
-                trap=2,
             )
         )
     if speed != 1.0 and plan.velocity is not None:
@@ -146,7 +143,6 @@ def _in_units(
                 f"velocities look like {plan.velocity.unit}: Δq/Δt is {seen:.3g} of dq; set the "  # type: ignore[union-attr]
                 "unit under [velocity]",
                 {"slope": seen},
-                trap=10,
             )
         )
     return plan, findings
@@ -169,7 +165,6 @@ def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:
             WARNING,
             f"{rate}; if time is in ms or µs, set its unit under [time]",
             {"rate_hz": recording.rate_hz},
-            trap=2,
         )
     ]
 
@@ -202,8 +197,6 @@ def _turns(recording: Recording, lib: Library) -> bool:
 
 def _misplaced(q: Array, lib: Library) -> float:
     """Largest excess over a limit in the order of columns that minimises it [rad, m]."""
-    from scipy.optimize import linear_sum_assignment
-
     beyond = beyond_limits(q, lib)
     rows, order = linear_sum_assignment(beyond)
     return float(beyond[rows, order].max())
@@ -228,7 +221,6 @@ def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
         f"positions exceed the limits in every unit: {lib.joint_names[worst]} by "
         f"{beyond[worst]:.3g}, the joints reach {reach}{doubt}; {what}",
         {"reach": numbers(ratio), "beyond": numbers(beyond)},
-        trap=6,
     )
 
 

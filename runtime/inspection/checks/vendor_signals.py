@@ -1,4 +1,4 @@
-"""What the torque column of a known maker is, by its name (traps 4, 11).
+"""What the torque column of a known maker is, by its name.
 
 Makers publish currents, model torques, compensated torques and sensor torques under names that
 do not say so. A record per name states what it is and what to write. Sources: RTDE guide and
@@ -186,13 +186,11 @@ def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe,
             unit = "mA" if plan.torque.unit == "mA" else "A"
             plan = plan.replace(torque=replace(plan.torque, unit=unit, gain=None))
     evidence = {"vendor": known.vendor, "signal": known.title, "meaning": known.meaning}
-    trap = 11 if known.meaning in {CURRENT, MEASURED} else 4
     return plan, [
         Finding(
             "vendor_signal",
             level,
             f"{known.vendor}: '{known.title}' is {known.sentence}",
             evidence,
-            trap=trap,
         )
     ]

@@ -13,7 +13,7 @@ from runtime.identification.several_logs import NamedLog, identify_logs
 from runtime.inspection.cutoff_choice import choose_cutoff
 from runtime.inspection.default_friction import choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
-from runtime.inspection.proposed_preparation import proposed_preparation
+from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 

@@ -7,19 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.inspection import proposed_preparation as proposal
-from runtime.inspection.checks import gear_coupling, other_model, torque_delay
-from runtime.inspection.checks.clock import _gaps
+from runtime.inspection import torque_checks as proposal
+from runtime.inspection.checks import model_fit, torque_delay
+from runtime.inspection.checks.clock import _gaps, lost_rows
 from runtime.inspection.checks.drives import rotor
-from runtime.inspection.checks.frozen import frozen
+from runtime.inspection.checks.file_layout import _untitled
 from runtime.inspection.checks.gravity_direction import _finding, _Fit
-from runtime.inspection.checks.lost_rows import lost_rows
-from runtime.inspection.checks.order_scores import mismatches
-from runtime.inspection.checks.signal_parts import _untitled
+from runtime.inspection.checks.joint_order import mismatches
+from runtime.inspection.checks.outlying_rows import frozen
 from runtime.inspection.checks.units import units
-from runtime.inspection.checks.unknown_gains import stated
 from runtime.inspection.cutoff_choice import CutoffCandidate, CutoffChoice
 from runtime.inspection.finding import INFO, Finding
+from runtime.inspection.inspection import stated
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction import DRIVE
@@ -130,18 +129,18 @@ def test_currents_without_gains_keep_the_other_findings() -> None:
 def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
     """Oracle: reported where the slope differs by 1.4 or more, on the side of the test."""
     result = SimpleNamespace(is_contradicted=True, joint=1, gain=tested, statistic=9.0)
-    monkeypatch.setattr(other_model, "gain_test", lambda *_: result)
+    monkeypatch.setattr(model_fit, "gain_test", lambda *_: result)
     slopes = np.array([2.0, 2.0 * slope, 2.0]), np.ones(3, dtype=bool)
-    monkeypatch.setattr(other_model, "slopes_to_model", lambda _: slopes)
+    monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: slopes)
     robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"))
     rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
-    findings = other_model.joint_gain(rows, np.zeros((12, 1)))
+    findings = model_fit.joint_gain(rows, np.zeros((12, 1)))
     assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
 
 
 def test_gear_that_couples_two_joints(monkeypatch) -> None:
     """Oracle: residuals that are the speed of the other joint; none where one has no residual."""
-    monkeypatch.setattr(gear_coupling, "inflation_of", lambda *_: 1.0)
+    monkeypatch.setattr(model_fit, "inflation_of", lambda *_: 1.0)
     t = np.arange(400) / 100.0
     dq = np.stack([np.sin(2 * np.pi * t), np.sin(5 * np.pi * t)], axis=1)
     ddq = np.gradient(dq, t, axis=0)
@@ -149,7 +148,7 @@ def test_gear_that_couples_two_joints(monkeypatch) -> None:
     for size, count in ((1.0, 1), (0.0, 0)):
         samples = SimpleNamespace(tau=dq[:, ::-1] * [size, 1.0], dq=dq, ddq=ddq)
         rows = SimpleNamespace(lib=robot, samples=samples)
-        findings = gear_coupling.coupling(rows, np.zeros((800, 1)), Friction())
+        findings = model_fit.coupling(rows, np.zeros((800, 1)), Friction())
         assert len(findings) == count
         for each in findings:
             assert each.evidence["pairs"] == [[0, 1, pytest.approx(1.0)]]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.inspection import inspect_log
-from runtime.inspection.checks.column_content import blocks_by_content
+from runtime.inspection.checks.columns import blocks_by_content
 
 ORDERS = {
     "usual": ("t", "q", "dq", "tau"),

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from runtime.estimators.regression import Statistics
-from runtime.inspection import column_solver as module
-from runtime.inspection.column_solver import column_solver
+from runtime.inspection import default_friction as module
 from runtime.inspection.cross_validation import solved
+from runtime.inspection.default_friction import column_solver
 
 BASE, OTHERS = 5, 9
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.inspection import inspect_log
-from runtime.inspection.checks.lost_rows import lost_beside_repeats
+from runtime.inspection.checks.clock import lost_beside_repeats
 from runtime.inspection.checks.outlying_rows import outlying_rows
 from runtime.library import Library
 from runtime.recording import Recipe, Recording

@@ -12,9 +12,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
-from runtime.inspection.candidate_columns import SPRINGS
-from runtime.inspection.column_trial import DEFAULT_COLUMNS
-from runtime.inspection.default_friction import choose_default_friction
+from runtime.inspection.default_friction import DEFAULT_COLUMNS, SPRINGS, choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, write_recording

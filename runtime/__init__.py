@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from runtime.estimators.descent.fit import PRESETS
     from runtime.estimators.methods import METHODS
     from runtime.identification.identified import Identification
-    from runtime.identification.online import OnlineEstimator
-    from runtime.identification.online_estimate import OnlineEstimate
+    from runtime.identification.online import OnlineEstimate, OnlineEstimator
     from runtime.identification.payload import Payload, identify_payload
     from runtime.identification.sensor_gains import Gains, identify_gains
     from runtime.identification.settings import Settings
@@ -75,7 +74,7 @@ _MODULES = {
     "Library": "runtime.library",
     "METHODS": "runtime.estimators.methods",
     "Observer": "runtime.monitoring.observer",
-    "OnlineEstimate": "runtime.identification.online_estimate",
+    "OnlineEstimate": "runtime.identification.online",
     "OnlineEstimator": "runtime.identification.online",
     "PRESETS": "runtime.estimators.descent.fit",
     "Payload": "runtime.identification.payload",

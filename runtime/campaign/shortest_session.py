@@ -1,4 +1,4 @@
-"""The shortest session that promises a target: approach, motion and return.
+"""The shortest session whose expected error is within a target: approach, motion and return.
 
 The duration of the motion follows from that of the last attempt: the error by noise decreases with
 1/√T, that by the model stays as it is,
@@ -20,12 +20,12 @@ from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information
 from runtime.excitation.search.unseen_motions import unseen_joints
-from runtime.identification.expected_accuracy.promise import (
+from runtime.identification.expected_accuracy.session_error import (
     GAINS,
     NOISE,
+    ErrorParts,
     ModelError,
-    Promise,
-    promise_of,
+    error_parts_of,
 )
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS
@@ -42,12 +42,12 @@ CLOSE = 1.15
 search ends."""
 PER_SECOND = 0.8
 """Harmonics per second of motion, up to the number of the settings."""
-FEWEST = 3
+FEWEST_HARMONICS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class PromisedSession:
-    """A motion with its ways, and the error that they promise.
+class PlannedSession:
+    """A motion with its ways, and the expected error of their log.
 
     Attributes:
         design: of the motion.
@@ -95,21 +95,21 @@ def shortest_session(
     error: ModelError,
     around: Callable[[Trajectory], Trajectory | JoinedMotion],
     **search: Any,
-) -> PromisedSession:
-    """Design motions until the shortest session that promises the target is known to `CLOSE`."""
+) -> PlannedSession:
+    """Design motions until the shortest session within the target is found to `CLOSE`."""
     home = lib.home if settings.home is None else settings.home
     size = size_of(lib, target, home, error)
     attempts: dict[float, float] = {}
-    best: PromisedSession | None = None
-    last: PromisedSession | None = None
+    best: PlannedSession | None = None
+    last: PlannedSession | None = None
     duration, failed, hopeless = FIRST, 0.0, 0
     for _ in range(ATTEMPTS):
         optimum = _designed(lib, target, settings, duration, search)
         session = around(optimum.trajectory)
-        promise = promise_of(lib, session, known, error, target.kind == "payload")
-        total, taken = promise.total(size), optimum.trajectory.duration
+        errors = error_parts_of(lib, session, known, error, target.kind == "payload")
+        total, taken = errors.total(size), optimum.trajectory.duration
         attempts[taken] = total
-        last = PromisedSession(optimum, promise.parts(size), total, target, attempts)
+        last = PlannedSession(optimum, errors.parts(size), total, target, attempts)
         if total <= target.value:
             best = last if best is None or taken < best.duration else best
         else:
@@ -121,7 +121,7 @@ def shortest_session(
             duration = float(np.sqrt(max(failed, best.duration / 4, LEAST / 2) * best.duration))
             duration = max(duration, LEAST)
             continue
-        needed = _needed(promise, size, target.value, session.duration, taken)
+        needed = _needed(errors, size, target.value, session.duration, taken)
         hopeless += not np.isfinite(needed)
         if taken >= MOST or hopeless > 1:
             break
@@ -164,7 +164,7 @@ def size_of(
 def _designed(
     lib: Library, target: Target, settings: DesignSettings, duration: float, search: dict[str, Any]
 ) -> Design:
-    harmonics = int(np.clip(round(PER_SECOND * duration), FEWEST, settings.harmonics))
+    harmonics = int(np.clip(round(PER_SECOND * duration), FEWEST_HARMONICS, settings.harmonics))
     chosen = replace(
         settings,
         duration=duration,
@@ -177,18 +177,22 @@ def _designed(
 
 
 def _needed(
-    promise: Promise, size: Callable[[str, Array], float], value: float, whole: float, taken: float
+    errors: ErrorParts,
+    size: Callable[[str, Array], float],
+    value: float,
+    whole: float,
+    taken: float,
 ) -> float:
     """Duration of the motion after which the error is that of the target, by the law of the head.
 
     The ways count as seconds of the motion.
     """
-    noise = promise.parts(size)[NOISE]
-    rest = value**2 - (promise.total(size) ** 2 - noise**2)
+    noise = errors.parts(size)[NOISE]
+    rest = value**2 - (errors.total(size) ** 2 - noise**2)
     return np.inf if rest <= 0 else 1.02 * whole * noise**2 / rest - (whole - taken)
 
 
-def _unreachable(target: Target, last: PromisedSession | None) -> IdentificationError:
+def _unreachable(target: Target, last: PlannedSession | None) -> IdentificationError:
     if last is None:
         return IdentificationError("expected at least one attempt")
     name = max(last.parts, key=lambda part: last.parts[part])

@@ -37,8 +37,9 @@ from runtime.identification.comparison import (
     read_truth,
     write_comparison,
 )
-from runtime.identification.comparison.output import HEAD, LEGEND, cells
-from runtime.identification.comparison.truth import beside
+from runtime.identification.comparison.output import LEGEND
+from runtime.identification.comparison.row import HEAD, cells
+from runtime.identification.comparison.run import beside
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
 

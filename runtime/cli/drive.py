@@ -57,7 +57,7 @@ def with_mirrored_links(
         )
     from runtime.estimators.convex.constraints import Constraints
     from runtime.estimators.prior_file import PriorFile
-    from runtime.identification.drive.mirrored_links import mirrored_links
+    from runtime.identification.drive.symmetry import mirrored_links
 
     usual = prior or PriorFile(None, Constraints())
     rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))

@@ -49,9 +49,8 @@ def identify_free_base_log(
     others: dict[str, object],
 ) -> None:
     """Read a log, identify, write result.json and identified.urdf, and print the errors."""
-    from runtime.identification.free_base.identify import SHARE, identify_free_base
-    from runtime.identification.free_base.result import write_free_base
-    from runtime.identification.free_base.vertical_sensors import CROSSTALK
+    from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
+    from runtime.identification.free_base.rows import CROSSTALK
     from runtime.outputs.model_files import write_urdf
     from runtime.recording.free_base import read_free_base
 

@@ -44,8 +44,8 @@ from runtime.cli.streamed_log import is_streamable
 from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
+from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import Settings
-from runtime.identification.without_prior import settings_for
 from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
 from runtime.recording import Recording, is_large
@@ -276,7 +276,7 @@ def _with_progress(
             progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
         if drives is not None:
-            from runtime.identification.drive.tied_drives import identify_drives
+            from runtime.identification.drive.symmetry import identify_drives
 
             return identify_drives(recording, lib, settings, drives, progress=report)
         from runtime.identification.single_log import identify

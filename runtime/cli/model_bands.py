@@ -9,7 +9,7 @@ from runtime.estimators.convex.bodies import bodies_of
 from runtime.estimators.prior_file import TRUST
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.excitation.limits.carried_body import CarriedBody
-from runtime.identification.payload.mount import mount_of
+from runtime.identification.payload.body import mount_of
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 

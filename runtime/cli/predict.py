@@ -42,7 +42,7 @@ from runtime.identification.expected_accuracy import (
     planned_recording,
     verdict,
 )
-from runtime.identification.expected_accuracy.promise import ModelError
+from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Array, Library
 from runtime.library.torque_units import torque_units
 from runtime.recording import Friction

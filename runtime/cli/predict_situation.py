@@ -17,7 +17,7 @@ from runtime.identification.expected_accuracy import (
     noise_of,
     torque_of_gains,
 )
-from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
+from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Array, Library
 from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import read_recording

@@ -58,7 +58,7 @@ def streamed_result(
 def _with_delay(result: Identification, facts: dict[str, Any], rows: int) -> Identification:
     """The result with the delay of the first rows."""
     from runtime.cli.several_delays import delay_notes
-    from runtime.identification.drive.passes import BIAS_PRIOR
+    from runtime.identification.drive.estimate import BIAS_PRIOR
     from runtime.identification.drive.result import DriveFit
 
     note = f"{delay_notes((facts,))[0]}, from the first {rows} rows"

@@ -8,7 +8,7 @@ from runtime.cli.approach_options import SessionPlan
 from runtime.cli.given_options import given_options
 from runtime.errors import RuntimeFault
 from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
-from runtime.identification.expected_accuracy.promise import ModelError
+from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
 
 Until = Annotated[

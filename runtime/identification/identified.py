@@ -2,26 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
+from runtime.identification.drive.result import DriveFit
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
 from runtime.library.torque_units import torque_units
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
 
-if TYPE_CHECKING:
-    from runtime.estimators.optimizers import Trace
-    from runtime.identification.drive.result import DriveFit
 
-
-class WholeLog(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeLog:
     """Figures over all rows of a streamed log, of which a result holds only windows.
 
     Attributes:
@@ -40,7 +39,8 @@ class WholeLog(NamedTuple):
     with_friction: metrics.TorqueError | None = None
 
 
-class TrainedModel(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainedModel:
     """A fit to the training part, where the result is a fit to all rows.
 
     Attributes:
@@ -107,7 +107,7 @@ class Identification(Framed):
     uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
-    trace: "Trace | None"
+    trace: Trace | None
     train: Recording
     validation: Recording
     test: Recording
@@ -119,7 +119,7 @@ class Identification(Framed):
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
     trained: TrainedModel | None = None
-    drive: "DriveFit | None" = None
+    drive: DriveFit | None = None
     is_joined: bool = False
     symmetric: tuple[Any, ...] = ()
 

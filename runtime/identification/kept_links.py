@@ -24,9 +24,9 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import Identification, TrainedModel
 from runtime.identification.metrics import TorqueError, torque_error
 from runtime.identification.problem_setup import Assembly, assemble
-from runtime.identification.refit import is_refitted, with_all_rows
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
+from runtime.identification.single_log import is_refitted, with_all_rows
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording

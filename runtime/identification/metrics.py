@@ -3,7 +3,7 @@
 Source: document Eqs. 2.37, 2.39, 5.1–5.4 with the errata to 5.4 and Sec. 3.3.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ CONSISTENCY_TOLERANCE = 1e-12
 """A link is consistent when P_k ⪰ −1e-12 tr(P_k), the rounding of an eigenvalue."""
 
 
-class TorqueError(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class TorqueError:
     """Torque-prediction error of one model on one set of samples.
 
     Attributes:

@@ -8,6 +8,7 @@ The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +32,6 @@ from runtime.identification.expected_accuracy import (
     gained_by_same_motion,
     verdict,
 )
-from runtime.identification.online_estimate import OnlineEstimate, status_of
 from runtime.library import Array, ConvexTask, Library
 from runtime.parallel import one_blas_thread
 
@@ -40,6 +40,44 @@ DECREMENT, MOST_STEPS = 1e-12, 50
 steps."""
 PERFECT = 1e-12
 """Squared noise over squared torque below which data count as exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineEstimate:
+    """The model after some samples.
+
+    Attributes:
+        pi: standard parameters, (10 n,), strictly consistent.
+        phi: friction coefficients, (n, k).
+        samples: N, less the forgotten ones.
+        rejected: number of samples left out because they were not finite.
+        variance: s² of the weighted residual; 1 where the weights are 1/σ².
+        steps: number of Newton steps.
+        converged: whether Newton reached its tolerance.
+        status: one sentence.
+    """
+
+    pi: Array
+    phi: Array
+    samples: float
+    rejected: int
+    variance: float
+    steps: int
+    converged: bool
+    status: str
+
+
+def status_of(steps: int, converged: bool, rejected: int) -> str:
+    """How an estimate came about."""
+    if converged:
+        status = f"converged after {steps} Newton steps"
+    elif steps:
+        status = "not converged; check units and outliers of the torque"
+    else:
+        status = "too few samples, or no torque yet: this is the first guess"
+    if rejected:
+        status += f"; {rejected} samples were not finite and were left out"
+    return status
 
 
 class OnlineEstimator:

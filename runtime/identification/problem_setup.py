@@ -2,6 +2,7 @@
 
 Everything that does not depend on the method happens here: plausibility, preparation, friction
 columns, split, weights, first guess. All methods that share an assembly use the same numbers.
+Robots whose URDF states no masses take methods that need no inertial prior, or a prior file.
 """
 
 from collections.abc import Callable, Iterable
@@ -12,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.mass_unit import mass_unit
-from runtime.estimators.problem import Origin, Problem
+from runtime.estimators.methods import METHODS, chosen_method
+from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains.scaling import in_torque
-from runtime.identification.known_priors import known_friction, known_noise
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -39,6 +41,8 @@ WITHOUT_FRICTION = (
     "command identify chooses them by cross-validation, and "
     "runtime.choose_default_friction(recording, lib).terms returns its choice for friction_columns"
 )
+WITHOUT_PRIOR = "pc-ols"
+"""Method for such a robot where none is named: consistent, and convex from any start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,3 +245,58 @@ def _aligned(
         return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
 
     return rows
+
+
+def known_friction(
+    settings: Settings, columns: tuple[str, ...], friction: Friction
+) -> FrictionPrior | None:
+    """Prior of the friction coefficients, of the settings or of a file of priors."""
+    prior = settings.prior
+    if settings.friction_prior is not None or prior is None:
+        return settings.friction_prior
+    known = None if prior.friction is None else prior.friction.of(friction, columns)
+    if prior.armature is None:
+        return known
+
+    rotors = friction_prior_of(prior.armature, columns)
+    if known is None:
+        return rotors
+    stated = np.isfinite(rotors.sigma)
+    return FrictionPrior(
+        np.where(stated, rotors.mean, known.mean), np.where(stated, rotors.sigma, known.sigma)
+    )
+
+
+def known_noise(settings: Settings, regressor: str) -> NoiseFloor | None:
+    """Least noise of the torque, of a file of priors."""
+    prior = settings.prior
+    return prior.noise if prior is not None and regressor == "acceleration" else None
+
+
+def settings_for(lib: Library, settings: Settings) -> Settings:
+    """Settings with a method that the robot allows.
+
+    The posterior of "map" draws every parameter to π0 of the URDF; placeholders of a URDF without
+    <inertial> would pass for knowledge. The other methods only start there.
+    """
+    if not lib.placeholders or settings.prior is not None:
+        return settings
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    if not METHODS[method].takes_prior:
+        return settings
+    if settings.method is None:
+        return replace(settings, method=WITHOUT_PRIOR)
+    raise IdentificationError(
+        f"the method '{method}' needs an inertial prior, but the URDF of '{lib.name}' states no "
+        f"<inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with --masses"
+    )
+
+
+def note_for(lib: Library) -> tuple[str, ...]:
+    """Sentence on what a result for a robot of placeholders determines; none for other robots."""
+    if not lib.placeholders:
+        return ()
+    return (
+        "the URDF states no <inertial>: only base parameters are determined by the data, the "
+        "masses of single links are arbitrary, and errors before identification are meaningless",
+    )

@@ -7,7 +7,7 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
 
-if TYPE_CHECKING:
-    pass
-
 LARGEST = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
@@ -29,7 +26,8 @@ ALIKE = 1e-6
 _PLACE = ("rotation", "translation", "axis")
 
 
-class ModelOfResult(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelOfResult:
     """The model that a result was identified with.
 
     Attributes:

@@ -6,17 +6,15 @@ Each of them refuses the fields that it cannot use.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
+from runtime.estimators.descent.adam import Preset
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
-
-if TYPE_CHECKING:
-    from runtime.estimators.descent.adam import Preset
-    from runtime.estimators.prior_file import PriorFile
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -53,7 +51,7 @@ class Settings:
 
     method: str | None = None
     preset: "str | Preset | None" = None
-    prior: "PriorFile | None" = None
+    prior: PriorFile | None = None
     preparation: Preparation | None = None
     splitting: Split | None = None
     friction_columns: Friction | None = None

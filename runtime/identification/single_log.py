@@ -4,11 +4,17 @@
 the answer with the optimum of the convex problem. The document's method is Adam in λ (Sec. 4): its
 settings are the presets "simulation" (Table 5.1) and "real" (Table 5.8). "full" is the same descent
 on all samples at once, from compressed statistics; it costs less and stops closer to the optimum.
+
+The method, the friction model and the weights are chosen, and the errors computed, with the fit to
+the training part. What is chosen is then fitted to the rows of all parts (`refitted`): the
+parameters of a robot come from all that was recorded. Its covariance is smaller by the number of
+rows, and what `predict` expects of a log is what `identify` reaches.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,14 +28,13 @@ from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification.identified import Identification, TrainedModel, torque_of
-from runtime.identification.problem_setup import Assembly, assemble
-from runtime.identification.refit import is_refitted, rows_of, with_all_rows
+from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
 from runtime.identification.settings import Settings, settings_from
-from runtime.identification.without_prior import note_for, settings_for
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import filter_inflation
@@ -135,7 +140,6 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
     """The assembly with weights of its training rows, where the settings request them."""
     if not settings.robust:
         return assembly
-    from runtime.estimators.robust import require_robust, robust_problem
 
     require_robust(method)
     lib, t = assembly.problem.lib, assembly.parts[0].t
@@ -210,3 +214,55 @@ def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
         return statistics.value(fit.pi, fit.phi)
     rest = problem.train.tau - torque_of(problem.lib, problem.train, fit.pi, fit.phi, fit.learned)
     return float(np.mean(rest**2 @ problem.weights) / 2)
+
+
+def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
+    """Whether a result is fitted to all rows after its errors are known."""
+    rows_of_joints = assembly.problem.train.equations == assembly.problem.lib.n_joints
+    train, _, test = assembly.parts
+    return (
+        settings.refit
+        and assembly.one_run
+        and not np.array_equal(train.t, test.t)  # else all rows train already
+        and rows_of_joints
+        and not METHODS[method].needs_samples(settings.preset)
+    )
+
+
+def with_all_rows(assembly: Assembly) -> Assembly:
+    """The same problem with the rows of all parts for training."""
+    problem = assembly.problem
+    test = samples_of(assembly.parts[2], problem.lib)
+    rest = (test,) if assembly.is_joined else (problem.validation, test)
+    rows = joined((problem.train, *rest))
+    whole = replace(problem, train=rows, terms=assembly.friction)
+    pieces = problem.pieces
+    if pieces is not None:  # a streamed log: `rows` are those of its windows
+        names = ("train", "test") if assembly.is_joined else ("train", "validation", "test")
+        whole = replace(whole, pieces=lambda _: chain.from_iterable(map(pieces, names)))
+    return replace(assembly, problem=whole)
+
+
+def rows_of(problem: Problem, fit: Fit) -> int:
+    """Number of samples of a fit, those of a streamed log outside of its windows included."""
+    if problem.pieces is None:
+        return len(problem.train)
+    return round((fit.statistics or problem.statistics()).n_samples)
+
+
+def joined(parts: tuple[Samples, ...]) -> Samples:
+    """Samples of several parts, one after the other."""
+    first = parts[0]
+
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Samples(
+        column("q"),
+        column("dq"),
+        None if first.acceleration is None else column("acceleration"),
+        column("tau"),
+        column("columns"),
+        coupling=first.coupling,
+        base=None if first.base is None else column("base"),
+    )

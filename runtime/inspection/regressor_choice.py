@@ -10,9 +10,8 @@ momentum, which needs no accelerations. δ is therefore the effect of a cut-off 
 band, or of too low a rate, on the rows alone; the noise of q and dq is in both.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import comb
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +33,8 @@ STILL = 0.02
 _ORDER = 8
 
 
-class Differentiation(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Differentiation:
     """Quality of the accelerations of a preparation.
 
     Attributes:

@@ -10,7 +10,7 @@ from bench.free_base import library
 from bench.front import Sheet
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
-from runtime.identification.free_base.vertical_force import VerticalForce, vertical_force
+from runtime.identification.free_base.noise import VerticalForce, vertical_force
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import FreeBaseRecording, free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of

@@ -10,12 +10,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from runtime.estimators.methods import METHODS
 from runtime.files import replacing
 from runtime.identification.comparison.advice import Advice, advise
-from runtime.identification.comparison.row import Figures, Row
+from runtime.identification.comparison.row import HEAD, cells, finite, row_facts
 from runtime.identification.comparison.run import Comparison
 from runtime.identification.problem_setup import PARTS
 from runtime.identification.result_file import versions
@@ -86,7 +83,7 @@ def _facts(
         "friction": assembly.friction.facts(),
         "weights": assembly.problem.weights.tolist(),
         "before_percent": comparison.before,
-        "convex_optimum": _finite(comparison.optimum),
+        "convex_optimum": finite(comparison.optimum),
         "rows": [row_facts(row) for row in comparison.rows],
         "advice": {"take": advice.take, "sentences": list(advice.sentences)},
         "notes": [*notes, *(one_run if assembly.one_run else ())],
@@ -107,48 +104,6 @@ def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
     return sum(count for count, *_ in ends), ends[0][1], ends[-1][2]
 
 
-def row_facts(row: Row) -> dict[str, Any]:
-    """A row of compare.json."""
-    head = {
-        "method": row.method,
-        "about": METHODS[row.method].sentence,
-        "outcome": row.outcome,
-        "status": row.status,
-    }
-    return head | ({} if row.figures is None else _figure_facts(row.figures))
-
-
-def _figure_facts(f: Figures) -> dict[str, Any]:
-    return {
-        "test_percent": f.test_percent,
-        "validation_percent": f.validation_percent,
-        "train_percent": f.train_percent,
-        "rms": f.rms.tolist(),
-        "base_error_percent": f.base_error,
-        "seconds": f.seconds,
-        "iterations": f.iterations,
-        "smallest_relative_eigenvalue": f.smallest_eigenvalue,
-        "consistent": f.is_consistent,
-        "boundary": f.is_boundary,
-        "gap_to_convex_optimum": _finite(f.gap),
-        "excited": f.excited,
-        "told_by_data": f.determined,
-    }
-
-
-HEAD = (
-    "method",
-    "error %",
-    "worst RMS",
-    "base %",
-    "s",
-    "steps",
-    "λ_min/tr",
-    "gap %",
-    "status",
-)
-
-
 LEGEND = (
     "error: torque error on the test part, all joints; worst RMS: number and RMS error of the "
     "worst joint, N·m or N; base: error of the base parameters where the true ones are known; "
@@ -156,26 +111,6 @@ LEGEND = (
     "weighted training loss that all rows share, L* the optimum over all consistent models "
     "without nets"
 )
-
-
-def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Cells of one line of the table, in the order of `HEAD`, rounded for reading."""
-    if "rms" not in row:
-        return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
-    worst = int(np.argmax(row["rms"]))
-    base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
-    verdict = row["outcome"] if row["consistent"] else "unphysical"
-    return (
-        row["method"],
-        f"{row['test_percent']:.3f}",
-        f"j{worst + 1} {row['rms'][worst]:.3f}",
-        "–" if base is None else f"{base:.3g}",
-        f"{row['seconds']:.3f}",
-        "–" if row["iterations"] is None else str(row["iterations"]),
-        f"{row['smallest_relative_eigenvalue']:.1e}",
-        "–" if gap is None else f"{100 * gap:.3g}",
-        "boundary" if row["boundary"] else verdict,
-    )
 
 
 def _markdown(facts: Mapping[str, Any]) -> str:
@@ -212,7 +147,3 @@ def _plain(text: str) -> str:
     """
     flat = "".join(c if c.isprintable() else "_" for c in text)
     return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(flat, quote=False))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

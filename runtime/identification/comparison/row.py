@@ -1,10 +1,26 @@
-"""One row of a comparison: outcome of a method, with the figures that the advice uses."""
+"""One row of a comparison: outcome of a method and its figures, as JSON and as cells of a table."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+
+from runtime.estimators.methods import METHODS
 from runtime.library import Array
 
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
+HEAD = (
+    "method",
+    "error %",
+    "worst RMS",
+    "base %",
+    "s",
+    "steps",
+    "λ_min/tr",
+    "gap %",
+    "status",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +77,57 @@ class Row:
     outcome: str
     status: str
     figures: Figures | None = None
+
+
+def row_facts(row: Row) -> dict[str, Any]:
+    """A row of compare.json."""
+    head = {
+        "method": row.method,
+        "about": METHODS[row.method].sentence,
+        "outcome": row.outcome,
+        "status": row.status,
+    }
+    return head | ({} if row.figures is None else _figure_facts(row.figures))
+
+
+def _figure_facts(f: Figures) -> dict[str, Any]:
+    return {
+        "test_percent": f.test_percent,
+        "validation_percent": f.validation_percent,
+        "train_percent": f.train_percent,
+        "rms": f.rms.tolist(),
+        "base_error_percent": f.base_error,
+        "seconds": f.seconds,
+        "iterations": f.iterations,
+        "smallest_relative_eigenvalue": f.smallest_eigenvalue,
+        "consistent": f.is_consistent,
+        "boundary": f.is_boundary,
+        "gap_to_convex_optimum": finite(f.gap),
+        "excited": f.excited,
+        "told_by_data": f.determined,
+    }
+
+
+def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Cells of one line of the table, in the order of `HEAD`, rounded for reading."""
+    if "rms" not in row:
+        return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
+    worst = int(np.argmax(row["rms"]))
+    base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
+    verdict = row["outcome"] if row["consistent"] else "unphysical"
+    return (
+        row["method"],
+        f"{row['test_percent']:.3f}",
+        f"j{worst + 1} {row['rms'][worst]:.3f}",
+        "–" if base is None else f"{base:.3g}",
+        f"{row['seconds']:.3f}",
+        "–" if row["iterations"] is None else str(row["iterations"]),
+        f"{row['smallest_relative_eigenvalue']:.1e}",
+        "–" if gap is None else f"{100 * gap:.3g}",
+        "boundary" if row["boundary"] else verdict,
+    )
+
+
+def finite(value: float) -> float | None:
+    """A number for JSON; None where it is not finite."""
+    return value if np.isfinite(value) else None

@@ -5,31 +5,91 @@ mean ½ rᵀWr of the training samples, the net's share included. L* is that of 
 bounds of friction coefficients (map, pc-ols) count in the gap.
 """
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from runtime.errors import IdentificationError, NeedsError, RuntimeFault
+from runtime.errors import IdentificationError, NeedsError, RecordingError, RuntimeFault
 from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
 from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.methods import require_method
 from runtime.estimators.optimizers import Status
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.files import bytes_of, json_of
 from runtime.identification import metrics
-from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
-from runtime.identification.comparison.truth import Truth
+from runtime.identification.comparison.row import (
+    FAILED,
+    HEAD,
+    NOT_RUN,
+    RAN,
+    Figures,
+    Row,
+    cells,
+    row_facts,
+)
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.single_log import identify_assembled
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording.notebook import html_table
 
+SUFFIX = ".truth.json"
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9
 """Share of the loss of τ̂ = 0 that replaces L* where the data are explained to rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """True base parameters.
+
+    Attributes:
+        beta: (n_b,) SI.
+        name: name of their file.
+        sha256: digest of its bytes.
+    """
+
+    beta: Array
+    name: str
+    sha256: str
+
+
+def beside(log: str) -> Path | None:
+    """Path of LOG.truth.json, None where the log has none."""
+    path = Path(log).with_suffix(SUFFIX)
+    return path if Path(log).is_file() and path.is_file() else None
+
+
+def read_truth(path: Path, lib: Library) -> Truth:
+    """Read the parameters that `simulate` has written.
+
+    Args:
+        path: a .truth.json.
+        lib: library of the robot.
+
+    Returns:
+        The true base parameters.
+
+    Raises:
+        RecordingError: the file is damaged, or of another robot.
+    """
+    try:
+        data = bytes_of(path)
+        facts = json_of(data)
+        pi, robot = np.array(facts["pi"], dtype=float), facts.get("robot", lib.name)
+        if pi.shape != lib.pi0.shape or not np.isfinite(pi).all() or robot != lib.name:
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise RecordingError(
+            f"expected a JSON with {lib.pi0.size} numbers 'pi' of '{lib.name}', as simulate writes "
+            f"it, got '{path}'; correct it, name another with --truth, or move it away"
+        ) from None
+    return Truth(lib.base_matrix @ pi, path.name, hashlib.sha256(data).hexdigest())
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +112,6 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """One line per method, as a table for notebooks."""
-        from runtime.identification.comparison.output import HEAD, cells, row_facts
-
         lib = self.assembly.problem.lib
         rows = [cells(row_facts(row)) for row in self.rows]
         return html_table(f"{lib.name}: every method on the same data", rows, HEAD)

@@ -5,24 +5,21 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.preprocessing import before_test
 
-if TYPE_CHECKING:
-    from runtime.identification.current_gains.one_log import Weighed
-
 
 def with_current_gains(
     recording: Recording,
     lib: Library,
-    weighed: "Sequence[Weighed]" = (),
+    weighed: Sequence[Weighed] = (),
     *,
     friction: Friction | None = None,
     preparation: Preparation | None = None,
@@ -31,8 +28,6 @@ def with_current_gains(
     """The recording with torques in place of currents with unknown gains."""
     if not recording.has_unknown_gains:
         return recording
-    from runtime.identification.current_gains.one_log import current_gains
-
     unit = of_gain_one(recording)
     shares = splitting or (unit.recipe.split if unit.recipe else None)
     seen = before_test(unit, shares)

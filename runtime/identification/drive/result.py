@@ -1,7 +1,7 @@
 """Estimate of the drives of a robot: delay, encoder bias, armature and friction of every joint."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +46,8 @@ class DriveRequest:
     tied: tuple[str, ...] = ()
 
 
-class DriveFit(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveFit:
     """Drives of a robot with standard deviations; NaN where a value is not determined.
 
     Attributes:

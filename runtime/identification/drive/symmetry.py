@@ -6,27 +6,67 @@ Armature is one number, friction the pair of viscous and Coulomb friction, which
 separates badly and whose covariance counts. Where the sides disagree, the drive of one side
 predicts the held-out torque of the other: an error that rises belongs to the robot, one that does
 not to intervals that are too narrow. The covariance between the sides is not counted.
+
+With mirrored links as linear priors the right link is the mirror image of the left one,
+
+    m_r = m_l,   (m c)_r = Q (m c)_l,   I_r = Q I_l Qᵀ,   Q = R_rᵀ M R_l
+
+M mirrors the base about a plane through its origin, R_l and R_r turn the axes of the links into
+those of the base at q = 0. The plane is that about which the positions of the links are mirrored.
+
+Drives of mirrored joints with motors and gears of one type have tied viscous friction and armature,
+
+    φ_j ~ N(φ̄, (ρ φ̄)²),   φ̄ the mean of the joints that are tied
+
+A motion of nearly constant speeds separates viscous from dry friction badly, and errors of the
+friction model, not noise, then make the sides differ: each joint counts alike in the mean. Dry
+friction depends on the assembly and stays apart.
 """
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.constraints import Row
+from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.drive.result import DriveFit, places_of
+from runtime.identification.drive.estimate import identify_drive
+from runtime.identification.drive.result import DriveFit, DriveRequest, places_of
 from runtime.identification.identified import Identification
-from runtime.library import Array
+from runtime.identification.problem_setup import known_friction
+from runtime.identification.settings import Settings
+from runtime.library import Array, Library
+from runtime.library.parameters import (
+    FIRST_MOMENT,
+    INERTIA,
+    MASS,
+    N_PARAMETERS,
+    inertia_entries,
+    inertia_matrix,
+)
+from runtime.recording import Recording
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05
 """Error with the drive of the other side over that with the joint's, from which on they differ."""
+PLANES = {"yz": (-1.0, 1.0, 1.0), "xz": (1.0, -1.0, 1.0), "xy": (1.0, 1.0, -1.0)}
+"""Planes of the base, and the diagonal of M."""
+_TURN, _TOLERANCE = 0.3, 1e-3
+"""Angle of the joints at which poses are compared [rad, m], and tolerance [m, 1]: a millimetre is
+below the rounding of a URDF."""
+TIED = ("viscous", "armature")
+"""Keys of a drive that are tied."""
+SPREAD = 0.1
+"""ρ: motors and gears of one type differ by a tenth, mostly by wear and temperature."""
 
 
-class MirroredDrive(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class MirroredDrive:
     """One quantity of two mirrored joints.
 
     Attributes:
@@ -166,3 +206,123 @@ def _rise(result: Identification, pair: tuple[int, int], taken: list[int]) -> fl
         for phi in (exchanged, result.phi)
     ]
     return errors[0] / max(errors[1], 1e-300)
+
+
+def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
+    """Equations that tie the links of mirrored joints."""
+    places = mirrored_joints(lib.joint_names, pairs)
+    if lib.n_links != lib.n_joints:
+        raise IdentificationError(
+            f"--tie needs one link per joint, but '{lib.name}' has {lib.n_links} links and "
+            f"{lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
+        )
+    poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
+    mirror = _plane(poses, places)
+    rows: list[Row] = []
+    for left, right in places:
+        if not _turns_alike(lib, mirror, left, right):
+            raise _not_mirrored(lib.joint_names[left], lib.joint_names[right])
+        turn = poses[right, :3, :3].T @ mirror @ poses[left, :3, :3]
+        image = mirror_image(turn)
+        for k in range(N_PARAMETERS):
+            row = np.zeros(lib.pi0.size)
+            row[right * N_PARAMETERS + k] = 1.0
+            row[left * N_PARAMETERS : (left + 1) * N_PARAMETERS] -= image[k]
+            rows.append(Row(f"{lib.joint_names[left]}:{lib.joint_names[right]}", row, 0.0))
+    return tuple(rows)
+
+
+def mirror_image(turn: Array) -> Array:
+    """Map of the ten parameters of a body under x → Q x.
+
+    turn (3, 3) → (10, 10).
+    """
+    image = np.zeros((N_PARAMETERS, N_PARAMETERS))
+    image[MASS, MASS] = 1.0
+    image[FIRST_MOMENT, FIRST_MOMENT] = turn
+    image[INERTIA, INERTIA] = inertia_entries(turn @ inertia_matrix(np.eye(6)) @ turn.T).T
+    return image
+
+
+def _plane(poses: Array, places: tuple[tuple[int, int], ...]) -> Array:
+    """M of the plane about which the positions of the links are mirrored best."""
+    left, right = np.array(places).T
+    origin = poses[:, :3, 3]
+
+    def distance(signs: tuple[float, ...]) -> float:
+        return float(np.linalg.norm(origin[right] - origin[left] * np.array(signs)))
+
+    return np.diag(min(PLANES.values(), key=distance))
+
+
+def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:
+    """Whether the right joint moves its link as the mirrored left one, in one of the directions."""
+    q = np.zeros((3, lib.n_joints))
+    q[0, right], q[1, left], q[2, left] = _TURN, _TURN, -_TURN
+    poses = np.asarray(lib.link_poses(q))
+    still = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
+    image = still[right, :3, :3].T @ mirror @ still[left, :3, :3]
+    for k in (1, 2):
+        turned = mirror @ poses[k, left, :3, :3] @ image.T
+        place = mirror @ poses[k, left, :3, 3]
+        far = max(
+            np.abs(turned - poses[0, right, :3, :3]).max(),
+            np.abs(place - poses[0, right, :3, 3]).max(),
+        )
+        if far < _TOLERANCE:
+            return True
+    return False
+
+
+def _not_mirrored(left: str, right: str) -> IdentificationError:
+    return IdentificationError(
+        f"--tie expects {left} and {right} to be mirrored about a plane of the base, got joints or "
+        "links that are not; leave --tie out, which compares them only"
+    )
+
+
+def identify_drives(
+    recording: Recording,
+    lib: Library,
+    settings: Settings,
+    request: DriveRequest,
+    *,
+    progress: Callable[[int, float], None] | None = None,
+) -> Identification:
+    """Identify a robot and its drives, first apart and then with those that are tied."""
+    pairs, apart = request.tied, replace(request, tied=())
+    if not pairs:
+        return identify_drive(recording, lib, settings, apart, progress=progress)
+    first = identify_drive(recording, lib, replace(settings, certify=False), apart)
+    prior, names = tied_prior(first, settings, pairs)
+    usual = replace(settings, friction_prior=prior, friction_columns=first.friction)
+    result = identify_drive(recording, lib, usual, apart, progress=progress)
+    note = (
+        f"{' and '.join(names)} of the joints that --symmetric pairs are tied to their mean within "
+        f"{100 * SPREAD:.0f} %, and the standard deviations count it; compare the sides without "
+        "--tie"
+    )
+    kept = tuple(each for each in first.notes if each not in result.notes)
+    return replace(result, notes=(note, *kept, *result.notes))
+
+
+def tied_prior(
+    result: Identification, settings: Settings, pairs: tuple[str, ...]
+) -> tuple[FrictionPrior, tuple[str, ...]]:
+    """Prior of friction that ties mirrored joints."""
+    columns, phi = result.friction.columns, result.phi
+    known = known_friction(settings, columns, result.friction)
+    mean = np.zeros_like(phi) if known is None else known.mean.copy()
+    sigma = np.full_like(phi, np.inf) if known is None else known.sigma.copy()
+    group = np.arange(len(phi))
+    for left, right in mirrored_joints(result.lib.joint_names, pairs):
+        group[group == group[right]] = group[left]
+    places = places_of(columns)
+    names = tuple(key for key in TIED if key in places)
+    for each in np.unique(group):
+        joints = np.flatnonzero(group == each)
+        for key in names if len(joints) > 1 else ():
+            centre = float(phi[joints, places[key]].mean())
+            if centre > 0:
+                mean[joints, places[key]], sigma[joints, places[key]] = centre, SPREAD * centre
+    return FrictionPrior(mean, sigma), names

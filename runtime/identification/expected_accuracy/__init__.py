@@ -6,15 +6,19 @@ from runtime.identification.expected_accuracy.expected import (
     base_names,
     expected,
     facts,
+    gain_slopes,
+    torque_of_gains,
 )
-from runtime.identification.expected_accuracy.gain_of_recording import (
+from runtime.identification.expected_accuracy.growth import (
     SECONDS,
     WORTHWHILE,
     GainOfRecording,
+    Growth,
     gained,
+    gained_by_same_motion,
+    growth,
     verdict,
 )
-from runtime.identification.expected_accuracy.growth import Growth, growth
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     Noise,
@@ -22,8 +26,6 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
-from runtime.identification.expected_accuracy.same_motion import gained_by_same_motion
-from runtime.identification.expected_accuracy.torque_gains import gain_slopes, torque_of_gains
 
 __all__ = [
     "SECONDS",

@@ -1,5 +1,11 @@
-"""Samples that identification takes from a planned or recorded motion."""
+"""Samples that identification takes from a planned or recorded motion, and from earlier logs.
 
+The information of earlier logs is G₀ = Σ Y_bᵀ diag(σ⁻²) Y_b over their samples, less the part that
+friction explains (the Schur complement of its columns, by orthogonal transformations). G₀ is an
+inverse covariance of β.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +19,7 @@ from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import Trajectory
+from runtime.excitation.search.information import FRICTION
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_motion, require_plausible
@@ -209,3 +216,34 @@ def repetition(q: Array, rest: Array) -> float:
     if not moving.any() or way.max() > MIRRORED or energy == 0.0:
         return 0.0
     return max(0.0, float(np.sum(rest * rest[::-1])) / energy)
+
+
+def information_of_logs(
+    lib: Library,
+    recordings: Sequence[Recording],
+    noise: Array,
+    friction: tuple[str, ...] = FRICTION,
+) -> Array:
+    """Information G₀ on β in earlier logs.
+
+    noise (n,) → (n_b, n_b).
+    """
+    total = np.zeros((len(lib.base_columns),) * 2)
+    for recording in recordings:
+        require_plausible(recording, lib)
+        terms = recording.recipe.friction if recording.recipe else None
+        if recording.columns is not None:
+            terms = Friction(())
+        samples = samples_of(prepare(recording, None, terms or Friction(friction), lib=lib), lib)
+        if not len(samples):
+            raise IdentificationError(
+                f"the log '{recording.name}' has no samples left after its preparation; "
+                "leave out this --earlier-log"
+            )
+        statistics = compress(lib, samples, 1 / noise**2)
+        size = len(statistics.target)
+        # The columns of β come last in the triangle: their block is the Schur complement.
+        first = size - statistics.n_base
+        block = statistics.triangle()[first:size, first:size]
+        total += block.T @ block
+    return total

@@ -10,8 +10,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.identification.free_base.rows import contact_jacobian
-from runtime.identification.free_base.vertical_sensors import VERTICAL
+from runtime.identification.free_base.rows import VERTICAL, contact_jacobian
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import links, mass

@@ -4,23 +4,28 @@ The rows of `rows` are given to the method map (entropic prior at the URDF, the 
 so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
+import json
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_of
+from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
+from runtime.files import replacing
 from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,
 )
-from runtime.identification.free_base.noise import noise_of
+from runtime.identification.free_base.noise import VerticalForce, noise_of, rms, vertical_force
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
     require_clock,
@@ -28,11 +33,17 @@ from runtime.identification.free_base.plausibility import (
     require_joint_units,
     require_prior_of_bodies,
 )
-from runtime.identification.free_base.rows import FreeBaseRows, rows_of
-from runtime.identification.free_base.vertical_force import VerticalForce, rms, vertical_force
-from runtime.identification.free_base.vertical_sensors import error_names, sensor_prior
+from runtime.identification.free_base.rows import FreeBaseRows, error_names, rows_of, sensor_prior
 from runtime.library import Array, Library
-from runtime.library.parameters import MASS, N_PARAMETERS
+from runtime.library.parameters import (
+    MASS,
+    N_PARAMETERS,
+    PI_NAMES,
+    centre_of_mass,
+    inertia,
+    links,
+    mass,
+)
 from runtime.parallel import one_blas_thread
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -242,3 +253,86 @@ def _shown(tested: FreeBaseRows) -> tuple[tuple[str, ...], Array]:
     if left == len(tested.names):
         return tested.names, tested.samples.tau
     return tuple(f"equation {k + 1}" for k in range(left)), tested.samples.tau
+
+
+def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:
+    """JSON-ready facts of result.json."""
+    total, sigma = result.mass
+    vertical = result.vertical
+    facts: dict[str, Any] = {
+        "free_base": 1,
+        "command": command,
+        "robot": result.lib.name,
+        "model_hash": result.lib.manifest.model_hash,
+        "rows": result.rows,
+        "n_train": result.n_train,
+        "n_test": result.n_test,
+        "n_eff": result.n_eff,
+        "status": result.status,
+        "notes": list(result.notes),
+        "total_mass": {
+            "value": total,
+            "sigma": sigma,
+            "interval": [total - NORMAL_95 * sigma, total + NORMAL_95 * sigma],
+            "urdf": float(mass(links(result.lib.pi0)).sum()),
+        },
+        "errors": [
+            {"row": name, "rms": r, "before": b, "after": a}
+            for name, r, b, a in zip(
+                result.row_names,
+                result.rms.tolist(),
+                result.before.tolist(),
+                result.after.tolist(),
+                strict=True,
+            )
+        ],
+        "vertical_force": None
+        if vertical is None
+        else {
+            "mean": vertical.weight,
+            "before_percent": 100 * vertical.before / abs(vertical.weight),
+            "after_percent": 100 * vertical.after / abs(vertical.weight),
+        },
+        "sensors": result.sensors,
+        "links": _links(result),
+        "pi": result.pi.tolist(),
+        "sigma": np.linalg.norm(result.root, axis=1).tolist(),
+        "verdicts": list(result.verdicts),
+        "beta": (result.lib.base_matrix @ result.pi).tolist(),
+    }
+    return facts
+
+
+def _links(result: FreeBaseIdentification) -> list[dict[str, Any]]:
+    lib, size = result.lib, len(PI_NAMES)
+    sigma = np.linalg.norm(result.root, axis=1)
+    com = com_sigma(result.root, result.pi)
+    rows = []
+    for k, (name, pi) in enumerate(zip(lib.link_names, links(result.pi), strict=True)):
+        verdicts = result.verdicts[k * size : (k + 1) * size]
+        spread = com[k]
+        rows.append(
+            {
+                "link": name,
+                "mass": float(mass(pi)),
+                "mass_sigma": float(sigma[k * size]),
+                "com": centre_of_mass(pi).tolist(),
+                "com_sigma": None if spread is None else np.asarray(spread).tolist(),
+                "inertia": inertia(pi).tolist(),
+                "not_identifiable": [
+                    entry
+                    for entry, verdict in zip(PI_NAMES, verdicts, strict=True)
+                    if verdict == PRIOR_DOMINATED
+                ],
+            }
+        )
+    return rows
+
+
+def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> dict[str, Any]:
+    """Write result.json into a folder."""
+    facts = free_base_facts(result, command)
+    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(folder / "result.json") as file:
+        file.write(text.encode())
+    return facts

@@ -1,12 +1,13 @@
-"""Noise of the equations where the low-pass leaves fewer independent ones than base parameters.
+"""Noise of the equations and sum of the vertical forces of a free base.
 
-Residuals of a fit cannot show the noise then. What the URDF leaves does, once its mean (an offset,
-or the total mass) and the errors of the sensors, within their prior, are taken out: Student's t
-with ν = 4 degrees of freedom, fitted by weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the
-instants. A robot that stands shows the errors of its sensors to a fraction of a newton, one that
-steps has errors of acceleration of several; with equal weights the few steps would hide what the
-standing shows. That holds for a share of such instants below 1 / (ν + m), a fifth for one equation.
-Source: Lange, Little & Taylor 1989, ν = 4.
+Where the low-pass leaves fewer independent equations than base parameters, residuals of a fit
+cannot show the noise. What the URDF leaves does, once its mean (an offset, or the total mass) and
+the errors of the sensors, within their prior, are taken out: Student's t with ν = 4 degrees of
+freedom, fitted by weights w_i = (ν + m) / (ν + Σ_k (r_ik/σ_k)²) of the instants. A robot that
+stands shows the errors of its sensors to a fraction of a newton, one that steps has errors of
+acceleration of several; with equal weights the few steps would hide what the standing shows. That
+holds for a share of such instants below 1 / (ν + m), a fifth for one equation. Source: Lange,
+Little & Taylor 1989, ν = 4.
 """
 
 from dataclasses import dataclass, replace
@@ -16,14 +17,76 @@ import numpy as np
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.estimators.regression.residuals import SILENT
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.free_base.rows import FreeBaseRows
-from runtime.identification.free_base.vertical_force import rms
+from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, reading_errors
 from runtime.library import Array, Library
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 
 FREEDOMS = 4.0
 """ν of Student's t."""
 PASSES, STEADY = 200, 1e-6
 """Limit of the number of fits, and largest relative change of σ at the end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VerticalForce:
+    """Sum of the vertical contact forces on the test part.
+
+    Attributes:
+        weight: mean of the measured sum [N].
+        before: RMS error of the URDF's prediction [N].
+        after: RMS error of the identified model's prediction, errors of the sensors included [N].
+        spread: standard deviation of the measured sum, the error of the best constant [N].
+        measured, predicted: the sums, measured and by the URDF, (N,) [N].
+    """
+
+    weight: float
+    before: float
+    after: float
+    spread: float
+    measured: Array
+    predicted: Array
+
+
+def vertical_force(
+    lib: Library, motion: FreeBaseMotion, pi: Array, phi: Array
+) -> VerticalForce | None:
+    """Errors of ΣF_z, the vertical component of the forces on the base."""
+    contacts = motion.contacts
+    if not contacts.links:
+        return None
+    wrench = contacts.wrench
+    if contacts.axes == "world":
+        if np.isnan(wrench[:, :, 2]).any():
+            return None
+        measured = wrench[:, :, 2].sum(axis=1)
+    else:
+        if np.isnan(wrench[:, :, :3]).any():
+            return None
+        count = len(motion)
+        force = np.where(np.isnan(wrench), 0.0, wrench)
+        on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force.reshape(count, -1))
+        measured = np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
+    if not measured.any():
+        return None
+
+    def predicted(parameters: Array) -> Array:
+        force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)[:, :3]
+        return np.einsum("ni,ni->n", motion.rotation[:, 2], force)
+
+    by_urdf = predicted(lib.pi0)
+    return VerticalForce(
+        float(measured.mean()),
+        float(rms(by_urdf - measured)),
+        float(rms(predicted(pi) + (reading_errors(lib, motion) @ phi[0]).sum(axis=1) - measured)),
+        float(measured.std()),
+        measured,
+        by_urdf,
+    )
+
+
+def rms(values: Array) -> Array:
+    """Root of the mean square over the first axis."""
+    return np.asarray(np.sqrt(np.mean(np.square(values), axis=0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,21 @@
 
 Rows are chosen ("base", "joints" or "all"). Components of contact wrenches that were not measured
 are eliminated by multiplication with a basis of the null space of their Jacobian, N(t)ᵀ Jᵀ = 0.
-Errors of the sensors of vertical forces are columns of their own, see `vertical_sensors`.
+Errors of the sensors of vertical forces, offsets, shared load and crosstalk of moments, are columns
+of their own,
+
+    F_read,c = F_c + o_c + γ F_c (1 − s_c) + c_x m_c,x + c_y m_c,y,   s_c = F_c / ΣF
+
+o_c is an offset of sensor c while it is read. γ is common to the contacts: what two feet on the
+ground press against each other, and a curved characteristic, appear in the sum of the sensors as
+a term that is zero where one contact carries the robot. c are common to the contacts, too: how
+much sensors of one type read of the moments m_c, which `contact_moments` predicts by the URDF,
+
+    m_c = R_cᵀ s_c (m − Σ_k (p_k − p) × s_k f),   s_c = F_c / ΣF
+
+f and m are force and moment on the base about its origin p, predicted by the URDF from the motion.
+Forces, and the moment that remains, are shared by the contacts like the vertical forces. Where one
+contact carries the robot this is exact; the sum over contacts of equal axes always is.
 """
 
 from dataclasses import dataclass
@@ -13,18 +27,101 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.free_base.vertical_sensors import VERTICAL, reading_errors
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
+from runtime.recording.free_base import Contacts
 from runtime.recording.friction.coupled_motors import Coupling
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 
+VERTICAL = 2
+"""Place of the vertical force within a wrench."""
+SMALLEST_OFFSET = 1e-6
+"""Smallest standard deviation of an offset of a force sensor [N]."""
+SMALLEST_SHARING = 1e-9
+"""Smallest standard deviation of γ."""
+CROSSTALK = ("crosstalk_x", "crosstalk_y")
+"""Names of c."""
+_FORCE = slice(0, 3)
+_MOMENT = slice(3, FREEDOM)
 ROWS = ("all", "base", "joints")
 """Choices of rows."""
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
 _BLOCK = 512
+
+
+def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
+    """Errors of the C readings per unit of each of the K unknown coefficients.
+
+    Returns (N, C, K) [1].
+    """
+    contacts = motion.contacts
+    count, size = contacts.wrench.shape[:2]
+    parts = [np.zeros((count, size, 0))]
+    if contacts.offset_sigma is not None:
+        read = np.ones((count, size)) if contacts.sensed is None else contacts.sensed
+        parts.append(read[:, :, None] * np.eye(size))
+    force = contacts.wrench[:, :, VERTICAL]
+    if contacts.sharing_sigma is not None:
+        parts.append((force * (1 - _shares(force, 1.0)))[:, :, None])
+    if contacts.crosstalk_sigma is not None:
+        axes = np.flatnonzero(contacts.crosstalk_sigma)
+        parts.append(contact_moments(lib, motion, _shares(force, 0.0))[:, :, axes])
+    return np.concatenate(parts, axis=2)
+
+
+def error_names(contacts: Contacts) -> tuple[str, ...]:
+    """Names of the K coefficients of `reading_errors`: links of the offsets, "sharing", axes."""
+    offsets = () if contacts.offset_sigma is None else contacts.links
+    sharing = () if contacts.sharing_sigma is None else ("sharing",)
+    sigma = () if contacts.crosstalk_sigma is None else contacts.crosstalk_sigma
+    crosstalk = [name for name, size in zip(CROSSTALK, sigma, strict=False) if size > 0]
+    return (*offsets, *sharing, *crosstalk)
+
+
+def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
+    """Gaussian prior of the coefficients of `reading_errors`, in the first row of φ."""
+    known: list[float] = []
+    if contacts.offset_sigma is not None:
+        # A sensor that is stated to have no offset keeps one of rounding.
+        known += np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
+    if contacts.sharing_sigma is not None:
+        known.append(max(contacts.sharing_sigma, SMALLEST_SHARING))
+    if contacts.crosstalk_sigma is not None:
+        known += contacts.crosstalk_sigma[contacts.crosstalk_sigma > 0].tolist()
+    if not known:
+        return None
+    spread = np.full(shape, np.inf)
+    spread[0] = known
+    return FrictionPrior(np.zeros(shape), spread)
+
+
+def _shares(force: Array, unloaded: float) -> Array:
+    """Shares s (N, C) of the forces in their sum; `unloaded` where no contact carries load."""
+    total = force.sum(axis=1, keepdims=True)
+    return np.divide(force, total, out=np.full_like(force, unloaded), where=total > 0)
+
+
+def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Array:
+    """Moments about the contact points that the motion needs, in axes of the links.
+
+    shares (N, C) → (N, C, 3) [N·m].
+    """
+    base = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)
+    force = np.einsum("nij,nj->ni", motion.rotation, base[:, _FORCE])
+    rest = np.einsum("nij,nj->ni", motion.rotation, base[:, _MOMENT])
+    poses = lib.link_poses(motion.q)
+    turns = []
+    contacts = motion.contacts
+    for k, (link, position) in enumerate(zip(contacts.links, contacts.position, strict=True)):
+        pose = poses[:, lib.link_names.index(link)]
+        turns.append(pose[:, :3, :3])
+        point = pose[:, :3, 3] + turns[-1] @ position - motion.q[:, :3]
+        rest = rest - np.cross(point, shares[:, [k]] * force)
+    moments = [turn.swapaxes(1, 2) @ rest[:, :, None] for turn in turns]
+    return np.stack(moments, axis=1)[..., 0] * shares[:, :, None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

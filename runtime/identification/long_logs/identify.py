@@ -3,19 +3,23 @@
     pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.estimators.regression`)
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
-    on request all rows of all parts → factor of the second fit (`runtime.identification.refit`)
+    on request all rows of all parts → factor of the second fit (`single_log.refitted`)
 
 Blocks are prepared as the whole log would be (`blocks`), so that the factor is that of the whole.
-Every method that needs only factors and sums of the samples can be used.
+Every method that needs only factors and sums of the samples can be used. No block reaches beyond
+its part, so that no row of the test part has an effect on the others
+(`runtime.recording.preprocessing.parts` does the same for a log in memory).
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.methods import (
@@ -32,36 +36,129 @@ from runtime.estimators.regression.samples import (
     thesis_weights,
 )
 from runtime.identification.identified import Identification, WholeLog
-from runtime.identification.known_priors import known_friction, known_noise
-from runtime.identification.long_logs.blocks import head_of
-from runtime.identification.long_logs.parts import StreamedPart, parts_of_log
+from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of, head_of
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import (
     PARTS,
     Assembly,
+    known_friction,
+    known_noise,
     require_enough,
     rounding_of,
+    settings_for,
 )
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.identification.single_log import identify_assembled
-from runtime.identification.without_prior import settings_for
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import (
     Friction,
     Preparation,
     Recording,
+    Split,
     StreamedRecording,
     check_consistency,
 )
 from runtime.recording.friction import default_terms, geared, left_out_note, without_columns
 from runtime.recording.plausibility import require_plausible
+from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ALL
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
 WHOLE_ONLY = ("validation", "test", "lam0", "inputs", "robust", "friction_prior")
 """Fields of `Settings` that need a log held in memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreamedPart:
+    """One part of a streamed log.
+
+    Attributes:
+        blocks: blocks of its rows, or of those of the training part, which include it.
+        span: first and last instant of its prepared rows [s].
+        first: first instant that is taken of the blocks [s].
+    """
+
+    blocks: Blocks
+    span: tuple[float, float]
+    first: float = -np.inf
+
+    def recordings(self) -> Iterator[Recording]:
+        """Prepared rows, one block at a time in the order of time."""
+        return self.blocks.parts(self.first, np.inf)
+
+    def count(self) -> int:
+        """Number of prepared rows."""
+        return self.blocks.count(self.first)
+
+
+def parts_of_log(
+    log: StreamedRecording,
+    lib: Library,
+    preparation: Preparation,
+    terms: Friction,
+    shares: Split,
+    is_joined: bool = False,
+    rate_hz: float | None = None,
+) -> dict[str, StreamedPart]:
+    """Divide a streamed log into its parts."""
+    start = float(log.instants([0], REACH)[0])
+    end = float(log.block(max(log.rows - REACH, 0), log.rows).t[-1])
+    duration = end - start or 1.0
+    rate = head_of(log).rate_hz if rate_hz is None else rate_hz
+
+    def share_of(row: int) -> float:
+        return float(log.instants([row], REACH)[0] - start) / duration
+
+    @cache
+    def row(share: float) -> int:
+        return log.rows if share == 1.0 else first_row(share_of, log.rows, share)
+
+    def part(name: str, share: tuple[float, float]) -> StreamedPart:
+        rows = row(share[0]), row(share[1])
+        if rows[0] >= rows[1]:
+            raise RecordingError(
+                f"no row of {log.name} is in the {name} part, {share[0]:g} to {share[1]:g} of the "
+                "duration; use another --split"
+            )
+        short = for_part(preparation, (share[1] - share[0]) * duration)
+        span = span_of_part((start, end), share, short)
+        guarded = short.trim_s is None
+        kept = (
+            span[0] if guarded and share[0] > 0.0 else -np.inf,
+            span[1] if guarded and share[1] < 1.0 else np.inf,
+        )
+        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept, rate), span)
+
+    train = part("train", shares.joined() if is_joined else shares.train)
+    if shares.is_everything:
+        return dict.fromkeys(("train", "validation", "test"), train)
+    if is_joined:
+        low = validation_start(shares, train.span)
+        validation = StreamedPart(train.blocks, (low, train.span[1]), low)
+    else:
+        validation = part("validation", shares.validation)
+    return {"train": train, "validation": validation, "test": part("test", shares.test)}
+
+
+def first_row(share_of: Callable[[int], float], count: int, share: float) -> int:
+    """First row whose share of the duration is not below a bound.
+
+    The search begins where a uniform clock has that row and doubles its steps from there, since
+    every share is read from the file.
+    """
+    place = min(max(int(np.ceil(share * (count - 1))), 0), count - 1)
+    is_later = share_of(place) < share
+    low, high, step = (place + 1, count, 1) if is_later else (0, place, 1)
+    while low < high:
+        probe = min(low + step, high) - 1 if is_later else max(high - step, low)
+        is_below = share_of(probe) < share
+        low, high = (probe + 1, high) if is_below else (low, probe)
+        if is_below != is_later:
+            break
+        step *= 2
+    return bisect_left(range(count), share, low, high, key=share_of)
 
 
 def require_streamable(method: str, preset: str | Preset | None = None) -> None:

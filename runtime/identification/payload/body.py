@@ -1,18 +1,93 @@
-"""Mass, centre of mass and inertia of one body, with the covariance propagated from that of π.
+"""An identified payload: mass, centre of mass and inertia of one body, and its mount on a link.
 
-c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
+    c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
+
+The mount is a moving link and the frame in which the values are given. The pseudo-inertia of a body
+is transformed from the frame F to that of its link by X = [[R, p], [0, 1]]:
+
+    P_link = X P_F Xᵀ,  a linear map of π.   R, p: pose of F in the link's frame
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.convex import Bodies
-from runtime.library import Array
-from runtime.library.parameters import inertia_entries
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import Bodies, bodies_of
+from runtime.library import Array, Library
+from runtime.library.parameters import inertia_entries, link_columns
+from runtime.recording.notebook import html_table
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 """Names of the ten values: kg, m ×3, kg·m² ×6, with the inertia about the centre of mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A link and a frame on it.
+
+    Attributes:
+        link: name of the moving link that the payload is fixed to.
+        index: place of the link among the links.
+        frame: name of the frame F of the values, the tip's or the link's.
+        rotation: R, (3, 3).
+        translation: p, (3,) m.
+        to_frame: π in F from π in the link's frame, (10, 10).
+        bodies: map from π to P(π) of one body.
+    """
+
+    link: str
+    index: int
+    frame: str
+    rotation: Array
+    translation: Array
+    to_frame: Array
+    bodies: Bodies
+
+    @property
+    def columns(self) -> slice:
+        """Places of the link's ten columns in the regressor."""
+        return link_columns(self.index)
+
+
+def mount_of(lib: Library, link: str | None = None) -> Mount:
+    """Mount on a named link, in the tip's frame where the link carries the tip, else in its own.
+
+    Args:
+        lib: library of the robot.
+        link: name of a moving link, or of the tip; None is the tip.
+
+    Returns:
+        The mount.
+
+    Raises:
+        IdentificationError: the robot has no such link.
+    """
+    tip, facts = lib.manifest.tip, lib.manifest.tip_frame
+    carrier = facts.link if link in {None, tip} else str(link)
+    if carrier not in lib.link_names:
+        raise IdentificationError(
+            f"'{lib.name}' has no moving link '{carrier}'; choose one of "
+            f"{', '.join(lib.link_names)}, or the tip {tip}"
+        )
+    index = lib.link_names.index(carrier)
+    on_tip = carrier == facts.link
+    rotation = np.array(facts.rotation) if on_tip else np.eye(3)
+    translation = np.array(facts.translation) if on_tip else np.zeros(3)
+    bodies = bodies_of(lib)
+    to_frame = _congruence(bodies, rotation, translation)
+    frame = tip if on_tip else carrier
+    return Mount(carrier, index, frame, rotation, translation, to_frame, bodies)
+
+
+def _congruence(bodies: Bodies, rotation: Array, translation: Array) -> Array:
+    """Matrix of π ↦ π' with P(π') = X⁻¹ P(π) X⁻ᵀ, (10, 10), column by column of the basis."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, translation
+    back = np.linalg.inv(pose)
+    moved = back @ bodies.basis @ back.T
+    flat = bodies.basis.reshape(len(bodies.basis), 16)
+    return np.asarray(np.linalg.lstsq(flat.T, moved.reshape(len(moved), 16).T, rcond=None)[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +174,54 @@ def _about(sigma: Array) -> Array:
     """tr(Σ) 1 − Σ, (n, 3, 3)."""
     traces = np.trace(sigma, axis1=1, axis2=2)
     return np.asarray(traces[:, None, None] * np.eye(3) - sigma)
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """An identified payload with its uncertainty.
+
+    Attributes:
+        mount: link and frame.
+        pi: parameters in the link's frame, (10,) [kg, kg·m ×3, kg·m² ×6].
+        covariance: of π for N_eff samples, (10, 10).
+        body: mass, centre of mass and inertia in the mount's frame, covariance for N_eff samples.
+        white: the same body with the covariance for white noise.
+        offsets: b, (n,) N·m or N.
+        noise: σ_j, (n,) N·m or N.
+        n_samples: N.
+        n_effective: N_eff.
+        differential: True when a run without the payload was subtracted.
+        prior_dominated: names of values that the prior determines rather than the data.
+        arm: origin of the arm's model.
+        status: one sentence.
+        notes: sentences of advice.
+        gain_error: standard deviation of the torque gains that the covariances include.
+    """
+
+    mount: Mount
+    pi: Array
+    covariance: Array
+    body: Body
+    white: Body
+    offsets: Array
+    noise: Array
+    n_samples: int
+    n_effective: float
+    differential: bool
+    prior_dominated: tuple[str, ...]
+    arm: str
+    status: str
+    notes: tuple[str, ...]
+    gain_error: float
+
+    def _repr_html_(self) -> str:
+        """The ten values with their standard deviations, as a table for notebooks."""
+        units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
+        rows = [
+            (name, f"{value:.6g}", f"{sigma:.2g}", unit)
+            for name, value, sigma, unit in zip(
+                NAMES, self.body.values, self.body.sigma, units, strict=True
+            )
+        ]
+        title = f"payload on {self.mount.link}, frame {self.mount.frame}: {self.status}"
+        return html_table(title, rows, ("parameter", "value", "σ", "unit"))

@@ -16,16 +16,11 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise_anywhere, prior_from
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
+from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.payload.arm_error import arm_covariance
-from runtime.identification.payload.body import NAMES, Body, body_of
-from runtime.identification.payload.differential import empty_residual
-from runtime.identification.payload.gain_error import gain_covariance
-from runtime.identification.payload.identified_payload import Payload
-from runtime.identification.payload.mount import Mount, mount_of
-from runtime.identification.payload.posture_error import posture_error
-from runtime.identification.payload.reading import ArmModel, arm_model
-from runtime.identification.payload.sentences import notes_of, status_of
+from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance
+from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
+from runtime.identification.payload.empty_run import empty_residual, posture_error
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
@@ -47,6 +42,8 @@ _SILENT = 1e-9
 """Varying part of the columns over the columns, below which it is rounding."""
 _PRIOR_SHARE = 0.5
 """σ of a value over σ of the prior, above which the prior dominates the value."""
+_MODEL_ERROR = 0.1
+"""Residual over the torque of the payload, above which the model of the arm dominates the error."""
 
 
 @one_blas_thread
@@ -274,3 +271,50 @@ def _payload(
         status=status_of(known, weak, solution.converged),
         notes=notes_of(weak, share, model, differential, gain_error),
     )
+
+
+def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
+    """How the identification ended."""
+    if not converged:
+        return "not converged; check the recording for outliers and the unit of the torque"
+    if body.mass < 3 * body.sigma[0]:
+        return f"no significant payload ({1e3 * body.mass:.1f} g, σ {1e3 * body.sigma[0]:.1f} g)"
+    if "mass" in weak:
+        return "the recording does not determine the mass; move the payload against gravity"
+    return f"identified {body.mass:.4f} kg ± {NORMAL_95 * body.sigma[0]:.4f} kg (95 %)"
+
+
+def notes_of(
+    weak: tuple[str, ...], share: float, model: ArmModel, differential: bool, gain_error: float
+) -> tuple[str, ...]:
+    """Assumptions and limits of the result."""
+    notes = []
+    if gain_error:
+        notes.append(
+            f"the intervals include independent errors of the torque gains of {100 * gain_error:g} "
+            "% per joint"
+        )
+    else:
+        notes.append(
+            "the intervals assume that the torque gains are exact: a gain that is 10 % too large "
+            "makes the mass 10 % too large; --gain-error 0.1 includes such errors"
+        )
+    if weak:
+        notes.append(
+            f"the prior rather than the data determines {', '.join(weak)}; record a motion with "
+            "faster rotations about all axes of the payload"
+        )
+    if not (differential or model.is_exact):
+        notes.append(
+            "the intervals include the error of the arm's model, estimated from the residual; "
+            "against a run without the payload it cancels, and they are far narrower"
+        )
+    if share > _MODEL_ERROR and not differential:
+        notes.append(
+            f"the residual is {100 * share:.0f} % of the payload's torque, so that the error of "
+            "the arm's model exceeds that of the sensors; record the same motion without the "
+            "payload, or give a model identified on the empty arm"
+        )
+    if not model.phi.size and not differential:
+        notes.append("friction of the arm is taken as zero; give a model or an empty run")
+    return tuple(notes)

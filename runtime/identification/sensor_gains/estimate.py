@@ -15,8 +15,14 @@ from scipy.special import chdtri
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
 from runtime.identification.payload import KnownPayload
-from runtime.identification.sensor_gains.problem import RUNS, GainProblem, problem_of
-from runtime.identification.sensor_gains.solve import Solution, reduced, solve
+from runtime.identification.sensor_gains.problem import (
+    RUNS,
+    GainProblem,
+    Solution,
+    problem_of,
+    reduced,
+    solve,
+)
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording

@@ -1,4 +1,4 @@
-"""The shortest session for a target: its promise by Monte Carlo, its search, its command."""
+"""The shortest session for a target: its expected error by Monte Carlo, its search, its command."""
 
 import json
 from pathlib import Path
@@ -15,13 +15,13 @@ from runtime.excitation import DesignSettings, Safety, Trajectory, basis_of, inf
 from runtime.excitation.motion.joined import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.information import FRICTION as FRICTION_COLUMNS
-from runtime.identification.expected_accuracy.promise import (
+from runtime.identification.expected_accuracy.session_error import (
     DELAY,
     FRICTION,
     GAINS,
     NOISE,
     ModelError,
-    promise_of,
+    error_parts_of,
 )
 from runtime.library import Library, load
 from runtime.recording import Friction
@@ -37,12 +37,12 @@ def pendulum(tiny_built: Path) -> Library:
     return load(tiny_built)
 
 
-def test_a_promise_is_the_error_of_estimates(pendulum: Library) -> None:
+def test_the_expected_error_is_that_of_estimates(pendulum: Library) -> None:
     """Oracle: 4000 draws of parameters, noise, gains, delays and friction, each fitted."""
     lib, error = pendulum, ModelError(0.02, 0.01, 0.05, 0.002)
     motion = Trajectory(lib.home, MOTION, 5.0, basis_of("fourier"))
     known = information(lib, 0.05, 20.0)
-    promise = promise_of(lib, motion, known, error)
+    expected = error_parts_of(lib, motion, known, error)
     t = np.linspace(0.0, 5.0, 100)
     q, dq, ddq, _ = motion.at(lib, t)
     y = lib.regressor(q, dq, ddq)[:, 0]
@@ -72,19 +72,19 @@ def test_a_promise_is_the_error_of_estimates(pendulum: Library) -> None:
         data = np.hstack([weight * z @ np.array(signals), np.zeros((4000, len(of_prior)))])
         drawn = data @ solve.T
         # 4000 draws: 2.2 % for a variance, four and a half of them.
-        got = promise.roots[name] @ promise.roots[name].T
+        got = expected.roots[name] @ expected.roots[name].T
         assert lib.base_matrix @ got @ lib.base_matrix.T == pytest.approx(
             lib.base_matrix @ (drawn.T @ drawn / 4000) @ lib.base_matrix.T,
             rel=0.1,
             abs=1e-3 * np.abs(lib.base_matrix @ got @ lib.base_matrix.T).max(),
         )
-    parts = promise.parts(size)
-    assert promise.total(size) == pytest.approx(np.linalg.norm(list(parts.values())), rel=1e-12)
+    parts = expected.parts(size)
+    assert expected.total(size) == pytest.approx(np.linalg.norm(list(parts.values())), rel=1e-12)
     assert parts[NOISE] > 0
 
 
 def test_the_shortest_session(pendulum: Library) -> None:
-    """Property: the promise holds the target, a much shorter session does not, limits are kept."""
+    """Property: the error is within the target, of a much shorter session not; limits kept."""
     lib, known = pendulum, information(pendulum, 0.05, 100.0)
     error = ModelError(gain=0.0005, friction=0.00005, load=0.0005, delay_s=0.0)
     settings = DesignSettings(harmonics=4, starts=1, information=known, safety=Safety())
@@ -97,7 +97,7 @@ def test_the_shortest_session(pendulum: Library) -> None:
     assert found.duration <= 1.15 * max([*missed, 3.0 / 1.15])
     assert certificate_of(lib, found.design.trajectory, Safety()).holds
     # Ways bring seconds, and so a shorter motion or a smaller error.
-    twice = promise_of(
+    twice = error_parts_of(
         lib,
         JoinedMotion((found.design.trajectory,) * 2, ("approach", "motion")),
         known,
@@ -123,7 +123,7 @@ def test_a_target_below_the_model_error(pendulum: Library) -> None:
 
 
 def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path) -> None:
-    """Property: promise and times are printed and in the file; what it chooses is not given."""
+    """Property: error and times are printed and in the file; what it chooses is not given."""
     words = ("excite", "--robot", tiny, "--starts", 1, "--until", "v 60 mNm")
     ran = command(*words, "--from", "0.6", "--return", "--out", "u.json")
     assert (ran.code, ran.err.count("Traceback")) == (0, 0), ran.err

@@ -8,10 +8,9 @@ import pinocchio
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.contact_moments import contact_moments
 from runtime.identification.free_base.identify import identify_free_base
-from runtime.identification.free_base.rows import contact_jacobian
-from runtime.identification.free_base.vertical_force import vertical_force
+from runtime.identification.free_base.noise import vertical_force
+from runtime.identification.free_base.rows import contact_jacobian, contact_moments
 from runtime.library import Library
 from runtime.recording.free_base import FreeBaseRecording, free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of

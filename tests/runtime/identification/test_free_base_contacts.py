@@ -10,8 +10,7 @@ import pytest
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.contact_conventions import require_contact_conventions
-from runtime.identification.free_base.identify import identify_free_base
-from runtime.identification.free_base.result import free_base_facts
+from runtime.identification.free_base.identify import free_base_facts, identify_free_base
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of

@@ -14,7 +14,7 @@ from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.prediction import MOST_SAMPLES
 from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
-from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
+from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Library
 from runtime.simulation import Plant, ideal
 from tests.runtime.conftest import Command

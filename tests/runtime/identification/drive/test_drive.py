@@ -9,9 +9,9 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.drive import passes
+from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
-from runtime.identification.drive.linearised import bias_columns
+from runtime.identification.drive.feedback import bias_columns
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings

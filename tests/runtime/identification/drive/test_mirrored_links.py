@@ -8,7 +8,7 @@ import pytest
 
 from runtime.cli.drive import with_mirrored_links
 from runtime.errors import IdentificationError
-from runtime.identification.drive.mirrored_links import mirrored_links
+from runtime.identification.drive.symmetry import mirrored_links
 from runtime.library import Array, Library
 
 MIRROR = np.diag([1.0, -1.0, 1.0])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from runtime.estimators.problem import FrictionPrior
-from runtime.identification.drive import tied_drives
+from runtime.identification.drive import symmetry
 from runtime.identification.drive.result import DriveRequest
-from runtime.identification.drive.tied_drives import SPREAD, identify_drives, tied_prior
+from runtime.identification.drive.symmetry import SPREAD, identify_drives, tied_prior
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.library import Library
@@ -73,7 +73,7 @@ def test_drives_are_identified_apart_and_then_tied(monkeypatch: pytest.MonkeyPat
         other = result_of(2)
         return other if len(calls) % 2 else replace(cast(Any, other), notes=("of both",))
 
-    monkeypatch.setattr(tied_drives, "identify_drive", identify_drive)
+    monkeypatch.setattr(symmetry, "identify_drive", identify_drive)
     nothing = cast(Recording, None), cast(Library, None), Settings()
     request = DriveRequest(delay=True, tied=("FL:FR",))
     result = identify_drives(*nothing, request)

@@ -19,7 +19,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.parts import parts_of_log
+from runtime.identification.long_logs.identify import parts_of_log
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import csv_format, spool

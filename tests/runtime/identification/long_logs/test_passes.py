@@ -13,7 +13,7 @@ from runtime.estimators.regression import compress, compress_all, compression
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.parts import first_row
+from runtime.identification.long_logs.identify import first_row
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import parquet
 from runtime.recording.formats.spool import Spool

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from runtime.identification.payload.body import Body
-from runtime.identification.payload.vendor_files import kuka_angles, principal_axes, vendor_texts
+from runtime.identification.payload.output import kuka_angles, principal_axes, vendor_texts
 from runtime.library.parameters import inertia_matrix
 
 NUMBER = r"[-+0-9.e]+"

@@ -79,7 +79,7 @@ def test_bad_runs_are_one_sentence_of_advice(case, runs, lib):
 def test_a_search_that_has_not_converged_is_no_answer(runs, lib, monkeypatch):
     """Property: one step from the linear answer is not the optimum, however small its σ."""
     noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
-    monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)
+    monkeypatch.setattr("runtime.identification.sensor_gains.problem._ITERATIONS", 1)
     with pytest.raises(RuntimeFault, match="changes the torques of these runs too little"):
         identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
 

@@ -59,7 +59,7 @@ class ModelError:
 
 
 @dataclass(frozen=True, slots=True)
-class Promise:
+class ErrorParts:
     """Errors of the unknowns by part.
 
     Attributes:
@@ -79,13 +79,13 @@ class Promise:
         return float(np.linalg.norm(list(self.parts(size).values())))
 
 
-def promise_of(
+def error_parts_of(
     lib: Library,
     session: Trajectory | JoinedMotion,
     known: Information,
     error: ModelError,
     payload: bool = False,
-) -> Promise:
+) -> ErrorParts:
     """Errors to expect from the log of a session."""
     count = int(np.clip(known.rate * session.duration, 50, MOST_ROWS))
     t = np.linspace(0.0, session.duration, count)
@@ -106,7 +106,7 @@ def promise_of(
     root = _payload_root(a) if payload else _arm_root(lib, a, known)
     gain = root @ (root.T @ a.T)
     errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
-    return Promise({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))
+    return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))
 
 
 def _missed(

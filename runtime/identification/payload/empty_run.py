@@ -1,4 +1,6 @@
-"""Errors of the difference of two runs that repeat with the position of a joint.
+"""Residual of an empty run at the instants of the loaded one: torque that is not the payload's.
+
+`posture_error` is the error of their difference that repeats with the position of a joint,
 
     u_g = (A − A_g)⁻¹ s_g,   s_g = Σ_{i in g} Y_iᵀ W e_i,   V = t² (K − 1)/K Σ_g (u_g − ū)²
 
@@ -16,11 +18,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.payload.differential import LEAST_TRAVEL
 from runtime.library import Array
 from runtime.recording import Recording
 
+LENGTH = 0.1
+"""Relative difference of the durations above which the runs are not the same trajectory."""
+APART = 0.05
+"""Largest distance of the positions over the travel of a joint; controllers stay within 1 %."""
+LEAST_TRAVEL = 0.02
+"""Smallest travel that the distance is related to, rad or m."""
 GROUPS = 5
 """K, groups of rows per joint."""
 FEW = 2.7764451051977934 / NORMAL_95
@@ -29,6 +37,35 @@ SIGNIFICANT = 20.0
 """Variance by groups over that of the noise from which it counts. Of 7 joints and 10 entries the
 largest ratio in 24 runs of an FR3 with white and coloured noise is 10.6: the groups are few, and
 those at the ends of a range weigh most."""
+
+
+def empty_residual(
+    loaded: Recording, empty: Recording, residual: Array, names: Sequence[str]
+) -> Array:
+    """Interpolate the residual of the empty run at the instants of the loaded one.
+
+    Returns (N, n) [N·m, N].
+    """
+    if abs(empty.duration - loaded.duration) > LENGTH * loaded.duration:
+        raise IdentificationError(
+            f"the empty run lasts {empty.duration:.3g} s, the loaded one {loaded.duration:.3g} s; "
+            "record the same trajectory twice, or leave the empty run out"
+        )
+    t, t0 = loaded.t - loaded.t[0], empty.t - empty.t[0]
+
+    def at(values: Array) -> Array:
+        return np.stack([np.interp(t, t0, column) for column in values.T], axis=1)
+
+    travel = np.maximum(np.ptp(loaded.q, axis=0), LEAST_TRAVEL)
+    apart = np.max(np.abs(at(empty.q) - loaded.q), axis=0) / travel
+    worst = int(np.argmax(apart))
+    if apart[worst] > APART:
+        raise IdentificationError(
+            f"the empty run follows another trajectory: {names[worst]} differs by "
+            f"{100 * apart[worst]:.0f} % of its travel at the same time; record the same "
+            "trajectory from the same start, or leave the empty run out"
+        )
+    return at(residual)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

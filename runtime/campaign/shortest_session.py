@@ -32,9 +32,9 @@ from runtime.library.parameters import MASS
 
 FIRST = 4.0
 """Duration of the first motion that is tried [s]."""
-LEAST = 3.0
+SHORTEST = 3.0
 """Shortest duration that is tried [s]: in less, small joints hardly move and two runs differ."""
-MOST = 120.0
+LONGEST = 120.0
 """Longest duration that is tried [s]."""
 ATTEMPTS = 8
 CLOSE = 1.15
@@ -115,17 +115,17 @@ def shortest_session(
         else:
             failed = max(failed, taken)
         if best is not None:
-            if best.duration <= max(CLOSE * failed, LEAST):
+            if best.duration <= max(CLOSE * failed, SHORTEST):
                 break
             # Between both ends; without a lower one, half.
-            duration = float(np.sqrt(max(failed, best.duration / 4, LEAST / 2) * best.duration))
-            duration = max(duration, LEAST)
+            duration = float(np.sqrt(max(failed, best.duration / 4, SHORTEST / 2) * best.duration))
+            duration = max(duration, SHORTEST)
             continue
         needed = _needed(errors, size, target.value, session.duration, taken)
         hopeless += not np.isfinite(needed)
-        if taken >= MOST or hopeless > 1:
+        if taken >= LONGEST or hopeless > 1:
             break
-        duration = float(np.clip(needed, 1.3 * taken, min(3 * taken, MOST)))
+        duration = float(np.clip(needed, 1.3 * taken, min(3 * taken, LONGEST)))
     if best is None:
         raise _unreachable(target, last)
     return best
@@ -202,7 +202,7 @@ def _unreachable(target: Target, last: PlannedSession | None) -> IdentificationE
     }.get(name, "state a larger target")
     longest = max(last.attempts)
     return IdentificationError(
-        f"expected a target that a motion of up to {MOST:g} s promises, '{target.text}' is not: "
+        f"expected a target that a motion of up to {LONGEST:g} s promises, '{target.text}' is not: "
         f"{longest:.3g} s promise {target.shown(last.attempts[longest])}, of which {name} "
         f"{target.shown(last.parts[name])}; {advice}"
     )

@@ -4,8 +4,8 @@
 
 W are 1/s² of the residuals, S is the density of their coloured noise at the frequencies of the
 columns, φ₀ the earlier coefficients and σ_φ what they may have changed by: their size, and no less
-than `LEAST` of the joint's torque. A column that the log does not excite keeps its coefficient, and
-a few seconds suffice for the others.
+than `LEAST_SHARE` of the joint's torque. A column that the log does not excite keeps its
+coefficient, and a few seconds suffice for the others.
 """
 
 import time
@@ -31,7 +31,7 @@ from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
 
-LEAST = 0.1
+LEAST_SHARE = 0.1
 """Least torque of a change that is expected of a column, over the RMS torque of its joint."""
 PASSES = 3
 """Fits, each with the weights and the noise of the residuals of the one before."""
@@ -119,7 +119,7 @@ def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
     if rows.coupling is not None:
         sizes = rows.coupling.sizes(sizes)
     rms = np.sqrt(np.mean(np.square(rows.tau), axis=0))
-    least = np.divide(LEAST * rms[:, None], sizes, out=np.zeros(shape), where=sizes > 0)
+    least = np.divide(LEAST_SHARE * rms[:, None], sizes, out=np.zeros(shape), where=sizes > 0)
     # A column without values, as of a joint at rest, keeps its coefficient by its bounds.
     change = np.where(sizes > 0, np.maximum(np.abs(saved.phi), least) + TINY, np.inf)
     prior = FrictionPrior(saved.phi, change)

@@ -22,7 +22,7 @@ from runtime.identification.identified import Identification, friction_error, to
 from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.saved_result import LARGEST, model_facts
+from runtime.identification.saved_result import LARGEST_VALUE, model_facts
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.library.torque_units import file_units
@@ -106,11 +106,11 @@ def write_result(
 ) -> dict[str, Any]:
     """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
     largest = float(np.abs(np.concatenate([result.pi, np.ravel(result.usual_phi)])).max())
-    if not largest < LARGEST:
+    if not largest < LARGEST_VALUE:
         raise IdentificationError(
-            f"expected parameters and friction coefficients below {LARGEST:g} in SI units, got "
-            f"{largest:.3g}, so nothing was written; leave out friction columns that the motion "
-            "does not excite, or use a method with a prior (map)"
+            f"expected parameters and friction coefficients below {LARGEST_VALUE:g} in SI units, "
+            f"got {largest:.3g}, so nothing was written; leave out friction columns that the "
+            "motion does not excite, or use a method with a prior (map)"
         )
     facts = result_facts(result, command) | {"sessions": agreement}
     test = samples_of(result.test, result.lib)

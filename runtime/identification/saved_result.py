@@ -19,7 +19,7 @@ from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
 
-LARGEST = 1e9
+LARGEST_VALUE = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
 """Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
@@ -178,7 +178,7 @@ def read_result(folder: Path) -> SavedResult:
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
-        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST).all():
+        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST_VALUE).all():
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(

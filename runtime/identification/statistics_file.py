@@ -28,7 +28,7 @@ FORMAT = 1
 """Version of the file; a later one is refused."""
 MARK = "symgen_statistics"
 """Key of the version, by which the file is recognised."""
-LARGEST = 1e100
+LARGEST_NUMBER = 1e100
 """Size from which on a number is damage: its square times that of another overflows."""
 _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "density")
@@ -145,13 +145,13 @@ def read_statistics(path: Path) -> UnitStatistics:
         and arrays["factor"].shape == (size, size)
         and base.ndim == 2
         and size == len(base) + len(joints) * len(columns)
-        and all((np.abs(each) < LARGEST).all() for each in arrays.values())
+        and all((np.abs(each) < LARGEST_NUMBER).all() for each in arrays.values())
         and np.isfinite([*numbers.values(), slow, peak, stroke]).all()
         and numbers["rest"] >= 0
         and numbers["n_samples"] > 0
         and numbers["density"] > 0
         and noise.shape in {(0,), (len(joints),)}
-        and ((noise > 0) & (noise < LARGEST)).all()
+        and ((noise > 0) & (noise < LARGEST_NUMBER)).all()
     )
     if not fits:
         raise IdentificationError(

@@ -39,7 +39,7 @@ BELOW_RATE = 0.4
 """Largest cut-off over the rate."""
 ROWS_PER_CUTOFF = 10.0
 """Rate of the rows that are kept, over the cut-off."""
-FEWEST = 100
+FEWEST_ROWS = 100
 """Least number of rows of a block."""
 EDGE = 0.05
 """Largest share of the duration that is trimmed from both ends."""
@@ -219,7 +219,7 @@ class _Trials:
         """Fit one candidate to its rows, and predict every block with its motion."""
         whole = self._cut(cutoff_hz, derivative)
         needed = self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)
-        step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST)))
+        step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST_ROWS)))
         blocks = [block.rows(slice(None, None, step)) for block in whole]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
         stats: list[Statistics] = []

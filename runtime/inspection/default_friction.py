@@ -46,7 +46,7 @@ from runtime.recording.friction import spring_names, unresolved, without_columns
 from runtime.recording.friction_column import SPRING
 from runtime.recording.preprocessing import before_test, prepare
 
-LEAST = 1e-10
+LEAST_CONDITION = 1e-10
 """1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has
 the accuracy of an orthogonal factorisation; below it the singular values decide on the rank."""
 EXACT = 1e-5
@@ -260,7 +260,7 @@ class ColumnSolver:
         part = self.gram[np.ix_(chosen, chosen)]
         upper, info = lapack.dpotrf(part.T, lower=False, clean=False, overwrite_a=True)
         # With a norm of one in place of ‖G_S‖, dpocon returns 1/‖G_S⁻¹‖.
-        if info or lapack.dpocon(upper, 1.0)[0] < LEAST:
+        if info or lapack.dpocon(upper, 1.0)[0] < LEAST_CONDITION:
             return solved([s.without(left_out)])[0]
         x = np.zeros(len(kept))
         for _ in range(2):

@@ -28,7 +28,7 @@ ALPHA = 0.01
 """Probability that a history without a trend shows one."""
 MONTH = 365.25 / 12
 """Days of a month."""
-LEAST = 4
+LEAST_LOGS = 4
 """Smallest number of logs for a slope."""
 LARGEST_SIZE = 1e12
 
@@ -176,7 +176,7 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
 
 def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
     """Slope of estimates over x."""
-    if len(x) < LEAST or not np.ptp(x) > 0:
+    if len(x) < LEAST_LOGS or not np.ptp(x) > 0:
         return None
     weight = sigma**-2
     centre = float(weight @ x / weight.sum())

@@ -44,13 +44,13 @@ SCALE = 2e-3
 _PASSES, _HALVINGS, _DONE = 60, 12, 1e-12
 _CLOSE = 1e-3
 """Step of z, in standard deviations of the prior, at which the passes end."""
-MOST_ROWS, FEWEST = 1500, 100
+MOST_ROWS, FEWEST_ROWS = 1500, 100
 """Rows that are used, and fewest that suffice."""
 WEAK = 10.0
 """Factor on the spread of the prior with which the data alone are asked for a gain."""
 _SEEN = 5.0
 """c over its standard deviation below which a current shows no torque of the links."""
-LEAST = 1e-6
+RANK_TOLERANCE = 1e-6
 """Singular value of unit friction columns over the largest, below which a direction is absent."""
 
 
@@ -300,10 +300,10 @@ def _rows(
             "mechanism; write the gains into the recipe"
         )
     samples = samples_of(done, lib)
-    if len(samples) < FEWEST:
+    if len(samples) < FEWEST_ROWS:
         raise IdentificationError(
-            f"expected {FEWEST} rows or more to estimate gains, got {len(samples)}; record for "
-            "longer, or write the gains into the recipe"
+            f"expected {FEWEST_ROWS} rows or more to estimate gains, got {len(samples)}; record "
+            "for longer, or write the gains into the recipe"
         )
     samples = samples.rows(slice(None, None, max(1, len(samples) // MOST_ROWS)))
     R = np.array(recording.recipe.gear if recording.recipe else ())
@@ -325,7 +325,7 @@ def _without_friction(samples: Samples, lib: Library, to_channels: Array) -> _Ch
         columns = friction[:, j][:, friction[:, j].any(axis=0)]
         unit = columns / np.linalg.norm(columns, axis=0)
         left, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-        q = left[:, sizes > LEAST * sizes.max(initial=0.0)]
+        q = left[:, sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
         base[:, j] -= q @ (q.T @ base[:, j])
         current[:, j] -= q @ (q.T @ current[:, j])
         bases.append(q)

@@ -33,7 +33,7 @@ BALL_MASS, BALL_RADIUS = 0.5, 0.06
 """Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""
 PASSES = 3
 """Passes in which the noise follows the residuals."""
-FEWEST = 50
+FEWEST_ROWS = 50
 """Samples below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
 _PERFECT = 1e-6
@@ -84,10 +84,10 @@ def identify_payload(
         )
     mount, model = mount_of(lib, link), arm or arm_model(lib)
     run, residual, columns = _rows(recording, lib, mount, model, preparation)
-    if len(run) < FEWEST:
+    if len(run) < FEWEST_ROWS:
         raise IdentificationError(
             f"the recording '{recording.name}' leaves {len(run)} samples, a payload needs "
-            f"{FEWEST} or more; record for longer"
+            f"{FEWEST_ROWS} or more; record for longer"
         )
     if empty is not None:
         bare, residual0, _ = _rows(empty, lib, mount, model, preparation)

@@ -28,7 +28,7 @@ from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
 
 Claims = NDArray[np.bool_]
-LARGEST = 0.1
+LARGEST_SIGMA = 0.1
 """Relative σ above which a gain counts as not determined."""
 _CLEAR = 3.0
 """Standard deviations from which on a difference is significant."""
@@ -43,7 +43,7 @@ class Gains:
         gain: ĝ where it is determined, else 1, (n,) reading per true torque.
         estimate: ĝ of every channel, (n,).
         covariance: of ĝ for N_eff samples, (n, n).
-        is_determined: whether σ is at most `LARGEST` of ĝ, (n,).
+        is_determined: whether σ is at most `LARGEST_SIGMA` of ĝ, (n,).
         bias: of the empty and the loaded run, (2, n) N·m or N of true torque.
         bias_sigma: standard deviations of the bias, (2, n) N·m or N.
         noise: σ_j of the channels, (n,) N·m or N.
@@ -130,7 +130,7 @@ def _gains(problem: GainProblem, solution: Solution, coloured: ColouredNoise) ->
     covariance = root[-n:] @ root[-n:].T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
-    is_determined = share <= LARGEST
+    is_determined = share <= LARGEST_SIGMA
     _require_determined(problem, solution, is_determined)
     gain = np.where(is_determined, solution.g, 1.0)
     offsets, slopes = solution.offsets()

@@ -38,7 +38,7 @@ _UNSEEN = 1e-9
 _PERFECT = 1e-9
 """Noise relative to the largest channel below which data count as exact."""
 RUNS = ("empty", "loaded")
-FEWEST = 50
+FEWEST_ROWS = 50
 """Samples of a run below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
 """Rows that are computed at once."""
@@ -249,10 +249,10 @@ def problem_of(
         require_plausible(run, lib)
         bare = of_gain_one(run).replace(columns=None, column_names=())
         runs.append(samples_of(prepare(bare, preparation, geared(terms, run, lib), lib=lib), lib))
-        if len(runs[-1]) < FEWEST:
+        if len(runs[-1]) < FEWEST_ROWS:
             raise IdentificationError(
-                f"expected {FEWEST} samples or more of '{run.name}' after its preparation, got "
-                f"{len(runs[-1])}; record for longer"
+                f"expected {FEWEST_ROWS} samples or more of '{run.name}' after its preparation, "
+                f"got {len(runs[-1])}; record for longer"
             )
     R = np.array(empty.recipe.gear if empty.recipe else ())
     coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False

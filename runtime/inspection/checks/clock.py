@@ -54,7 +54,7 @@ BETWEEN = (1.35, 1.65)
 """r of neither case, which noise fills as well."""
 CLEAR = 4.0
 """Steps with r = 2 over those between, so that noise is excluded."""
-FEWEST = 100
+FEWEST_ROWS = 100
 
 
 def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
@@ -299,14 +299,14 @@ def _nice_rate(rate: float) -> float:
 
 def lost_rows(recording: Recording) -> list[Finding]:
     """Steps of q that took two periods by the velocities, on a clock of constant rate."""
-    if len(recording) < FEWEST:
+    if len(recording) < FEWEST_ROWS:
         return []
     step, even = _even_steps(recording)
     if even.mean() < MADE_UP:
         return []
     ratio, fast = _ratios(recording, step)
     ratio = ratio[fast & even]
-    if len(ratio) < FEWEST:
+    if len(ratio) < FEWEST_ROWS:
         return []
     twice = float(np.mean(np.abs(ratio - 2.0) < WIDTH))
     between = float(np.mean((ratio > BETWEEN[0]) & (ratio < BETWEEN[1])))

@@ -20,7 +20,7 @@ MOST_ROWS = 20_000
 """Rows that are compared; more change no correlation."""
 FEWEST_ROWS = 20
 """Rows below which nothing is concluded."""
-LARGEST = 1e100
+LARGEST_NUMBER = 1e100
 """Largest size of a number; squares of larger ones overflow."""
 STEADY = 0.5
 """Largest standard deviation of a clock's steps, relative to their median."""
@@ -84,7 +84,7 @@ class Block:
 def blocks_by_content(values: FloatArray, joints: int) -> tuple[Block, ...]:
     """Assign the columns of a table to signals."""
     rows = values[np.isfinite(values).all(axis=1)][:MOST_ROWS]
-    if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST:
+    if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST_NUMBER:
         return ()
     single = _clock_and_counters(rows)
     starts = _starts(rows, joints, set(single))

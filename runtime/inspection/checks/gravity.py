@@ -30,7 +30,7 @@ from runtime.inspection.finding import ERROR, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe
 
-LOADED, MOST = 0.7, 0.8
+LOADED, OPPOSITE_SHARE = 0.7, 0.8
 """Partial correlation of τ with the gravity torque from which on a joint follows it, and share of
 the gravity torque that joints opposite to it must carry."""
 SURE = 6.0
@@ -68,7 +68,7 @@ class TorqueEvidence:
     @property
     def gravity_is_against(self) -> bool:
         """Whether τ is opposite to the gravity torque at the joints that carry most of it."""
-        return float(self.load[self.opposite].sum()) > MOST * float(self.load.sum())
+        return float(self.load[self.opposite].sum()) > OPPOSITE_SHARE * float(self.load.sum())
 
     @property
     def opposite(self) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ from runtime.inspection.finding import WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 
-MOST = 5040
+MOST_ORDERS = 5040
 """Largest number of permutations that are all tried."""
 GOOD, BETTER = 0.5, 0.6
 """E below which an order fits, and E of the best order over that of the present one below which
@@ -69,7 +69,7 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
 
 def _orders(n: int) -> itertools.chain | itertools.permutations:
     """All permutations of few joints; cyclic shifts, reversal and exchanges of many."""
-    if factorial(n) <= MOST:
+    if factorial(n) <= MOST_ORDERS:
         return itertools.permutations(range(n))
     base = list(range(n))
     shifted = (tuple(base[k:] + base[:k]) for k in range(n))

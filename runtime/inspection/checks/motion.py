@@ -35,7 +35,7 @@ SLOWEST, FASTEST = 0.999, 0.3
 """Range of a; a dq with less memory is hardly late."""
 CLOSED = 0.05
 """Distance of the gain b/(1 − a) of a filter from 1."""
-FEWEST = 200
+FEWEST_ROWS = 200
 """Rows that the regression needs."""
 
 
@@ -151,7 +151,7 @@ def velocity_filter(
 
     Measured: least squares of dq_k on dq_{k−1} and the last difference quotient of q.
     """
-    if recording.dq is None or plan.velocity is None or len(recording) < FEWEST or plan.law:
+    if recording.dq is None or plan.velocity is None or len(recording) < FEWEST_ROWS or plan.law:
         return plan, []
     q = unwrap(recording.q)[0]
     moving = np.flatnonzero(np.ptp(q, axis=0) > STILL)

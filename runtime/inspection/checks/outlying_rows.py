@@ -27,7 +27,7 @@ WINDOW = 5
 QUANTILE, TIMES, RANGE = 0.95, 20.0, 0.02
 """Constants of the equation above. Corrupt rows are fewer than 5 % of a log; normal noise exceeds
 its 95 % quantile by a factor of 3 in millions of rows."""
-MOST = 0.05
+MOST_OUTLIERS = 0.05
 """Share of the rows above which a signal is noisy rather than corrupt in places."""
 APART = 10
 """Rows between two outliers that belong to different bursts."""
@@ -38,7 +38,7 @@ FASTER = 2.0
 jump."""
 BEYOND = 1.2
 """Torque over the limit of effort from which on it cannot be one of the drive."""
-FEWEST = 50
+FEWEST_ROWS = 50
 """Rows below which no quantile is taken."""
 MOST_SPANS = 200
 """Intervals that a recipe takes."""
@@ -55,7 +55,7 @@ _SIGNALS = {"q": "positions", "dq": "velocities", "tau": "torques"}
 
 def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
     """Outliers of positions, velocities and torques."""
-    if len(recording) < FEWEST:
+    if len(recording) < FEWEST_ROWS:
         return plan, []
     signals = {key: getattr(recording, key) for key in _NAMES}
     beside = _beside_gaps(recording)
@@ -69,7 +69,7 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     if not marks:
         return plan, []
     rows = np.any([mark.any(axis=1) for mark in marks.values()], axis=0)
-    if rows.mean() > MOST:
+    if rows.mean() > MOST_OUTLIERS:
         return plan, []
     bursts = _bursts(rows)
     t = recording.t
@@ -135,7 +135,7 @@ def _beyond_effort(tau: Array, lib: Library) -> NDArray[np.bool_]:
 
     The second condition holds in every unit of the log, which is not known yet.
     """
-    low, high = np.quantile(tau, [MOST / 2, 1.0 - MOST / 2], axis=0)
+    low, high = np.quantile(tau, [MOST_OUTLIERS / 2, 1.0 - MOST_OUTLIERS / 2], axis=0)
     far = (tau > high + (high - low)) | (tau < low - (high - low))
     return np.asarray(far & (np.abs(tau) > BEYOND * lib.limits()["effort"]))
 
@@ -156,7 +156,7 @@ def _jumps(recording: Recording) -> NDArray[np.bool_]:
         places = np.flatnonzero(jumps[:, j])
         for a, b in itertools.pairwise(places):
             if b - a <= APART or (
-                b - a <= MOST * len(steps) and _returns(steps[a, j], steps[b, j])
+                b - a <= MOST_OUTLIERS * len(steps) and _returns(steps[a, j], steps[b, j])
             ):
                 marks[a + 1 : b + 1, j] = True
     return marks

@@ -28,7 +28,7 @@ NEAR = 0.1
 """Time around a reversal of the speed that is left out [s]."""
 SLIDING = 0.1
 """Speed over the largest one of the joint, below which friction may not be sliding."""
-FEWEST = 0.3
+LEAST_SHARE = 0.3
 """Least share of the rows that must remain; else all are used."""
 SURE = 4.0
 """Standard deviations from which on a delay is significant."""
@@ -113,7 +113,7 @@ class _Search:
         inside = (t - reach > self._whole.t[0]) & (t + reach < self._whole.t[-1])
         self._t, n = t[inside], self._tau.shape[1]
         keep = _sliding(torque_rows)[inside]
-        enough = keep.mean(axis=0) > FEWEST
+        enough = keep.mean(axis=0) > LEAST_SHARE
         self._keep = keep | ~enough
         rows = matrix.reshape(len(t), n, -1)[inside]
         rows = rows * self._keep[:, :, None]

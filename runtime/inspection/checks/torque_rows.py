@@ -19,7 +19,7 @@ EPSILON = 0.05
 """Width of the smooth sign of dq, rad/s."""
 ROWS = 900
 """Number of rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms."""
-FEWEST, SLOWEST = 150, 20.0
+FEWEST_ROWS, SLOWEST_HZ = 150, 20.0
 """Rows, and rate in Hz, below which accelerations mean nothing and no check is made."""
 ROUGH_HZ = 5.0
 """Cut-off where the recipe has no filter, Hz."""
@@ -64,10 +64,11 @@ def torque_rows_of(
     bare = recording.replace(columns=None, column_names=(), motors=None)
     usual = replace(preparation, rate_hz=None, rest_speed=None, regressor="acceleration")
     whole = prepare(bare, usual, terms, lib=lib)
-    if whole.rate_hz < SLOWEST or len(whole) < FEWEST:
+    if whole.rate_hz < SLOWEST_HZ or len(whole) < FEWEST_ROWS:
         raise IdentificationError(
-            f"expected {FEWEST} rows or more at {SLOWEST:g} Hz or more, which accelerations need, "
-            f"got {len(whole)} rows at {whole.rate_hz:.3g} Hz; record for longer or faster"
+            f"expected {FEWEST_ROWS} rows or more at {SLOWEST_HZ:g} Hz or more, which "
+            f"accelerations need, got {len(whole)} rows at {whole.rate_hz:.3g} Hz; record "
+            "for longer or faster"
         )
     samples = samples_of(whole, lib)
     if lib.manifest.springs or "known_torque" in lib.manifest.kernels:

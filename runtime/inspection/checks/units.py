@@ -23,7 +23,7 @@ DOUBT = 0.8
 them."""
 SLOPE = 0.15
 """Distance of s from 1 that is accepted."""
-FEWEST = 20
+FEWEST_ROWS = 20
 """Rows that a slope needs."""
 USUAL_RATES = (2.0, 2e4)
 """Rates of loggers, Hz."""
@@ -64,7 +64,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         )
     if recording.dq is None or plan.velocity is None:
         return plan, findings + _rate_only(recording, plan)
-    if len(recording) < FEWEST:
+    if len(recording) < FEWEST_ROWS:
         return plan, findings
     slopes = slopes_of(recording.replace(q=unwrap(recording.q * factor)[0]))
     if not np.isfinite(slopes).any():

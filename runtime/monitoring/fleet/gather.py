@@ -28,7 +28,7 @@ from runtime.recording.formats.npz import open_npz
 
 PART = 32
 """Files of one part: some tenths of a second of work."""
-MOST = 100_000
+MOST_UNITS = 100_000
 """Largest number of units."""
 VERSION = 2
 """Version of the parts."""
@@ -58,9 +58,9 @@ def statistics_files(folder: Path) -> list[Path]:
             f"'{folder}' holds no compressed statistics; write some with: "
             "identify LOG --save-statistics"
         )
-    if len(files) > MOST:
+    if len(files) > MOST_UNITS:
         raise IdentificationError(
-            f"expected at most {MOST} units in '{folder}', got {len(files)}; split the folder"
+            f"expected at most {MOST_UNITS} units in '{folder}', got {len(files)}; split the folder"
         )
     return files
 

@@ -82,8 +82,8 @@ def prior_test(
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
     rank = int(np.sum(sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)))
-    threshold = MARGIN * chdtri(max(rank, 1), SIGNIFICANCE)
-    single = chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints)
+    threshold = MARGIN * float(chdtri(max(rank, 1), SIGNIFICANCE))
+    single = float(chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints))
 
     def cost(pi: Array, counted: Array) -> float:
         """T at π, with the priors of the counted links (n,) only."""

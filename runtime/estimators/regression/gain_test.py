@@ -113,7 +113,7 @@ def gain_test_of(fit: FreeFit) -> GainTest | None:
     seen = power > RANK_TOLERANCE**2 * whole
     deviation = test.columns.T @ fit.rest / power
     joint = int(np.argmax(deviation**2 * power))
-    joint_threshold = chdtri(1, SIGNIFICANCE / n)
+    joint_threshold = float(chdtri(1, SIGNIFICANCE / n))
     return GainTest(
         statistic=test.statistic,
         threshold=MARGIN * test.quantile,

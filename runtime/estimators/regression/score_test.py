@@ -128,7 +128,7 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     density = coloured_noise_of_shares(fit.shares_with(directions), left, unknowns).density
     if not density > 0:
         return None
-    quantile = chdtri(directions.shape[1], SIGNIFICANCE)
+    quantile = float(chdtri(directions.shape[1], SIGNIFICANCE))
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
 
 

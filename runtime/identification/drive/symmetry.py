@@ -187,7 +187,7 @@ def _compared(
     spread = sum(drive.phi_covariance[j][np.ix_(taken, taken)] for j in pair)
     difference = values[0] - values[1]
     squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
-    agrees = squared <= chdtri(len(taken), 0.05)
+    agrees = bool(squared <= chdtri(len(taken), 0.05))
     names = result.lib.joint_names
     rise = None if agrees else _rise(result, pair, taken)
     return MirroredDrive(

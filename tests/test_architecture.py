@@ -4,6 +4,7 @@ A room is a module or folder at the first level of a package; a floor is a step 
 of imports from room to room.
 """
 
+import os
 import re
 import shutil
 import subprocess
@@ -208,6 +209,61 @@ def test_run_time_needs_no_build_tool() -> None:
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("words", ["import runtime", "symgen --help"])
+def test_start_loads_no_heavy_library(words: str) -> None:
+    """Property: libraries of half a second and more are imported where they are used."""
+    start = "import runtime\n"
+    if words != start.strip():
+        start = f"import runpy\nsys.argv = {words.split()!r}\nrunpy.run_module('symgen', run_name='__main__')\n"
+    code = (
+        "import atexit, sys\n"
+        "names = ('matplotlib', 'mujoco', 'pinocchio', 'scipy.signal')\n"
+        "atexit.register(lambda: print([m for m in names if m in sys.modules]))\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code + start],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.splitlines()[-1] == "[]"
+
+
+def test_names_of_the_package_exist() -> None:
+    """Property: every public name of runtime exists; an unknown one is an AttributeError."""
+    code = (
+        "import runtime\n"
+        "assert all(getattr(runtime, name) is not None for name in runtime.__all__)\n"
+        "assert set(runtime.__all__) <= set(dir(runtime))\n"
+        "try:\n    runtime.nothing\nexcept AttributeError as error:\n    print(error)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == "module 'runtime' has no attribute 'nothing'"
+
+
+def test_commands_use_one_thread_of_blas() -> None:
+    """Oracle: threadpoolctl; a second thread took four fifths of the time of `predict`."""
+    code = (
+        "import sys\nfrom runtime.cli import main\nsys.argv = ['symgen', '--version']\nmain()\n"
+        "import numpy\n"
+        "from threadpoolctl import threadpool_info\n"
+        "print(*(pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'))"
+    )
+    free = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=free,
+    )
+    assert set(run.stdout.splitlines()[-1].split()) == {"1"}
 
 
 def test_run_time_names_no_build_tool() -> None:

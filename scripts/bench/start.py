@@ -12,8 +12,9 @@ from pathlib import Path
 from bench.front import ROOT, BenchError, Sheet
 
 _IDENTIFY = ("-m", "runtime", "identify", "{log}", "--robot", "fr3", "--out", "out", "--overwrite")
+_CONSOLE = "from symgen.console import main; main()"
 COMMANDS = (
-    ("symgen --help", ("-m", "symgen", "--help"), 0.5),
+    ("symgen --help", ("-c", f"import sys; sys.argv = ['symgen', '--help']; {_CONSOLE}"), 0.5),
     ("import runtime", ("-c", "import runtime"), 0.3),
     ("identify {log}", _IDENTIFY, 2.0),
     ("identify {log} --no-report", (*_IDENTIFY, "--no-report"), 1.5),

@@ -20,7 +20,7 @@ from symgen.cli.common import (
 from symgen.documents import json_of
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
-from symgen.mechanics.base_parameters import describe_combination
+from symgen.mechanics.combination import describe_combination
 
 _DAMAGE = (
     *(OSError, ValueError, ArithmeticError, LookupError),

@@ -15,7 +15,8 @@ from symgen.chain.document import MOVING, Document, numbers
 from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model
 from symgen.mechanics import inertia
-from symgen.mechanics.base_parameters import BaseParameters, describe_combination, numeric_base
+from symgen.mechanics.base_parameters import BaseParameters, numeric_base
+from symgen.mechanics.combination import describe_combination
 from symgen.mechanics.dynamics import sampled_regressor
 
 SNAP = 1e-4

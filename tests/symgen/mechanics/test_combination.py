@@ -1,6 +1,6 @@
 """Text of base parameters."""
 
-from symgen.mechanics.base_parameters import describe_combination
+from symgen.mechanics.combination import describe_combination
 
 NAMES = ["a.m", "b.m", "c.ZZ"]
 

@@ -114,7 +114,7 @@ def test_public_names_are_those_of_the_code() -> None:
     from runtime.excitation.search.criteria import CRITERIA
     from runtime.outputs.model_files.export_format import EXPORT_FORMATS
     from runtime.recording.formats import FORMATS
-    from runtime.recording.friction_column import COLUMNS
+    from runtime.recording.settings import COLUMNS
     from symgen.command_list import GROUPS
 
     page = "reference/public.md"

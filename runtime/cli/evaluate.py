@@ -18,8 +18,8 @@ from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.recording import Preparation, Recording, read_recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
 
 ALIKE = "the log is prepared as the log of identify; --cutoff and --rate change that"

@@ -36,8 +36,8 @@ from runtime.monitoring.observation import (
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
 from runtime.recording import Recording, read_recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.plausibility import require_plausible
 
 _WRITTEN = ResultFolder(
     "observe",

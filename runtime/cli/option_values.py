@@ -8,7 +8,7 @@ from runtime.errors import IdentificationError
 _REGISTRIES = {
     "--method": "runtime.estimators.methods:METHODS",
     "--preset": "runtime.estimators.descent.fit:PRESETS",
-    "--friction": "runtime.recording.friction_column:COLUMNS",
+    "--friction": "runtime.recording.settings:COLUMNS",
     "--to": "runtime.outputs.model_files.export_format:EXPORT_FORMATS",
     "--export": "runtime.excitation.motion_export:MOTION_FORMATS",
     "--criterion": "runtime.excitation.search.criteria:CRITERIA",

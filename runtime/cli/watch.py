@@ -24,11 +24,10 @@ from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.trends import append_history, read_history
 from runtime.recording import Preparation, Recording, read_recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.extra_column import mean_of_column
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
-from runtime.recording.reader import locate
+from runtime.recording.reader import locate, mean_of_column
 
 SHOWN = 5
 """Hypotheses that are printed per log."""

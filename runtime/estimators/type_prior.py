@@ -29,8 +29,7 @@ from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
-from runtime.recording.friction_column import COLUMNS, widths_of
-from runtime.recording.settings import WIDTHS
+from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 
 LARGEST = 1e9
 """Largest number of the tables [SI]."""

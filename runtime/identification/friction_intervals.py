@@ -23,7 +23,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import Posterior
 from runtime.library import Array
 from runtime.recording.friction import names_where
-from runtime.recording.friction_column import SPRING
+from runtime.recording.settings import SPRING
 
 PART = 1e-6
 """Share of a unit column in a combination that is zero above which its coefficient counts as not

@@ -22,6 +22,7 @@ from runtime.identification.current_gains.scaling import in_torque
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import (
     default_terms,
@@ -30,7 +31,6 @@ from runtime.recording.friction import (
     unresolved,
     without_columns,
 )
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, prepared_parts
 from runtime.recording.preprocessing.parts import rows_between
 from runtime.recording.settings import EVERYTHING

@@ -27,7 +27,7 @@ from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.library.torque_units import file_units
 from runtime.recording import Preparation
-from runtime.recording.recipes.control_law import NUMBERS
+from runtime.recording.recipes.recipe import NUMBERS
 
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:

@@ -43,8 +43,8 @@ from runtime.library.parameters import N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names, unresolved, without_columns
-from runtime.recording.friction_column import SPRING
 from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.settings import SPRING
 
 LEAST_CONDITION = 1e-10
 """1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has

@@ -31,9 +31,9 @@ from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.commanded_torque import COMMANDED
+from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.notebook import Framed, html_table
-from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.static_poses import static_poses
 

@@ -9,7 +9,7 @@ import textwrap
 from runtime.inspection.finding import ERROR, WARNING
 from runtime.inspection.inspection import Inspection
 from runtime.recording import Recipe
-from runtime.recording.recipes.recipe_text import toml_value
+from runtime.recording.recipes.recipe_file import toml_value
 
 _TABLES = (
     *("time", "position", "velocity", "acceleration", "torque", "gear"),

@@ -37,8 +37,8 @@ from runtime.library.parameters import link_columns
 from runtime.library.torque_units import torque_units
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.recording import Recording
-from runtime.recording.friction_column import COLUMNS
 from runtime.recording.preprocessing import segments
+from runtime.recording.settings import COLUMNS
 
 GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
 """Parts of a robot that are distinguished."""

@@ -16,7 +16,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
-from runtime.recording.friction_column import COLUMNS, JointMotion
+from runtime.recording.settings import COLUMNS, JointMotion
 
 MEMORY, POSITION = "dahl", "position"
 """Friction column whose state follows from the path."""

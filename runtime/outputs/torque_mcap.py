@@ -15,7 +15,7 @@ import numpy as np
 from runtime.library import Array
 from runtime.monitoring.observation import Observation
 from runtime.recording import Recording
-from runtime.recording.formats.optional_imports import imported
+from runtime.recording.formats.log_format import imported
 
 FILES = ("external_torque.mcap", "external_torque.plotjuggler.xml")
 TOPICS = ("/measured", "/predicted", "/external")

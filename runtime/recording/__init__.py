@@ -3,8 +3,7 @@
 from runtime.recording.consistency import check_consistency
 from runtime.recording.reader import plan_of, read_recording
 from runtime.recording.recipes.recipe import Recipe
-from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
-from runtime.recording.recipes.recipe_text import recipe_text
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe, recipe_text
 from runtime.recording.recording import Recording
 from runtime.recording.settings import EVERYTHING, REGRESSORS, Friction, Preparation, Split
 from runtime.recording.streamed import StreamedRecording, is_large, open_streamed

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.recipes.control_law import ControlLaw
+from runtime.recording.recipes.recipe import ControlLaw
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.settings import Preparation
 

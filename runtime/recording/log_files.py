@@ -13,8 +13,7 @@ from runtime.recording.formats import FORMATS, all_suffixes, format_of_folder, f
 from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile
 from runtime.recording.formats.tables import LogTable
-from runtime.recording.recipes.control_law import NUMBERS
-from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.recipe import NUMBERS, Recipe, Signal, Time
 
 PICKLES = (".pt", ".pth", ".pkl", ".pickle")
 """Suffixes of files that only unpickling reads."""

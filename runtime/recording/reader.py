@@ -18,7 +18,7 @@ from runtime.recording.consistency import check_consistency
 from runtime.recording.formats import format_of_folder
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
-from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe import Recipe, Signal
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.unit_conversion import converted, usable_rows
@@ -216,3 +216,17 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
         f"{place / 'recipe.toml'} with [time], [position] and [torque] (file, columns, unit), "
         "after the example of the bundled recipes"
     )
+
+
+def mean_of_column(log: str | Path, recipe: str | Path | Recipe | None, name: str) -> float:
+    """Mean of the finite numbers of one column of a log, in the unit of the file."""
+    place, chosen = place_and_recipe(log, recipe, None)
+    files = LogFiles(place, chosen or Recipe())
+    file = "" if chosen is None or chosen.position is None else chosen.position.file
+    values = files.table("temperature", Signal("", file=file, key=name, columns=(name,))).values
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        raise RecordingError(
+            f"expected numbers in the column '{name}' of '{log}', got none; name another column"
+        )
+    return float(finite.mean())

@@ -1,15 +1,151 @@
-"""Settings: preparation of a recording, its split, and friction columns."""
+"""Settings: preparation of a recording, its split, and friction columns with their registry.
+
+    τ_f,j = Σ_k C_jk φ_jk        C (N, n, k) columns of the motion, φ (n, k) their coefficients
+
+A column is one record in `runtime.recording.friction.columns` and one line in `COLUMNS` (or an
+entry point of the group "symgen.friction_columns" of another package).
+"""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from math import isfinite
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.friction_column import widths_of
+from runtime.library import Library
+from runtime.registry import Registry
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointMotion:
+    """Motion from which friction columns are computed; every column needs dq.
+
+    Attributes:
+        dq: (N, n) joint velocities [rad/s, m/s].
+        q: (N, n) joint positions of successive instants [rad, m]; for dahl, load and position.
+        ddq: (N, n) joint accelerations [rad/s², m/s²]; for rotor.
+        lib: library of the robot; for load and position.
+        zeta: (N, n) state of friction with a memory where it is known; None for that of the path q.
+    """
+
+    dq: FloatArray
+    q: FloatArray | None = None
+    ddq: FloatArray | None = None
+    lib: Library | None = None
+    zeta: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionColumn:
+    """One friction column and what the rooms of the package need of it.
+
+    Attributes:
+        name: as a user writes it.
+        sentence: its equation.
+        function: motion (N, n) and widths → (N, n) column.
+        widths: names of the widths of `Friction` that it depends on.
+        is_linear: linear in q, dq and ddq, so that it may be computed after linear filters.
+        is_constant: independent of the motion.
+        is_passive: takes power from the joint wherever φ ≥ 0.
+        is_nonnegative: φ of a real joint is ≥ 0, whatever the other columns are.
+        is_inertial: the acceleration of the joint or motor, an inertia rather than friction.
+        is_shared: one coefficient for all joints, the column is a torque on each of them.
+        of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
+        model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
+            "armature"; "" where they have none.
+        in_closed_loop: the compiled simulation of the closed loop has it, under this name.
+        secant: speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters;
+            None where they cannot use it.
+    """
+
+    name: str
+    sentence: str
+    function: "Callable[[JointMotion, Friction], FloatArray]"
+    widths: tuple[str, ...] = ()
+    is_linear: bool = False
+    is_constant: bool = False
+    is_passive: bool = True
+    is_nonnegative: bool = False
+    is_inertial: bool = False
+    is_shared: bool = False
+    of_motors: bool = False
+    model_term: str = ""
+    in_closed_loop: bool = False
+    secant: Callable[[FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+
+
+SPRING = "spring:"
+"""Prefix of the columns of springs: `spring:NAME`, one per spring of the robot's mechanism."""
+
+JOINT_VISCOUS, JOINT_COULOMB = "joint_viscous:", "joint_coulomb:"
+"""Prefixes of friction columns of joints that follow others: `joint_viscous:NAME`."""
+
+_BY_PREFIX = {
+    SPRING: "spring_column",
+    JOINT_VISCOUS: "dependent_joint_column",
+    JOINT_COULOMB: "dependent_joint_column",
+}
+"""Prefix → function of `_ROOM` that makes the record."""
+
+
+_ROOM = "runtime.recording.friction.columns"
+
+
+class ColumnRegistry(Registry[FrictionColumn]):
+    """The friction columns by name, those of springs and dependent joints by prefix."""
+
+    def __contains__(self, name: object) -> bool:
+        return (
+            isinstance(name, str) and name.startswith(tuple(_BY_PREFIX))
+        ) or super().__contains__(name)
+
+    def __getitem__(self, name: str) -> FrictionColumn:
+        """The record of a name; see `Registry`."""
+        for prefix, function in _BY_PREFIX.items():
+            if name.startswith(prefix):
+                column: FrictionColumn = getattr(import_module(_ROOM), function)(name)
+                return column
+        return super().__getitem__(name)
+
+
+COLUMNS = ColumnRegistry(
+    "symgen.friction_columns",
+    FrictionColumn,
+    "friction column",
+    {
+        "viscous": f"{_ROOM}:VISCOUS",
+        "coulomb": f"{_ROOM}:COULOMB",
+        "offset": f"{_ROOM}:OFFSET",
+        "asymmetric": f"{_ROOM}:ASYMMETRIC",
+        "stribeck": f"{_ROOM}:STRIBECK",
+        "dahl": f"{_ROOM}:DAHL",
+        "load": f"{_ROOM}:LOAD",
+        "position": f"{_ROOM}:POSITION",
+        "rotor": f"{_ROOM}:ROTOR",
+        "motor_viscous": f"{_ROOM}:MOTOR_VISCOUS",
+        "motor_coulomb": f"{_ROOM}:MOTOR_COULOMB",
+        "motor_rotor": f"{_ROOM}:MOTOR_ROTOR",
+    },
+)
+"""All friction columns, in the order of help and messages."""
+
+
+def names_where(claim: Callable[[FrictionColumn], bool]) -> tuple[str, ...]:
+    """Names of the columns for which a claim about the record is true."""
+    return tuple(each.name for each in COLUMNS.records() if claim(each))
+
+
+def widths_of(names: tuple[str, ...]) -> set[str]:
+    """Names of the widths on which some columns depend; unknown columns have none."""
+    return {width for name in names if name in COLUMNS for width in COLUMNS[name].widths}
+
 
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 
@@ -138,7 +274,7 @@ class Friction:
     """Friction columns to fit, and the widths of those that are not linear in the motion.
 
     Attributes:
-        columns: names, see `runtime.recording.friction_column.COLUMNS`.
+        columns: names, see `runtime.recording.settings.COLUMNS`.
         coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
         stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
         dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].

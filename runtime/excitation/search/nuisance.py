@@ -20,7 +20,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array
 from runtime.recording import Friction
 from runtime.recording.friction import columns
-from runtime.recording.friction_column import COLUMNS, JointMotion
+from runtime.recording.settings import COLUMNS, JointMotion
 
 _DIFFERENCE = 1e-6
 """Step of the slope of a column in dq, rad/s: truncation 1e-9 at ε = 0.02, rounding 1e-10."""

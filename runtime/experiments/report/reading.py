@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.files import json_of, require_file
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.formats.parquet import rows_of
+from runtime.recording.formats.parquet_format import rows_of
 
 LARGEST = 1e100
 

@@ -14,7 +14,7 @@ from typing import Any
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import Row
 from runtime.files import replacing
-from runtime.recording.formats.parquet import rows_of
+from runtime.recording.formats.parquet_format import rows_of
 
 NAME = "run.lock"
 

@@ -43,7 +43,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.recording.friction import COLUMNS, JointMotion, columns
 from runtime.recording.preprocessing.segments import segments
-from runtime.recording.recipes.control_law import ControlLaw
+from runtime.recording.recipes.recipe import ControlLaw
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""

@@ -22,7 +22,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.plausibility import require_motion, require_plausible
+from runtime.recording.consistency import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
 from runtime.recording.rest_speeds import STILL
 

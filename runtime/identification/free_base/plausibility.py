@@ -7,9 +7,8 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
-from runtime.recording.consistency import DEGREE, STRIDE, UNITS_OF_TIME, slopes_of
+from runtime.recording.consistency import DEGREE, OUTSIDE, SLOWEST, STRIDE, UNITS_OF_TIME, slopes_of
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.plausibility import OUTSIDE, SLOWEST
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.recording import Recording
 

@@ -16,7 +16,7 @@ import numpy as np
 from runtime.library import Library
 from runtime.parallel import cores
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
-from runtime.recording.formats.spool import Spool
+from runtime.recording.formats.tables import Spool
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import SIGNALS, FloatArray
 from runtime.recording.streamed import RawRows

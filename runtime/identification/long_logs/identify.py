@@ -59,8 +59,8 @@ from runtime.recording import (
     StreamedRecording,
     check_consistency,
 )
+from runtime.recording.consistency import require_plausible
 from runtime.recording.friction import default_terms, geared, left_out_note, without_columns
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ALL
 

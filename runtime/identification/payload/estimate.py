@@ -25,8 +25,8 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06

@@ -25,8 +25,8 @@ from runtime.identification.payload import KnownPayload, Mount, mount_of, pi_of_
 from runtime.library import Array, Library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.consistency import require_plausible
 from runtime.recording.friction import OFFSET, geared, spread
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
 _ITERATIONS = 60

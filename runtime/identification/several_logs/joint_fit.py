@@ -19,9 +19,9 @@ from runtime.identification.payload import read_payload_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET as OFFSET_COLUMN
-from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepared_parts
 from runtime.recording.recording import SIGNALS
 

@@ -28,8 +28,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.monitoring.fleet.hierarchy import LEAST_UNITS, FleetFit
 from runtime.monitoring.fleet.unit import Unit, common_columns
-from runtime.recording.friction_column import widths_of
-from runtime.recording.settings import WIDTHS
+from runtime.recording.settings import WIDTHS, widths_of
 
 GRID = 80
 """Values of τ, from 1/1000 of the smallest to the largest possible one."""

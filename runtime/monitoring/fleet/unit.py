@@ -14,8 +14,7 @@ from runtime.estimators.convex import Elimination, reduce
 from runtime.estimators.convex.prior_test import LEAST_DENSITY
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
-from runtime.recording.friction_column import widths_of
-from runtime.recording.settings import WIDTHS
+from runtime.recording.settings import WIDTHS, widths_of
 
 
 @dataclass(frozen=True, slots=True)

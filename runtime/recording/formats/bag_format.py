@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from runtime.recording.formats import FOLDERS
-from runtime.recording.formats.joint_states import JointLog, read_joint_states
+from runtime.recording.formats.joint_states import FIELDS, JointLog, read_joint_states
 from runtime.recording.formats.log_format import (
     Extras,
     LogFormat,
@@ -17,7 +17,6 @@ from runtime.recording.formats.log_format import (
     Rows,
     Texts,
 )
-from runtime.recording.formats.merged_messages import FIELDS
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
-from runtime.recording.formats.spool import Spool
-from runtime.recording.formats.tables import Columns, FloatArray, LogTable
+from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool
 from runtime.recording.formats.text_tables import (
     cells_of,
     csv_table,
@@ -24,9 +23,8 @@ from runtime.recording.formats.text_tables import (
     flat_table,
     lines_of,
 )
-from runtime.recording.recipes.default_convention import columns_convention
+from runtime.recording.recipes.default_convention import columns_convention, unread_columns
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
-from runtime.recording.recipes.unread_signals import unread_columns
 from runtime.recording.recording import Recording
 
 FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torque", "N*m")}

@@ -16,7 +16,7 @@ from runtime.errors import RecordingError
 from runtime.files import json_of, require_file
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile
-from runtime.recording.formats.parquet import ParquetLog
+from runtime.recording.formats.parquet_format import ParquetLog
 from runtime.recording.formats.tables import FloatArray, LogTable, common_count
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 

@@ -20,6 +20,21 @@ from runtime.recording.formats.tables import FloatArray, LogTable
 if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
     from runtime.recording.recipes.recipe import Recipe, Signal, Time
     from runtime.recording.recording import Recording
+import importlib
+from types import ModuleType
+
+
+def imported(module: str, kind: str) -> ModuleType:
+    """Module of the extra `logs`."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        library = module.split(".", maxsplit=1)[0]
+        raise RecordingError(
+            f"reading or writing {kind} needs the library {library}, which is not installed; "
+            "run: pip install 'symgen[logs]'"
+        ) from None
+
 
 Texts = tuple[str, ...]
 

@@ -16,9 +16,8 @@ from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile, Rows
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
 from runtime.recording.formats.tables import LogTable
-from runtime.recording.recipes.default_convention import arrays_convention
+from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
-from runtime.recording.recipes.unread_signals import unread_arrays
 from runtime.recording.recording import SIGNALS, Recording
 
 _TEXTS = ("name", "joint_names", "column_names", "history")

@@ -1,22 +1,287 @@
-"""Log format Parquet: columns as in a CSV, or as in an NPZ with lists of n numbers."""
+"""Log format Parquet: columns of numbers, or one column of lists per signal, in batches of rows.
 
-from collections.abc import Mapping
-from contextlib import closing
+By the convention of CSV the columns are t, q1 … qn, …; by that of NPZ they are t, q, …, where a
+cell of q is a list of n numbers. Nothing but numbers is decoded.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
-from runtime.recording.formats.parquet import (
-    ParquetLog,
-    parquet_columns,
-    write_parquet,
+from runtime.files import require_file
+from runtime.recording.formats.log_format import LogFormat, LogReader, Rows, imported
+from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, FloatArray, LogTable
+from runtime.recording.recipes.default_convention import (
+    KINDS,
+    UNITS,
+    columns_convention,
+    unread_columns,
 )
-from runtime.recording.formats.parquet_rows import ParquetRows
-from runtime.recording.formats.tables import LogTable
-from runtime.recording.recipes.default_convention import KINDS, UNITS, columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
-from runtime.recording.recipes.unread_signals import unread_columns
 from runtime.recording.recording import Recording
+
+BATCH = 65536
+
+MOST_CELLS = 5_000_000
+"""Largest number of cells of a table whose rows are held as Python objects."""
+
+CHUNK = 4096
+"""Rows of which all columns are copied together."""
+
+BUFFER = 2**16
+"""Size in which a column is read [bytes]; without it pyarrow holds whole row groups."""
+
+
+class ParquetLog:
+    """An open Parquet file.
+
+    Raises:
+        RecordingError: no Parquet, truncated, or far larger decoded than any log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name
+        pq = imported("pyarrow.parquet", "Parquet")
+        size = path.stat().st_size
+        with _sentences(self.name):
+            self._file = pq.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
+            self.rows = int(self._file.metadata.num_rows)
+            self.columns = tuple(self._file.schema_arrow.names)
+        if self.rows < 1:
+            raise RecordingError(f"{self.name} holds no rows; export the log again")
+        if 8 * self.rows * len(self.columns) > EXPANSION * size + SLACK:
+            raise RecordingError(
+                f"{self.name} states {self.rows} rows in {size} bytes, beyond the "
+                "decompression limit; it is damaged, so export it again"
+            )
+        self._starts = np.cumsum([0, *self._group_rows()])
+
+    def _group_rows(self) -> list[int]:
+        meta = self._file.metadata
+        return [meta.row_group(i).num_rows for i in range(meta.num_row_groups)]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def group_start(self, row: int) -> int:
+        """First row of the row group that holds a row: decoding can only begin there."""
+        return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
+
+    def table(self, columns: tuple[str, ...]) -> LogTable:
+        """All rows of some columns, side by side; lists give several numbers each."""
+        values = self.joined([batch.blocks(columns) for batch in self.batches(columns)])
+        if len(values) != self.rows:
+            raise self._other_rows()
+        return LogTable(values, np.arange(self.rows, dtype=np.int64))
+
+    def joined(self, parts: list[list[FloatArray]], by_columns: bool = False) -> FloatArray:
+        """Columns side by side and batches below each other; every number is copied once."""
+        widths = [block.shape[1] for block in parts[0]]
+        shape = sum(len(blocks[0]) for blocks in parts), sum(widths)
+        by_columns = by_columns and max(widths) == 1
+        # Row by row, some rows of all columns are copied together: what is written stays in the
+        # cache.
+        step = max(shape) if by_columns else CHUNK
+        values, at = np.empty(shape, order="F" if by_columns else "C"), 0
+        for blocks in parts:
+            if [block.shape[1] for block in blocks] != widths:
+                raise self._other_rows()
+            for first in range(0, len(blocks[0]), step):
+                last, column = min(first + step, len(blocks[0])), 0
+                for block, width in zip(blocks, widths, strict=True):
+                    values[at + first : at + last, column : column + width] = block[first:last]
+                    column += width
+            at += len(blocks[0])
+        values.setflags(write=not by_columns)
+        return values
+
+    def _other_rows(self) -> RecordingError:
+        return RecordingError(
+            f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
+            "hold others; export the log again"
+        )
+
+    def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
+        """Yield batches of rows, beginning with the first row of a row group."""
+        self._require(columns)
+        with _sentences(self.name):
+            groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
+            for batch in self._file.iter_batches(
+                BATCH,
+                row_groups=list(groups),
+                columns=list(dict.fromkeys(columns)),
+                use_threads=False,
+            ):
+                yield Batch(batch, self.name)
+
+    def _require(self, columns: tuple[str, ...]) -> None:
+        missing = [column for column in columns if column not in self.columns]
+        twice = [column for column in columns if self.columns.count(column) > 1]
+        if twice:
+            raise RecordingError(
+                f"{self.name} has several columns called {twice[0]!r}; give each a different name"
+            )
+        if missing:
+            raise RecordingError(
+                f"{self.name} is expected to have the columns {', '.join(columns)}, but "
+                f"{', '.join(missing[:4])} {'is' if len(missing) == 1 else 'are'} missing; "
+                "rename the columns or describe them in a recipe"
+            )
+        types = imported("pyarrow.types", "Parquet")
+        for column in columns:
+            kind = self._file.schema_arrow.field(column).type
+            inner = kind.value_type if _is_list(kind, types) else kind
+            if not (types.is_floating(inner) or types.is_integer(inner)):
+                raise RecordingError(
+                    f"{self.name}: the column {column!r} is expected to hold real numbers, "
+                    f"but is of type {kind}; convert it to double"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Batch of rows of an open file."""
+
+    cells: Any
+    name: str
+
+    def __len__(self) -> int:
+        return int(self.cells.num_rows)
+
+    def rows(self, start: int, stop: int) -> "Batch":
+        """Rows start … stop, which are not copied."""
+        return Batch(self.cells.slice(start, stop - start), self.name)
+
+    def blocks(self, columns: tuple[str, ...]) -> list[FloatArray]:
+        """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN."""
+        types = imported("pyarrow.types", "Parquet")
+        with _sentences(self.name):
+            return [self._block(column, types) for column in columns]
+
+    def _block(self, column: str, types: Any) -> FloatArray:
+        cells = self.cells.column(column)
+        if not _is_list(cells.type, types):
+            return _floats(cells).reshape(-1, 1)
+        flat, count = _floats(cells.flatten()), len(cells)
+        width, rest = divmod(len(flat), count)
+        if rest or cells.null_count or not _is_even(cells, width, types):
+            raise RecordingError(
+                f"{self.name}: the lists of the column {column!r} are expected to be of one "
+                "length, but are not; write one number per joint and instant"
+            )
+        return flat.reshape(count, width)
+
+
+def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
+    """Metadata of a small table, and its rows."""
+    pq = imported("pyarrow.parquet", "Parquet")
+    with (
+        _sentences(path.name),
+        pq.ParquetFile(require_file(path), page_checksum_verification=True) as file,
+    ):
+        cells = file.metadata.num_rows * file.metadata.num_columns
+        if cells > MOST_CELLS:
+            raise RecordingError(f"{path.name} states {cells} cells, more than {MOST_CELLS}")
+        table = file.read(use_threads=False)
+        return dict(table.schema.metadata or {}), table.to_pylist()
+
+
+def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:
+    """Write columns of doubles under their titles."""
+    pa = imported("pyarrow", "Parquet")
+    pq = imported("pyarrow.parquet", "Parquet")
+    table = pa.table({title: values[:, i] for i, title in enumerate(titles)})
+    pq.write_table(table, file)
+
+
+def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns that a recipe means: by name, by index, or one column of lists by its key."""
+    if columns and columns != ("",):
+        if any(isinstance(c, int) and not 0 <= c < len(names) for c in columns):
+            raise RecordingError(
+                f"the recipe names a column beyond the {len(names)} of the file; correct it"
+            )
+        return tuple(names[c] if isinstance(c, int) else c for c in columns)
+    if key:
+        return (key,)
+    raise RecordingError("the recipe names no columns of a Parquet file; write columns = [...]")
+
+
+def _floats(cells: Any) -> FloatArray:
+    """Numbers as float64; null is NaN."""
+    return np.asarray(cells.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _is_list(kind: Any, types: Any) -> bool:
+    return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
+
+
+def _is_even(cells: Any, width: int, types: Any) -> bool:
+    if types.is_fixed_size_list(cells.type):
+        return True
+    return bool((np.diff(np.asarray(cells.offsets)) == width).all())
+
+
+@contextmanager
+def _sentences(name: str) -> Iterator[None]:
+    """Turn the exceptions of pyarrow on a damaged file into one sentence."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(
+            f"{name} is expected to be a Parquet file, but it is truncated, damaged or another "
+            f"file ({type(error).__name__}); copy or export it again"
+        ) from error
+
+
+class ParquetRows:
+    """Columns of a Parquet file; reading forwards costs one pass, going back begins anew."""
+
+    def __init__(self, log: ParquetLog, kinds: Mapping[str, tuple[str, ...]]) -> None:
+        self._log, self._kinds = log, dict(kinds)
+        self._columns = tuple(column for columns in self._kinds.values() for column in columns)
+        self.count = log.rows
+        self._held: deque[Batch] = deque()
+        self._first = self._next = 0
+        self._batches = log.batches(self._columns, 0)
+
+    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Rows start … stop of every kind of signal."""
+        group = self._log.group_start(start)
+        if start < self._first or group > self._next:
+            self._held.clear()
+            self._first = self._next = group
+            self._batches = self._log.batches(self._columns, group)
+        self._forget(start)
+        while self._next < stop:
+            batch = next(self._batches, None)
+            if batch is None:
+                raise RecordingError(f"{self._log.name} holds fewer rows than it states")
+            self._held.append(batch)
+            self._next += len(batch)
+            self._forget(start)
+        parts, at = [], self._first
+        for batch in self._held:
+            if at < stop:
+                parts.append(batch.rows(max(start - at, 0), min(stop - at, len(batch))))
+            at += len(batch)
+        return {
+            kind: self._log.joined([part.blocks(columns) for part in parts], by_columns=True)
+            for kind, columns in self._kinds.items()
+        }
+
+    def _forget(self, start: int) -> None:
+        while self._held and self._first + len(self._held[0]) <= start:
+            self._first += len(self._held.popleft())
 
 
 class ParquetReader(LogReader):

@@ -1,5 +1,7 @@
-"""A table of numbers, in which each corrupt row is NaN and keeps the number of its line."""
+"""A table of numbers, in which each corrupt row is NaN and keeps its line; numbers in a file."""
 
+import tempfile
+import weakref
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,3 +44,39 @@ def common_count(path: Path, counts: Iterable[int]) -> int:
             f"{' and '.join(map(str, different))}; check that samples are rows"
         )
     return different[0] if different else 0
+
+
+class Spool:
+    """Sequence of numbers in a temporary file, which stays in memory while it is small.
+
+    Args:
+        name: of the log, for messages.
+    """
+
+    SMALL = 2**24
+    """Largest size that stays in memory [bytes]."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._file = tempfile.SpooledTemporaryFile(self.SMALL, prefix="symgen-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self.size = 0
+
+    def append(self, values: FloatArray) -> int:
+        """Append numbers and return the place of the first of them."""
+        start = self.size
+        try:
+            self._file.seek(8 * start)
+            self._file.write(np.ascontiguousarray(values).data)
+        except OSError as error:
+            raise RecordingError(
+                f"the numbers of {self._name} do not fit into {tempfile.gettempdir()} "
+                f"({error.strerror}); set TMPDIR to a larger place, or convert the log to Parquet"
+            ) from error
+        self.size += values.size
+        return start
+
+    def read(self, start: int, count: int) -> FloatArray:
+        """Numbers from a place on."""
+        self._file.seek(8 * start)
+        return np.frombuffer(self._file.read(8 * count), dtype=np.float64)

@@ -1,6 +1,6 @@
 """Joint friction, linear in its coefficients: columns of the motion times φ."""
 
-from runtime.recording.friction.columns import OFFSET, ROTOR, gravity_load
+from runtime.recording.friction.columns import OFFSET, ROTOR, dahl_state, gravity_load, spring_names
 from runtime.recording.friction.coupled_motors import (
     Coupling,
     coupling_of,
@@ -9,18 +9,19 @@ from runtime.recording.friction.coupled_motors import (
     geared,
     spread,
 )
-from runtime.recording.friction.dahl import dahl_state
-from runtime.recording.friction.drive_columns import DRIVE, default_terms
 from runtime.recording.friction.model import (
+    DRIVE,
     add_columns,
     columns,
     completed,
+    default_terms,
+    left_out_note,
     renewed_rotor,
     torque,
+    unresolved,
+    without_columns,
 )
-from runtime.recording.friction.resolution import left_out_note, unresolved, without_columns
-from runtime.recording.friction.springs import spring_names
-from runtime.recording.friction_column import (
+from runtime.recording.settings import (
     COLUMNS,
     FrictionColumn,
     JointMotion,

@@ -10,19 +10,62 @@
 Offset and coulomb together already differ between the directions; with asymmetric, the viscous part
 does so too. ζ ∈ [−1, 1] is the deflection of the contact, z_c the stroke within which it yields.
 Source: Armstrong-Hélouvry 1994 (Stribeck), Dahl 1976, Hamon, Gautier & Garrec 2010 (load).
+
+Columns that the name of a part selects: `spring:NAME`, τ = S(q) k for a spring of unknown
+stiffness, and `joint_…:NAME`, τ = Gᵀ c(G dq) φ for a joint that follows others. G = ∂x/∂q is the
+row of the joint in ∂q_all/∂q, which depends on the posture where a loop is closed. With couplings
+it is constant, and the columns motor_… have the rows of several masters as well.
 """
 
+from functools import partial
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording.friction.coupled_motors import directions
-from runtime.recording.friction.dahl import dahl_state
-from runtime.recording.friction_column import FrictionColumn, JointMotion
-from runtime.recording.settings import Friction
+from runtime.recording.settings import (
+    JOINT_COULOMB,
+    JOINT_VISCOUS,
+    SPRING,
+    Friction,
+    FrictionColumn,
+    JointMotion,
+)
 
 FloatArray = NDArray[np.float64]
+
+_BLOCK = 64
+"""Samples of one block; all blocks are stepped through side by side."""
+
+
+def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
+    """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c).
+
+    Args:
+        q: (N, n) joint positions of one path, N ≥ 1 [rad, m].
+        stroke: z_c within which the contact yields, one number or (n,) [rad, m].
+
+    Returns:
+        (N, n), 0 at the first sample.
+    """
+    step = np.diff(q, axis=0)
+    count, n = step.shape
+    blocks = max(1, -(-count // _BLOCK))
+    stay, gained = np.ones((blocks * _BLOCK, n)), np.zeros((blocks * _BLOCK, n))
+    stay[:count] = np.exp(-np.abs(step) / stroke)
+    gained[:count] = np.sign(step) * (1 - stay[:count])
+    # Within a block ζ = a ζ₀ + b: all blocks step by step, then from block to block.
+    a, b = stay.reshape(blocks, _BLOCK, n), gained.reshape(blocks, _BLOCK, n)
+    for i in range(1, _BLOCK):
+        b[:, i] += a[:, i] * b[:, i - 1]
+        a[:, i] *= a[:, i - 1]
+    first = np.zeros((blocks, 1, n))
+    for i in range(1, blocks):
+        first[i, 0] = a[i - 1, -1] * first[i - 1, 0] + b[i - 1, -1]
+    zeta = (a * first + b).reshape(blocks * _BLOCK, n)[:count]
+    return np.concatenate([np.zeros((1, n)), zeta])
 
 
 def _viscous(motion: JointMotion, _: Friction) -> FloatArray:
@@ -224,3 +267,71 @@ MOTOR_ROTOR = FrictionColumn(
     is_inertial=True,
     of_motors=True,
 )
+
+
+def spring_column(name: str) -> FrictionColumn:
+    """The record of `spring:NAME`; the library decides whether the robot has that spring."""
+    spring = name.removeprefix(SPRING)
+    return FrictionColumn(
+        name,
+        f"(x − rest) ∂x/∂q of the spring {spring}",
+        partial(_spring_torque, spring),
+        is_passive=False,
+        is_shared=True,
+    )
+
+
+def spring_names(lib: Library) -> tuple[str, ...]:
+    """Names of the columns of all springs of unknown stiffness of a robot, `spring:NAME`."""
+    return tuple(f"{SPRING}{name}" for name in lib.manifest.springs)
+
+
+def _spring_torque(spring: str, motion: JointMotion, _: Friction) -> FloatArray:
+    if motion.q is None or motion.lib is None:
+        raise RecordingError(
+            f"the column 'spring:{spring}' needs q and the library of the robot; give lib"
+        )
+    names = motion.lib.manifest.springs
+    if spring not in names:
+        listed = ", ".join(f"spring:{name}" for name in names) or "none"
+        raise RecordingError(
+            f"'{motion.lib.name}' has no spring '{spring}' of unknown stiffness (there are: "
+            f"{listed}); name one of them, or build the robot with [[spring]] in --mechanism"
+        )
+    return np.ascontiguousarray(motion.lib.spring_columns(motion.q)[..., names.index(spring)])
+
+
+def dependent_joint_column(name: str) -> FrictionColumn:
+    """The record of `joint_viscous:NAME` or `joint_coulomb:NAME`."""
+    prefix = JOINT_COULOMB if name.startswith(JOINT_COULOMB) else JOINT_VISCOUS
+    joint = name.removeprefix(prefix)
+    is_dry = prefix == JOINT_COULOMB
+    return FrictionColumn(
+        name,
+        f"Gᵀ tanh(G dq / ε) of the joint {joint}" if is_dry else f"Gᵀ G dq of the joint {joint}",
+        partial(_dependent_torque, name, joint, is_dry),
+        widths=("coulomb_speed",) if is_dry else (),
+        is_nonnegative=True,
+        is_shared=True,
+    )
+
+
+def _dependent_torque(
+    name: str, joint: str, is_dry: bool, motion: JointMotion, terms: Friction
+) -> FloatArray:
+    lib = motion.lib
+    if motion.q is None or lib is None:
+        raise RecordingError(f"the column '{name}' needs q and the library of the robot; give lib")
+    dependent = [each for each in lib.all_joint_names if each not in lib.joint_names]
+    if joint not in dependent:
+        listed = ", ".join(dependent) or "none"
+        raise RecordingError(
+            f"'{lib.name}' has no joint '{joint}' that follows others (there are: {listed}); name "
+            "one of them; the columns viscous and coulomb are those of the independent joints"
+        )
+    row = lib.joint_jacobian(motion.q)[..., lib.all_joint_names.index(joint), :]
+    speed = np.einsum("...n,...n->...", row, motion.dq)
+    if is_dry:
+        widths = np.broadcast_to(np.asarray(terms.coulomb_speed, dtype=float), row.shape[-1:])
+        speed = np.tanh(speed / widths.min())
+    return np.ascontiguousarray(row * speed[..., None])

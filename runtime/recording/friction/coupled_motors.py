@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
 from runtime.library import Library
-from runtime.recording.friction_column import COLUMNS
 from runtime.recording.recording import Recording
-from runtime.recording.settings import Friction
+from runtime.recording.settings import COLUMNS, Friction
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from runtime.identification.payload import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
 from runtime.recording import Recording, open_streamed, read_recording
-from runtime.recording.formats import bounded_decompression, parquet
+from runtime.recording.formats import bag_messages, parquet_format
 from scripts.fuzzing import bags, goods
 
 ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT count(x)"
@@ -68,7 +68,7 @@ def test_a_message_is_no_longer_than_a_robot(tmp_path: Path) -> None:
 @pytest.fixture
 def thrifty(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousandth of what a log may become, so that bombs are small."""
-    monkeypatch.setattr(bounded_decompression, "SLACK", 2**16)
+    monkeypatch.setattr(bag_messages, "SLACK", 2**16)
 
 
 def ros1_bomb(folder: Path, log: Recording, codec: str) -> Path:
@@ -130,13 +130,13 @@ def test_columns_have_names_of_their_own(tmp_path: Path, log: Recording) -> None
 def test_a_table_of_rows_is_no_larger_than_any(tmp_path: Path, monkeypatch: Any) -> None:
     """Property: a few bytes that claim millions of rows are not made into objects."""
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(parquet, "MOST_CELLS", 1000)
+    monkeypatch.setattr(parquet_format, "MOST_CELLS", 1000)
     table = pa.table({"airm": pa.nulls(1001, pa.float64())}).replace_schema_metadata(
         {"config_hash": "mark"}
     )
     pq.write_table(table, tmp_path / "rows.parquet")
     with pytest.raises(RecordingError, match="states 1001 cells, more than 1000"):
-        parquet.rows_of(tmp_path / "rows.parquet")
+        parquet_format.rows_of(tmp_path / "rows.parquet")
     assert read_rows(tmp_path / "rows.parquet", "mark") is None
     pq.write_table(table.slice(1), tmp_path / "rows.parquet")
     assert len(read_rows(tmp_path / "rows.parquet", "mark") or ()) == 1000

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.library import Library
-from runtime.recording.plausibility import OUTSIDE, require_plausible
+from runtime.recording.consistency import OUTSIDE, require_plausible
 
 
 def test_good_recordings_pass(

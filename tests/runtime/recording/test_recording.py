@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.recording import Recording, check_consistency, read_recording, write_recording
 from runtime.recording import recording as recordings
-from runtime.recording.clock import require_clock
+from runtime.recording.recording import require_clock
 from tests.runtime.logs import motion
 
 finite = st.floats(-1e8, 1e8, allow_subnormal=True)

@@ -22,7 +22,7 @@ from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.identify import parts_of_log
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
-from runtime.recording.formats import csv_format, spool
+from runtime.recording.formats import csv_format, tables
 from runtime.recording.preprocessing import prepare, split
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.conftest import REPOSITORY
@@ -45,7 +45,7 @@ def log(lib: Library) -> Recording:
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 2048)
     monkeypatch.setattr(csv_format, "PIECE", 2**20)
-    monkeypatch.setattr(spool.Spool, "SMALL", 2**16)
+    monkeypatch.setattr(tables.Spool, "SMALL", 2**16)
 
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
@@ -130,7 +130,7 @@ def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch)
         time.sleep(1e-3)  # another thread would move the place of the file
         return np.frombuffer(self._file.read(8 * count), dtype=np.float64)
 
-    monkeypatch.setattr(spool.Spool, "read", slow)
+    monkeypatch.setattr(tables.Spool, "read", slow)
     for count in (1, 8):
         monkeypatch.setattr(blocks, "cores", lambda count=count: count)
         facts = blocks_of(open_streamed(tmp_path / "x.csv"), lib, PREPARATION, FRICTION)

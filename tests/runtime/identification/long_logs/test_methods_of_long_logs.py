@@ -16,7 +16,7 @@ from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
-from runtime.recording.formats import spool
+from runtime.recording.formats import tables
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving
 
@@ -34,7 +34,7 @@ def log(lib: Library) -> Recording:
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 2048)
-    monkeypatch.setattr(spool.Spool, "SMALL", 2**16)
+    monkeypatch.setattr(tables.Spool, "SMALL", 2**16)
 
 
 BARS = {

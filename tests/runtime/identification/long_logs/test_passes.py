@@ -15,8 +15,8 @@ from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.identify import first_row
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
-from runtime.recording.formats import parquet
-from runtime.recording.formats.spool import Spool
+from runtime.recording.formats import parquet_format
+from runtime.recording.formats.tables import Spool
 from tests.runtime.motions import moving
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
@@ -33,16 +33,16 @@ def test_row_groups_are_decoded_once(lib, tmp_path, monkeypatch):
     table = pa.table(dict(zip(titles, values.T, strict=True)))
     pq.write_table(table, tmp_path / "x.parquet", row_group_size=6000)
     monkeypatch.setattr(blocks, "BLOCK", 1024)
-    monkeypatch.setattr(parquet, "BATCH", 1024)
+    monkeypatch.setattr(parquet_format, "BATCH", 1024)
     monkeypatch.setattr(passes, "WINDOWS", 5)
-    decoded, batches = [], parquet.ParquetLog.batches
+    decoded, batches = [], parquet_format.ParquetLog.batches
 
     def counted(log, columns, first_row=0):
         for batch in batches(log, columns, first_row):
             decoded.append(len(batch) * len(columns))
             yield batch
 
-    monkeypatch.setattr(parquet.ParquetLog, "batches", counted)
+    monkeypatch.setattr(parquet_format.ParquetLog, "batches", counted)
     log = open_streamed(tmp_path / "x.parquet")
     decoded.clear()
     identify_streamed(log, lib, preparation=PREPARATION, friction_columns=Friction())

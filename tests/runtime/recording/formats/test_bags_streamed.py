@@ -9,7 +9,7 @@ import pytest
 
 from runtime.library import Library
 from runtime.recording import open_streamed, read_recording, streamed
-from runtime.recording.formats import merged_messages
+from runtime.recording.formats import joint_states
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving
@@ -26,7 +26,7 @@ from tests.runtime.recording.formats.test_bags import (
 
 @pytest.fixture(autouse=True)
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(merged_messages, "PIECE", 32)
+    monkeypatch.setattr(joint_states, "PIECE", 32)
 
 
 def assert_same_rows(path, **options) -> None:
@@ -113,8 +113,8 @@ def test_late_messages_are_waited_for(tmp_path):
 
 def test_memory_does_not_grow_with_the_bag(tmp_path, monkeypatch):
     """Property: four times the messages take the same memory, to a tenth."""
-    monkeypatch.setattr(merged_messages, "PIECE", 256)
-    monkeypatch.setattr(merged_messages.Spool, "SMALL", 2**16)
+    monkeypatch.setattr(joint_states, "PIECE", 256)
+    monkeypatch.setattr(joint_states.Spool, "SMALL", 2**16)
     t, *signals = motion(6000)
     told = [("/joint_states", t[i], NAMES, *(s[i] for s in signals)) for i in range(len(t))]
     open_streamed(mcap_cdr(tmp_path / "first.mcap", told[:9]))  # types of messages are kept

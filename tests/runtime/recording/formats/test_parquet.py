@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording, open_streamed, read_recording, write_recording
-from runtime.recording.formats import parquet
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.runtime.logs import motion
 
@@ -197,18 +196,3 @@ def test_libfranka_logs_need_no_recipe(tmp_path):
     assert np.array_equal(recording.dq, rows[:, 16:23])
     assert np.array_equal(recording.tau, rows[:, 30:37])
     assert recording.ddq is None
-
-
-def test_doubles_are_read_without_a_cast(tmp_path):
-    """Property: no import of pyarrow.compute, which takes 0.14 s; other numbers are cast by it."""
-
-    class Doubles:
-        type = pa.float64()
-
-        def to_numpy(self, zero_copy_only: bool) -> np.ndarray:
-            return np.arange(3.0)
-
-    assert np.array_equal(parquet._floats(Doubles()), [0.0, 1.0, 2.0])
-    whole = {key: pa.array(np.arange(400)) for key in columns()}
-    pq.write_table(pa.table(whole), tmp_path / "x.parquet")
-    assert read_recording(tmp_path / "x.parquet").q[7, 1] == 7.0

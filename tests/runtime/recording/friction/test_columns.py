@@ -80,7 +80,7 @@ def test_wrong_names_speeds_and_shapes_are_told():
 
 TOY = """
 import numpy as np
-from runtime.recording.friction_column import FrictionColumn
+from runtime.recording.settings import FrictionColumn
 
 
 def drag(motion, terms):

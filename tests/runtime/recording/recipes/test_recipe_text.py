@@ -1,4 +1,4 @@
-"""runtime.recording.recipes.recipe_text: recipes as TOML."""
+"""runtime.recording.recipes.recipe_file: recipes as TOML."""
 
 import tomllib
 

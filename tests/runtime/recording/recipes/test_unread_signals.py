@@ -8,7 +8,7 @@ import pytest
 from runtime.errors import IdentificationError
 from runtime.library import Library
 from runtime.recording import read_recording, write_recording
-from runtime.recording.plausibility import require_plausible
+from runtime.recording.consistency import require_plausible
 from runtime.recording.recording import Recording
 from runtime.recording.streamed import open_streamed
 

@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from runtime.estimators.methods import METHODS
     from runtime.identification.identified import Identification
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
-    from runtime.identification.payload import Payload, identify_payload
-    from runtime.identification.sensor_gains import Gains, identify_gains
+    from runtime.identification.payload.body import Payload
+    from runtime.identification.payload.estimate import identify_payload
+    from runtime.identification.sensor_gains.estimate import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.identification.single_log import identify
     from runtime.inspection.default_friction import choose_default_friction
@@ -69,7 +70,7 @@ __all__ = [
 
 _MODULES = {
     "BaseMotion": "runtime.library",
-    "Gains": "runtime.identification.sensor_gains",
+    "Gains": "runtime.identification.sensor_gains.estimate",
     "Identification": "runtime.identification.identified",
     "Library": "runtime.library",
     "METHODS": "runtime.estimators.methods",
@@ -77,15 +78,15 @@ _MODULES = {
     "OnlineEstimate": "runtime.identification.online",
     "OnlineEstimator": "runtime.identification.online",
     "PRESETS": "runtime.estimators.descent.fit",
-    "Payload": "runtime.identification.payload",
+    "Payload": "runtime.identification.payload.body",
     "Preset": "runtime.estimators.descent.adam",
     "Recording": "runtime.recording",
     "Settings": "runtime.identification.settings",
     "choose_default_friction": "runtime.inspection.default_friction",
     "choose_friction": "runtime.inspection.friction_choice",
     "identify": "runtime.identification.single_log",
-    "identify_gains": "runtime.identification.sensor_gains",
-    "identify_payload": "runtime.identification.payload",
+    "identify_gains": "runtime.identification.sensor_gains.estimate",
+    "identify_payload": "runtime.identification.payload.estimate",
     "load": "runtime.library",
     "read_recording": "runtime.recording",
     "to_pinocchio_order": "runtime.library",

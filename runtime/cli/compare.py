@@ -30,17 +30,10 @@ from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_colum
 from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.methods import METHODS, methods_from_statistics
-from runtime.identification.comparison import (
-    Comparison,
-    Truth,
-    compare,
-    read_truth,
-    write_comparison,
-)
-from runtime.identification.comparison.output import LEGEND
+from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.row import HEAD, cells
-from runtime.identification.comparison.run import beside
-from runtime.identification.long_logs import assemble_streamed, require_streamable
+from runtime.identification.comparison.run import Comparison, Truth, beside, compare, read_truth
+from runtime.identification.long_logs.identify import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")

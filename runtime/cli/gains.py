@@ -16,8 +16,8 @@ from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.payload import read_known_payload
-from runtime.identification.sensor_gains import Gains, identify_gains
+from runtime.identification.payload.known import read_known_payload
+from runtime.identification.sensor_gains.estimate import Gains, identify_gains
 from runtime.library import Library
 from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import Recipe as Plan

@@ -13,7 +13,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
 
 if TYPE_CHECKING:
-    from runtime.identification.several_logs import LogAgreement
+    from runtime.identification.several_logs.identify import LogAgreement
 
 STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""

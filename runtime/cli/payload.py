@@ -13,16 +13,10 @@ from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_fold
 from runtime.cli.prepared_log import preparation_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.payload import (
-    Payload,
-    arm_model,
-    identify_payload,
-    load_facts,
-    read_arm_model,
-    write_payload,
-)
-from runtime.identification.payload.body import NAMES
-from runtime.identification.payload.output import FILES
+from runtime.identification.payload.arm import arm_model, read_arm_model
+from runtime.identification.payload.body import NAMES, Payload
+from runtime.identification.payload.estimate import identify_payload
+from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.inspection.regressor_choice import noisy_accelerations
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints

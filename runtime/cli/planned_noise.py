@@ -17,7 +17,7 @@ from runtime.cli.common import numbers_option
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION, Information, information
 from runtime.excitation.search.noise_spectrum import NoiseSpectrum, spectrum_of
-from runtime.identification.expected_accuracy import motion_samples_of, noise_of
+from runtime.identification.expected_accuracy.planned_samples import motion_samples_of, noise_of
 from runtime.library import Array, Library
 from runtime.recording import Friction
 

@@ -29,18 +29,18 @@ from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.expected import Expected, base_names, facts
+from runtime.identification.expected_accuracy.growth import (
     SECONDS,
-    Expected,
     GainOfRecording,
-    MotionSamples,
-    base_names,
-    facts,
     gained,
     growth,
+    verdict,
+)
+from runtime.identification.expected_accuracy.planned_samples import (
+    MotionSamples,
     motion_samples_of,
     planned_recording,
-    verdict,
 )
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Array, Library

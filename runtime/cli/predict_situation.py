@@ -7,17 +7,19 @@ import numpy as np
 from runtime.cli.planned_noise import TorqueNoise, planned_noise
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import NOISE
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.expected import (
     Expected,
     Knowledge,
-    MotionSamples,
-    Noise,
     expected,
     gain_slopes,
-    noise_of,
     torque_of_gains,
 )
-from runtime.identification.expected_accuracy.planned_samples import information_of_logs
+from runtime.identification.expected_accuracy.planned_samples import (
+    MotionSamples,
+    Noise,
+    information_of_logs,
+    noise_of,
+)
 from runtime.library import Array, Library
 from runtime.library.torque_units import common_unit, torque_units
 from runtime.recording import read_recording

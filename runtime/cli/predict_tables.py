@@ -13,8 +13,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation import Information, information
 from runtime.excitation.search.information import FRICTION
-from runtime.identification.expected_accuracy import Expected, GainOfRecording, base_names
-from runtime.identification.expected_accuracy.expected import ARM_ERROR
+from runtime.identification.expected_accuracy.expected import ARM_ERROR, Expected, base_names
+from runtime.identification.expected_accuracy.growth import GainOfRecording
 from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass

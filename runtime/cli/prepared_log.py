@@ -95,7 +95,7 @@ def read_prepared_log(
     """Read a log and choose its cut-off, regressor and friction model where options say auto."""
     streamed = _streamed(lib, log, options)
     if streamed is not None:
-        from runtime.identification.long_logs import head_of
+        from runtime.identification.long_logs.blocks import head_of
 
         recording = head_of(streamed)
     else:

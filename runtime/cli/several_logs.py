@@ -18,7 +18,7 @@ from runtime.identification.settings import Settings
 from runtime.library import Library
 
 if TYPE_CHECKING:
-    from runtime.identification.several_logs import LogAgreement
+    from runtime.identification.several_logs.identify import LogAgreement
 
 Logs = Annotated[
     list[str],
@@ -76,7 +76,8 @@ def identify_several(
 ) -> "tuple[Identification, LogAgreement]":
     """Identify one set of parameters from several logs, and compare the logs."""
     from runtime.cli.several_drives import with_drives
-    from runtime.identification.several_logs import NamedLog, identify_logs
+    from runtime.identification.several_logs.identify import identify_logs
+    from runtime.identification.several_logs.joint_fit import NamedLog
 
     _require_joinable(len(runs), options)
     carried = _carried(payload_of, [log for log, _ in runs], lib)
@@ -140,7 +141,7 @@ def print_agreement(agreement: "LogAgreement") -> None:
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Any]:
-    from runtime.identification.several_logs import read_carried
+    from runtime.identification.several_logs.joint_fit import read_carried
 
     payloads = {}
     for text in payload_of:

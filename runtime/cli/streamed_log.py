@@ -17,7 +17,7 @@ from runtime.recording import StreamedRecording
 
 def is_streamable(method: str | None, preset: str | None) -> bool:
     """Whether a method works on streamed rows."""
-    from runtime.identification.long_logs import require_streamable
+    from runtime.identification.long_logs.identify import require_streamable
 
     try:
         require_streamable(chosen_method(method, preset, None), preset)
@@ -34,7 +34,7 @@ def streamed_result(
     delay: str | None = None,
 ) -> Identification:
     """Identify from a log that is read piece by piece."""
-    from runtime.identification.long_logs import identify_streamed
+    from runtime.identification.long_logs.identify import identify_streamed
 
     facts: list[dict[str, Any]] = []
     if delay is not None:

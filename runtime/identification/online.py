@@ -25,10 +25,10 @@ from runtime.estimators.convex import (
 )
 from runtime.estimators.regression import Statistics, compress, from_triangle
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.expected import Knowledge
+from runtime.identification.expected_accuracy.growth import (
     SECONDS,
     GainOfRecording,
-    Knowledge,
     gained_by_same_motion,
     verdict,
 )

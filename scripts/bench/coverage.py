@@ -16,9 +16,10 @@ from scipy import signal
 from runtime import Identification, Recording, identify, identify_payload
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.excitation import Trajectory
-from runtime.identification.payload import ArmModel, KnownPayload, mount_of
-from runtime.identification.payload.body import Body, body_of
-from runtime.identification.sensor_gains import identify_gains
+from runtime.identification.payload.arm import ArmModel
+from runtime.identification.payload.body import Body, body_of, mount_of
+from runtime.identification.payload.known import KnownPayload
+from runtime.identification.sensor_gains.estimate import identify_gains
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Plant, ideal

@@ -17,15 +17,17 @@ from bench.machine import processor
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.expected import (
     Knowledge,
-    MotionSamples,
     expected,
     gain_slopes,
+    torque_of_gains,
+)
+from runtime.identification.expected_accuracy.planned_samples import (
+    MotionSamples,
     motion_samples_of,
     noise_of,
     planned_recording,
-    torque_of_gains,
 )
 from runtime.identification.single_log import identify
 from runtime.library import Array, Library

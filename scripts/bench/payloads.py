@@ -9,8 +9,8 @@ from scipy import signal
 from runtime import identify_payload
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.excitation import Trajectory
-from runtime.identification.payload import mount_of
 from runtime.identification.payload.arm import arm_model
+from runtime.identification.payload.body import mount_of
 from runtime.library import Library
 from runtime.simulation import Plant, ideal
 from runtime.simulation.virtual_robot import perturbed

@@ -21,7 +21,8 @@ import numpy as np
 from bench.front import Sheet
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.long_logs import blocks_of, identify_streamed
+from runtime.identification.long_logs.blocks import blocks_of
+from runtime.identification.long_logs.identify import identify_streamed
 from runtime.library import Library, load
 from runtime.recording import Friction, Preparation, open_streamed
 

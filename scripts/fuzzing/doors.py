@@ -14,7 +14,8 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.comparison.run import read_truth
-from runtime.identification.payload import read_arm_model, read_known_payload
+from runtime.identification.payload.arm import read_arm_model
+from runtime.identification.payload.known import read_known_payload
 from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe

@@ -17,7 +17,7 @@ from runtime.cli import main
 from runtime.excitation import Design, Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.trajectory_file import write_trajectory
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,
     planned_recording,

@@ -27,7 +27,7 @@ from runtime.experiments.study import (
 from runtime.experiments.trials.motions import ROLES, condition, document_robot
 from runtime.experiments.trials.scores import Scorer, scorer_of, torque_rms
 from runtime.experiments.trials.timed_fits import adam_of_all, fit_frozen, link_rows, stream, timed
-from runtime.identification.payload import identify_payload
+from runtime.identification.payload.estimate import identify_payload
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, centre_of_mass, links, mass
 from runtime.recording import Friction

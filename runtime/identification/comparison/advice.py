@@ -48,15 +48,7 @@ class Advice:
 
 
 def advise(rows: Sequence[Row], n_base: int) -> Advice:
-    """Advice on the rows of one comparison.
-
-    Args:
-        rows: results of any methods, in any order.
-        n_base: number of base parameters of the robot.
-
-    Returns:
-        The recommended method and the reasons.
-    """
+    """Advice on the rows of one comparison."""
     ran = {row.method: row.figures for row in rows if row.figures is not None}
     if not ran:
         why = "no method has a result on these data; the reason of each is in its row"

@@ -29,21 +29,7 @@ def write_comparison(
     options: Mapping[str, Any],
     notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Write compare.json and compare.md.
-
-    Args:
-        comparison: results of the methods.
-        folder: folder of the files; made where it is missing.
-        command: command line.
-        options: options of the command by name, JSON-ready.
-        notes: sentences on how the log was read.
-
-    Returns:
-        Facts of compare.json.
-
-    Raises:
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write compare.json and compare.md."""
     lib = comparison.assembly.problem.lib
     advice = advise(comparison.rows, len(lib.base_columns))
     facts = _facts(comparison, advice, command, options, notes)

@@ -66,18 +66,7 @@ def beside(log: str) -> Path | None:
 
 
 def read_truth(path: Path, lib: Library) -> Truth:
-    """Read the parameters that `simulate` has written.
-
-    Args:
-        path: a .truth.json.
-        lib: library of the robot.
-
-    Returns:
-        The true base parameters.
-
-    Raises:
-        RecordingError: the file is damaged, or of another robot.
-    """
+    """Read the parameters that `simulate` has written."""
     try:
         data = bytes_of(path)
         facts = json_of(data)
@@ -126,21 +115,7 @@ def compare(
     started: Callable[[str], None] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Comparison:
-    """Run several methods on one problem; a failure of one method is a row.
-
-    Args:
-        assembly: problem and recordings.
-        methods: names in `METHODS`.
-        truth: true base parameters of a simulated log.
-        started: called with the name of every method before it begins.
-        progress: called by methods that iterate, with iteration and best validation loss.
-
-    Returns:
-        One row per method.
-
-    Raises:
-        IdentificationError: a name that is no method.
-    """
+    """Run several methods on one problem; a failure of one method is a row."""
     for method in methods:
         require_method(method)
     problem = assembly.problem

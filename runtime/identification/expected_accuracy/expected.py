@@ -101,27 +101,15 @@ class Expected:
     def torque(self, lib: Library, unseen: Array) -> Array:
         """RMS torque error of the MAP model over other motions.
 
-        Args:
-            lib: library of the robot.
-            unseen: (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-                `runtime.excitation.search.unseen_motions.unseen_joints`.
-
-        Returns:
-            (n,) expected error per joint [N·m, N].
+        unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
+        `runtime.excitation.search.unseen_motions.unseen_joints` → (n,) expected error per joint
+        [N·m, N].
         """
         over_base = lib.base_matrix @ self.root
         return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
 
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
-        """Standard deviations with names: payload, links, base parameters.
-
-        Args:
-            lib: library of the robot.
-            payload_only: True leaves out links and base parameters.
-
-        Returns:
-            Name → σ in SI units; of vectors the norm.
-        """
+        """Standard deviations with names: payload, links, base parameters."""
         named = {}
         if self.payload is not None and self.payload_com is not None:
             named[PAYLOAD_MASS] = float(mass(self.payload))
@@ -151,18 +139,7 @@ def expected(
     unit: float = 1.0,
     columns: tuple[str, ...] | None = None,
 ) -> Expected:
-    """Standard deviations that identification reaches with given samples.
-
-    Args:
-        lib: library of the robot.
-        statistics: factor of the samples with W = diag σ⁻²; their torque is not used.
-        known: knowledge before the samples.
-        unit: u, the variance of a weighted row with its inflation.
-        columns: names of the friction columns per joint; None leaves out the payload.
-
-    Returns:
-        Expected standard deviations in SI units.
-    """
+    """Standard deviations that identification reaches with given samples."""
     whole = _rows(lib, statistics, known.earlier, unit)
     base = covariance_of_rows(whole[:, list(lib.base_columns)])
     spread = spread_of(known.prior.bodies, known.pi, whole, known.kappa)
@@ -227,16 +204,7 @@ def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: flo
 
 
 def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str, object]:
-    """Standard deviations for JSON files.
-
-    Args:
-        sigma: expected standard deviations.
-        lib: library of the robot.
-        payload_only: True leaves out links and base parameters.
-
-    Returns:
-        JSON-ready values in SI units.
-    """
+    """Standard deviations for JSON files."""
     payload = None
     if sigma.payload is not None and sigma.payload_com is not None:
         payload = {
@@ -282,15 +250,7 @@ def gain_slopes(
 
     Earlier logs are taken to change in the same way: the sensors are the same.
 
-    Args:
-        lib: library of the robot.
-        moved: samples of the motion, with one equation per joint.
-        sigma: noise of the torque, (n,) N·m or N.
-        known: prior, and the parameters of the links.
-        unit: u, the variance of a weighted row with its inflation.
-
-    Returns:
-        s, (10 n, n) SI.
+    sigma (n,) N·m or N → s, (10 n, n) SI.
     """
     n = lib.n_joints
     alone = [reduce(moved.statistics(lib, sigma, only=j), n)[0].factor for j in range(n)]
@@ -304,15 +264,8 @@ def gain_slopes(
 def torque_of_gains(lib: Library, slopes: Array, gain_error: float, unseen: Array) -> Array:
     """RMS error of the torque of other motions by the gains.
 
-    Args:
-        lib: library of the robot.
-        slopes: of `gain_slopes`, (10 n, n).
-        gain_error: standard deviation of the gain of every joint, relative to one.
-        unseen: (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-            `runtime.excitation.search.unseen_motions.unseen_joints`.
-
-    Returns:
-        (n,) N·m or N.
+    slopes (10 n, n), unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
+    `runtime.excitation.search.unseen_motions.unseen_joints` → (n,) N·m or N.
     """
     change = gain_error * (lib.base_matrix @ slopes)
     return np.sqrt([np.sum(change * (joint @ change)) for joint in unseen])

@@ -70,17 +70,7 @@ class GainOfRecording:
 def gained(
     now: Mapping[str, float], later: Mapping[str, float], seconds: float, motion: str
 ) -> GainOfRecording:
-    """Gains between two sets of standard deviations.
-
-    Args:
-        now: name → σ.
-        later: name → σ after the further recording.
-        seconds: further recording time, s.
-        motion: "the same motion", or a name.
-
-    Returns:
-        The gains; 1 for a name that `now` lacks, because the data did not determine it.
-    """
+    """Gains between two sets of standard deviations."""
     gains = {name: 1.0 - after / now[name] if name in now else 1.0 for name, after in later.items()}
     # Gains that differ by rounding keep the order of the names.
     order = sorted(gains, key=lambda name: -round(gains[name], 3))
@@ -105,18 +95,7 @@ def _listed(words: Sequence[str]) -> str:
 def gained_by_same_motion(
     lib: Library, statistics: Statistics, known: Knowledge, grown: float, seconds: float
 ) -> GainOfRecording:
-    """Gain of further samples of the same motion.
-
-    Args:
-        lib: library of the robot.
-        statistics: factor of the samples so far.
-        known: prior and present parameters.
-        grown: information after the further samples over that of now.
-        seconds: further recording time, s.
-
-    Returns:
-        Gain of every link, centre of mass, inertia and base parameter.
-    """
+    """Gain of further samples of the same motion."""
     unit = max(reduce(statistics, lib.n_joints)[0].variance, np.finfo(float).tiny)
     now, later = (expected(lib, statistics, known, u).by_name(lib) for u in (unit, unit / grown))
     return gained(now, later, seconds, "the same motion")
@@ -164,18 +143,7 @@ def growth(
 ) -> Growth:
     """Standard deviations at instants of a motion and after its end.
 
-    Args:
-        lib: library of the robot.
-        moved: samples of the motion.
-        noise: σ of the torque, (n,) N·m or N.
-        known: knowledge before the motion.
-        unit: u, the variance of a weighted row with its inflation.
-        names: names of the base parameters.
-        more: motion that follows; None repeats the same one.
-        until: time after the end of the motion, s.
-
-    Returns:
-        σ over time.
+    noise (n,) N·m or N.
     """
     length = moved.seconds
     within = np.geomspace(SOONEST * length, length, KNOTS)

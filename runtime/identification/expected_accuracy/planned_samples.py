@@ -63,15 +63,7 @@ class MotionSamples:
     ) -> Statistics:
         """Factor of the rows over their noise.
 
-        Args:
-            lib: library of the robot.
-            noise: σ of the torque, (n,) N·m or N.
-            seconds: duration that counts [s], None for the whole motion; beyond the end the motion
-                is repeated.
-            only: index of the joint whose rows count; None for all.
-
-        Returns:
-            Compressed samples.
+        noise (n,) N·m or N.
         """
         weights = 1 / noise**2
         if only is not None:
@@ -84,11 +76,7 @@ class MotionSamples:
         return compress(lib, self.samples, weights, repeats)
 
     def require_columns(self, columns: tuple[str, ...]) -> None:
-        """Refuse to follow a motion with other friction columns.
-
-        Raises:
-            IdentificationError: the columns differ.
-        """
+        """Refuse to follow a motion with other friction columns."""
         if self.columns != columns:
             raise IdentificationError(
                 f"'{self.name}' has the friction columns {', '.join(self.columns) or 'none'}, the "
@@ -120,14 +108,7 @@ class Noise:
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
     """A trajectory as a recording without torque.
 
-    Args:
-        trajectory: planned motion.
-        t: (N,) instants, s.
-        lib: library of the robot.
-        name: name of the recording.
-
-    Returns:
-        Positions, velocities and accelerations at t.
+    t (N,) instants, s.
     """
     q, dq, ddq, _ = trajectory.at(lib, t)
     return Recording(t, q, dq, ddq, name=name, joint_names=lib.joint_names)
@@ -139,20 +120,7 @@ def motion_samples_of(
     preparation: Preparation | None,
     terms: Friction,
 ) -> MotionSamples:
-    """Samples of a recording, prepared as for identification; its torque may be missing.
-
-    Args:
-        recording: as read, or prepared.
-        lib: library of the robot.
-        preparation: None is that of the recipe.
-        terms: friction columns where the recording has none.
-
-    Returns:
-        The samples.
-
-    Raises:
-        RuntimeFault: the recording does not fit the robot, or nothing moves.
-    """
+    """Samples of a recording, prepared as for identification; its torque may be missing."""
     measured = recording.tau is not None and bool(recording.tau.any())
     if measured:
         require_plausible(recording, lib)
@@ -174,16 +142,7 @@ def motion_samples_of(
 
 
 def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | None:
-    """Noise of a log, from the residuals of the most probable model.
-
-    Args:
-        lib: library of the robot.
-        moved: samples of the log.
-        kappa: weight of the inertial prior.
-
-    Returns:
-        The noise; None without measured torque, or with fewer equations than unknowns.
-    """
+    """Noise of a log, from the residuals of the most probable model."""
     samples = moved.samples
     unknowns = len(lib.base_columns) + samples.columns[0].size
     if not moved.measured or samples.tau.size <= unknowns:

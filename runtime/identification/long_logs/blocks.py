@@ -64,11 +64,7 @@ class Blocks:
         return len(self.edges) - 1
 
     def prepared(self, index: int) -> Recording | None:
-        """Prepared rows of one block; None where the arm rests in all of it.
-
-        Raises:
-            RecordingError: a step cannot be taken.
-        """
+        """Prepared rows of one block; None where the arm rests in all of it."""
         if index not in self.kept:
             return self._stored(index, self._prepare(index, self._read(index)))
         kept = self.kept[index]
@@ -79,16 +75,7 @@ class Blocks:
         return rows
 
     def in_order(self, indices: range) -> Iterator[Recording | None]:
-        """Prepared blocks; the next ones are read and prepared meanwhile, one per core.
-
-        Args:
-            indices: of consecutive blocks. A file is read forwards; Parquet is decoded from the
-                start of a row group, so that blocks out of order would be decoded repeatedly.
-
-        Yields:
-            Prepared rows of each block; None where the arm rests in all of it.
-
-        """
+        """Prepared blocks; the next ones are read and prepared meanwhile, one per core."""
         # This thread alone reads and stores: files and spool have one place, and rows that are
         # read in order are decoded once.
         new = [index for index in indices if index not in self.kept]
@@ -130,29 +117,13 @@ class Blocks:
         return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
 
     def within(self, first: float, last: float) -> range:
-        """Blocks that contain instants first ≤ t < last.
-
-        Args:
-            first: s.
-            last: s.
-
-        Returns:
-            Indices of the blocks.
-        """
+        """Blocks that contain instants first ≤ t < last."""
         begin = int(np.searchsorted(self.instants, first, side="right")) - 1
         end = int(np.searchsorted(self.instants - self.half_step, last, side="left"))
         return range(max(begin, 0), min(max(end, 1), len(self)))
 
     def parts(self, first: float, last: float) -> Iterator[Recording]:
-        """Prepared rows with first ≤ t < last, one block at a time.
-
-        Args:
-            first: s.
-            last: s.
-
-        Yields:
-            Recordings in the order of time.
-        """
+        """Prepared rows with first ≤ t < last, one block at a time."""
         for block in self.in_order(self.within(first, last)):
             if block is None:
                 continue
@@ -163,14 +134,7 @@ class Blocks:
                 yield block.take(inside, "Cut to the part.")
 
     def count(self, first: float) -> int:
-        """Number of prepared rows with t ≥ first.
-
-        Args:
-            first: s.
-
-        Returns:
-            The number.
-        """
+        """Number of prepared rows with t ≥ first."""
         count = 0
         for index in self.within(first, np.inf):
             if index not in self.kept:
@@ -245,23 +209,7 @@ def blocks_of(
     between: tuple[float, float] = (-np.inf, np.inf),
     rate_hz: float | None = None,
 ) -> Blocks:
-    """Divide rows of a log into blocks whose size is a whole number of prepared rows.
-
-    Args:
-        log: rows in their file.
-        lib: library of the robot.
-        preparation: steps for each block.
-        terms: friction columns.
-        rows: first row and one past the last; None for all rows.
-        between: instants between which prepared rows are kept [s].
-        rate_hz: rate of the log [Hz]; None for that of its first rows.
-
-    Returns:
-        The blocks; none is prepared yet.
-
-    Raises:
-        RecordingError: the log has no clock.
-    """
+    """Divide rows of a log into blocks whose size is a whole number of prepared rows."""
     rate = head_of(log).rate_hz if rate_hz is None else rate_hz
     blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
     ratio = blocks._ratio()

@@ -162,15 +162,7 @@ def first_row(share_of: Callable[[int], float], count: int, share: float) -> int
 
 
 def require_streamable(method: str, preset: str | Preset | None = None) -> None:
-    """Refuse a method that needs the samples themselves.
-
-    Args:
-        method: name in `METHODS`.
-        preset: settings of "adam"; with mini-batches it needs the samples, too.
-
-    Raises:
-        IdentificationError: the samples are needed, or there is no such method.
-    """
+    """Refuse a method that needs the samples themselves."""
     record = require_method(method)
     if record.needs_samples(preset):
         what = "a preset with mini-batches" if record.from_statistics else f"the method {method}"
@@ -241,22 +233,7 @@ def assemble_streamed(
     is_joined: bool = False,
     **keywords: Any,
 ) -> StreamedAssembly:
-    """Assemble the problem of a log that stays in its file.
-
-    Args:
-        log: rows in their file.
-        lib: library of the robot.
-        settings: as for `identify`, without validation, test, lam0 and inputs.
-        progress: called with a phrase that names the present step.
-        is_joined: train on the validation part as well.
-        **keywords: single fields of `Settings`, which replace those of `settings`.
-
-    Returns:
-        The problem and the blocks of the log.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
-    """
+    """Assemble the problem of a log that stays in its file."""
     chosen = settings_for(lib, settings_from(settings, keywords))
     chosen.require_default(WHOLE_ONLY, "a streamed log")
     report = progress or (lambda _: None)
@@ -319,23 +296,7 @@ def identify_streamed(
     progress: Callable[[str], None] | None = None,
     **keywords: Any,
 ) -> Identification:
-    """Identify π from a log that stays in its file.
-
-    Args:
-        log: rows in their file.
-        lib: library of the robot.
-        settings: as for `identify`; a method that works on compressed statistics, and without
-            validation, test, lam0 and inputs.
-        progress: called with a phrase that names the present step.
-        **keywords: single fields of `Settings`, which replace those of `settings`.
-
-    Returns:
-        The identification. Its `train`, `validation` and `test` are windows of the log;
-        `streamed` holds what was computed over all rows.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
-    """
+    """Identify π from a log that stays in its file."""
     chosen = settings_for(lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)

@@ -58,18 +58,7 @@ def arm_model(lib: Library) -> ArmModel:
 
 
 def read_arm_model(path: Path, lib: Library) -> ArmModel:
-    """Read the arm from a result of identify.
-
-    Args:
-        path: folder of the result, or its result.json.
-        lib: library of the robot.
-
-    Returns:
-        Parameters and friction.
-
-    Raises:
-        RecordingError: the result is missing, damaged, or of another robot.
-    """
+    """Read the arm from a result of identify."""
     saved = read_result(path)
     notes = require_model(saved, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))

@@ -51,18 +51,7 @@ class Mount:
 
 
 def mount_of(lib: Library, link: str | None = None) -> Mount:
-    """Mount on a named link, in the tip's frame where the link carries the tip, else in its own.
-
-    Args:
-        lib: library of the robot.
-        link: name of a moving link, or of the tip; None is the tip.
-
-    Returns:
-        The mount.
-
-    Raises:
-        IdentificationError: the robot has no such link.
-    """
+    """Mount on a named link, in the tip's frame where the link carries the tip, else in its own."""
     tip, facts = lib.manifest.tip, lib.manifest.tip_frame
     carrier = facts.link if link in {None, tip} else str(link)
     if carrier not in lib.link_names:
@@ -120,13 +109,7 @@ class Body:
 def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
     """Mass, centre of mass and inertia from π, with their covariance by the delta method.
 
-    Args:
-        bodies: map from π to the pseudo-inertia of one body.
-        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
-        covariance: of π, (10, 10).
-
-    Returns:
-        The body in the frame of π.
+    pi (10,) [kg, kg·m ×3, kg·m² ×6], covariance (10, 10).
     """
     P = bodies.pseudo_inertia(pi)[0]
     m, h = float(P[3, 3]), P[:3, 3]
@@ -138,14 +121,7 @@ def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
 def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array:
     """π from mass, centre of mass and inertia, the inverse of `body_of`.
 
-    Args:
-        bodies: map from π to the pseudo-inertia of one body.
-        mass: kg.
-        com: centre of mass, (3,) m.
-        inertia: about the centre of mass, (3, 3) kg·m².
-
-    Returns:
-        (10,) π [kg, kg·m ×3, kg·m² ×6].
+    com (3,) m, inertia (3, 3) kg·m² → (10,) π [kg, kg·m ×3, kg·m² ×6].
     """
     P = np.zeros((4, 4))
     P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)

@@ -57,12 +57,7 @@ class KnownPayload:
 
 
 def read_known_payload(text: str) -> KnownPayload:
-    """Read a payload from an option: numbers, or the path of a JSON.
-
-    Raises:
-        RecordingError: the text is neither, or the file is damaged.
-        IdentificationError: the values are not physically consistent.
-    """
+    """Read a payload from an option: numbers, or the path of a JSON."""
     path = Path(text)
     if path.suffix == ".json":
         return _from_json(path)
@@ -80,13 +75,7 @@ def read_known_payload(text: str) -> KnownPayload:
 
 
 def read_payload_facts(path: Path) -> dict[str, Any]:
-    """Facts of a payload.json, or of a JSON in its form that is written by hand.
-
-    Raises:
-        OSError: the file cannot be read.
-        ValueError: the file is no JSON table.
-        RecordingError: the file is of a later format.
-    """
+    """Facts of a payload.json, or of a JSON in its form that is written by hand."""
     facts = dict(json_of(path))
     number = facts.get("format", FORMAT)
     if isinstance(number, int) and number > FORMAT:

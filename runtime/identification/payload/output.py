@@ -108,20 +108,7 @@ def digits(value: float) -> str:
 
 
 def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "") -> list[Path]:
-    """Write `FILES` into a folder.
-
-    Args:
-        payload: identified payload.
-        lib: library of the robot.
-        folder: folder of the files; made where it is missing.
-        command: command line.
-
-    Returns:
-        Paths of the files.
-
-    Raises:
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write `FILES` into a folder."""
     facts = load_facts(payload, lib) | {"command": command}
     texts = (
         _json(facts),
@@ -138,16 +125,7 @@ def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "
 
 
 def load_facts(payload: Payload, lib: Library) -> dict[str, Any]:
-    """Facts of payload.json.
-
-    Args:
-        payload: identified payload.
-        lib: library of the robot.
-
-    Returns:
-        JSON-ready values in SI units, in the frame of the mount; `pi_in_link` is in that of the
-        link.
-    """
+    """Facts of payload.json."""
     body, mount = payload.body, payload.mount
     return {
         "format": FORMAT,

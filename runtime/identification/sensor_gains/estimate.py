@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
-from runtime.identification.payload import KnownPayload
+from runtime.identification.payload.known import KnownPayload
 from runtime.identification.sensor_gains.problem import (
     RUNS,
     GainProblem,

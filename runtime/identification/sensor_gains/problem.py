@@ -21,7 +21,8 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains.scaling import of_gain_one
-from runtime.identification.payload import KnownPayload, Mount, mount_of, pi_of_body
+from runtime.identification.payload.body import Mount, mount_of, pi_of_body
+from runtime.identification.payload.known import KnownPayload
 from runtime.library import Array, Library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording

@@ -155,23 +155,7 @@ def identify_logs(
     progress: Callable[[int, float], None] | None = None,
     **keywords: Any,
 ) -> tuple[Identification, LogAgreement]:
-    """Identify one set of parameters from several logs, each split like a single one.
-
-    Args:
-        logs: two or more.
-        lib: library of the robot.
-        settings: as for `identify`, without preparation (each log has one), validation, test,
-            lam0, inputs and certify. Of the friction columns an offset becomes one per log;
-            the default are the columns of the first log's recipe.
-        progress: called by methods that iterate, with iteration and best validation loss.
-        **keywords: single fields of `Settings`, which replace those of `settings`.
-
-    Returns:
-        The joint identification, and how well the logs agree.
-
-    Raises:
-        RuntimeFault: the logs or settings do not make an identification problem.
-    """
+    """Identify one set of parameters from several logs, each split like a single one."""
     chosen = settings_for(lib, settings_from(settings, keywords))
     chosen.require_default(ONE_LOG_ONLY, "a fit of several logs")
     chosen = replace(chosen, method=chosen_method(chosen.method, chosen.preset, chosen.prior))

@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.payload import read_payload_facts
+from runtime.identification.payload.known import read_payload_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -50,15 +50,7 @@ class NamedLog:
 def read_carried(path: Path, lib: Library) -> Array:
     """Read the parameters that a known payload adds.
 
-    Args:
-        path: payload.json of `python -m runtime payload`.
-        lib: library of the robot.
-
-    Returns:
-        (10 n,) π of the payload at the place of its link, 0 for the other links.
-
-    Raises:
-        RecordingError: the file is missing or damaged, or names a link that the robot lacks.
+    → (10 n,) π of the payload at the place of its link, 0 for the other links.
     """
     try:
         facts = read_payload_facts(path)

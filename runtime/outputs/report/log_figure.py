@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.files import replacing
-from runtime.identification.expected_accuracy import Growth
+from runtime.identification.expected_accuracy.growth import Growth
 from runtime.monitoring.observation import Observation
 from runtime.outputs.report.canvas import (
     BLUE,

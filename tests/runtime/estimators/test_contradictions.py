@@ -14,7 +14,8 @@ from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
-from runtime.identification.comparison import advise, compare
+from runtime.identification.comparison.advice import advise
+from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording

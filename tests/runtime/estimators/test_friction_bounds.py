@@ -12,7 +12,8 @@ from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, wit
 from runtime.estimators.regression import Statistics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Friction

@@ -8,8 +8,9 @@ import pytest
 
 from runtime import Recording, identify
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs import identify_streamed
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.long_logs.identify import identify_streamed
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.inspection.cutoff_choice import choose_cutoff
 from runtime.inspection.default_friction import choose_default_friction
 from runtime.inspection.friction_choice import choose_friction

@@ -13,11 +13,12 @@ from runtime import Identification, Library, Recording, identify, load, write_re
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.long_logs import identify_streamed
+from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.outputs.model_files import make_model, urdf_text
 from runtime.recording import Friction, Preparation, Split, open_streamed
 from tests.oracle import pinocchio_model

@@ -11,9 +11,8 @@ from runtime import Recording, identify
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory, basis_of
 from runtime.excitation.search.unseen_motions import unseen_joints
-from runtime.identification.expected_accuracy import (
-    Knowledge,
-    expected,
+from runtime.identification.expected_accuracy.expected import Knowledge, expected
+from runtime.identification.expected_accuracy.planned_samples import (
     motion_samples_of,
     planned_recording,
 )
@@ -21,7 +20,8 @@ from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import retraced
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, read_recording
 from runtime.recording.preprocessing import split

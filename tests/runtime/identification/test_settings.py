@@ -7,9 +7,10 @@ import pytest
 
 import runtime
 from runtime.errors import IdentificationError
-from runtime.identification.long_logs import identify_streamed
+from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.settings import NAMES, Settings, settings_from
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split, open_streamed, write_recording
 

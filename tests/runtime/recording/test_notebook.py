@@ -11,7 +11,7 @@ import pytest
 from runtime import Identification, Recording, identify_payload
 from runtime.campaign.guards import urdf_model
 from runtime.errors import RuntimeFault
-from runtime.identification.comparison import compare
+from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result

@@ -10,7 +10,8 @@ import pytest
 from runtime import identify
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
-from runtime.identification.payload import ArmModel, identify_payload
+from runtime.identification.payload.arm import ArmModel
+from runtime.identification.payload.estimate import identify_payload
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare

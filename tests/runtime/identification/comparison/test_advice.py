@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.identification.comparison import FAILED, NOT_RUN, RAN, Advice, Figures, Row, advise
-from runtime.identification.comparison.advice import better_beyond_chance
+from runtime.identification.comparison.advice import Advice, advise, better_beyond_chance
+from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 
 RNG = np.random.default_rng(0)
 NOISE = RNG.chisquare(7, 400)

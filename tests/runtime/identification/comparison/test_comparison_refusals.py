@@ -8,7 +8,7 @@ import pytest
 import runtime
 from runtime import read_recording, write_recording
 from runtime.errors import IdentificationError
-from runtime.identification.comparison import compare
+from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
 from runtime.library import Library
 from tests.runtime.conftest import Command

@@ -12,17 +12,15 @@ from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows
-from runtime.identification.expected_accuracy import (
-    Knowledge,
+from runtime.identification.expected_accuracy.expected import ARM_ERROR, Knowledge, expected
+from runtime.identification.expected_accuracy.growth import gained
+from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
-    expected,
-    gained,
     motion_samples_of,
     noise_of,
     planned_recording,
 )
-from runtime.identification.expected_accuracy.expected import ARM_ERROR
-from runtime.identification.payload import ArmModel
+from runtime.identification.payload.arm import ArmModel
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal

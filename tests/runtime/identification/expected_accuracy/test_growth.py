@@ -8,18 +8,14 @@ import pytest
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION
-from runtime.identification.expected_accuracy import (
-    GainOfRecording,
-    Knowledge,
+from runtime.identification.expected_accuracy.expected import Knowledge, expected
+from runtime.identification.expected_accuracy.growth import GainOfRecording, gained, growth, verdict
+from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
-    expected,
-    gained,
-    growth,
     motion_samples_of,
     noise_of,
-    verdict,
+    repetition,
 )
-from runtime.identification.expected_accuracy.planned_samples import repetition
 from runtime.library import Library
 from runtime.recording import Friction
 from tests.runtime.trials import SIGMA

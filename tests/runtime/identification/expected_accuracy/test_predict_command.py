@@ -12,7 +12,8 @@ from runtime import Recording, write_recording
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.trajectory_file import write_motion
-from runtime.identification.expected_accuracy import Knowledge, MotionSamples, expected
+from runtime.identification.expected_accuracy.expected import Knowledge, expected
+from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Library
 from tests.runtime.conftest import Command
 from tests.runtime.trials import SIGMA, T, with_friction

@@ -10,13 +10,15 @@ from runtime import write_recording
 from runtime.excitation import Trajectory
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import write_motion
-from runtime.identification.expected_accuracy import (
+from runtime.identification.expected_accuracy.expected import (
     Knowledge,
-    MotionSamples,
     gain_slopes,
+    torque_of_gains,
+)
+from runtime.identification.expected_accuracy.planned_samples import (
+    MotionSamples,
     motion_samples_of,
     planned_recording,
-    torque_of_gains,
 )
 from runtime.library import Library
 from runtime.recording import Friction

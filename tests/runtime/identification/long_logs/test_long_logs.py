@@ -17,9 +17,10 @@ from runtime.errors import RecordingError
 from runtime.estimators.regression import Statistics, compress, compress_all
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_errors
-from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
+from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.identify import parts_of_log
+from runtime.identification.long_logs.blocks import blocks_of
+from runtime.identification.long_logs.identify import identify_streamed, parts_of_log
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import csv_format, tables

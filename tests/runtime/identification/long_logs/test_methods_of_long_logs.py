@@ -12,8 +12,9 @@ from runtime.estimators.classical.wls import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.identification.identified import torque_errors
-from runtime.identification.long_logs import blocks, identify_streamed
+from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes
+from runtime.identification.long_logs.identify import identify_streamed
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import tables

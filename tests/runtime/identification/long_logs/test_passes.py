@@ -11,9 +11,9 @@ import pytest
 
 from runtime.estimators.regression import compress, compress_all, compression
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.long_logs import blocks, identify_streamed
+from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.identify import first_row
+from runtime.identification.long_logs.identify import first_row, identify_streamed
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import parquet_format
 from runtime.recording.formats.tables import Spool

@@ -5,9 +5,9 @@ import pytest
 
 from runtime import identify_payload
 from runtime.estimators.convex import CAD, bodies_of, prior_of
-from runtime.identification.payload import ArmModel, mount_of
 from runtime.identification.payload import estimate as module
-from runtime.identification.payload.arm import arm_covariance
+from runtime.identification.payload.arm import ArmModel, arm_covariance
+from runtime.identification.payload.body import mount_of
 from runtime.recording import Friction
 
 

@@ -13,8 +13,8 @@ from runtime import Recording, identify_payload, write_recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.payload import ArmModel, arm_model, body_of, mount_of, read_arm_model
-from runtime.identification.payload.body import NAMES, jacobian
+from runtime.identification.payload.arm import ArmModel, arm_model, read_arm_model
+from runtime.identification.payload.body import NAMES, body_of, jacobian, mount_of
 from runtime.recording import Friction
 from tests.taylor import assert_second_order, taylor_slope
 

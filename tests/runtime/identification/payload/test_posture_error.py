@@ -5,7 +5,7 @@ import pytest
 
 from runtime import Recording, identify_payload
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.payload import Payload
+from runtime.identification.payload.body import Payload
 from runtime.identification.payload.empty_run import posture_error
 from runtime.library import Library
 

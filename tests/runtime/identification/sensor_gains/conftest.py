@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from runtime.identification.payload import mount_of
+from runtime.identification.payload.body import mount_of
 from tests.runtime.identification.sensor_gains.weighed import COM, INERTIA, WIDTH
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from runtime import write_recording
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.recording import Preparation
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving

@@ -7,10 +7,10 @@ import pytest
 
 from runtime import identify
 from runtime.errors import IdentificationError, RecordingError
-from runtime.identification.payload import read_known_payload
+from runtime.identification.payload.known import read_known_payload
 from runtime.identification.result_file import write_result
-from runtime.identification.several_logs import NamedLog, identify_logs, read_carried
-from runtime.identification.several_logs.joint_fit import joined
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog, joined, read_carried
 from runtime.library import Library
 from runtime.outputs.report import write_report
 from runtime.recording import Friction, Preparation, write_recording

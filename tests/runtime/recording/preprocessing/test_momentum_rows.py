@@ -11,8 +11,11 @@ from runtime.errors import IdentificationError
 from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification import metrics
-from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
-from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.identification.long_logs import blocks
+from runtime.identification.long_logs.blocks import blocks_of
+from runtime.identification.long_logs.identify import identify_streamed
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque

@@ -1,12 +1,20 @@
 """The errors of the run-time tool: each message says what was expected, what came, what to do."""
 
+from runtime.common.errors import CompilerError, LibraryError, RuntimeFault
 
-class RuntimeFault(Exception):
-    """Base of every error that a user of runtime can cause; the CLI prints it as one sentence."""
-
-
-class LibraryError(RuntimeFault):
-    """The generated library is missing, stale, foreign or damaged."""
+__all__ = [
+    "CompilerError",
+    "ExportError",
+    "IdentificationError",
+    "LibraryError",
+    "NeedsError",
+    "NotRealisableError",
+    "PostureError",
+    "RecordingError",
+    "RuntimeFault",
+    "ShapeError",
+    "SimulationError",
+]
 
 
 class ShapeError(RuntimeFault):

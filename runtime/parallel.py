@@ -5,18 +5,13 @@ repeats the pieces of a lost worker on another one. Sums round differently on ot
 so may results.
 """
 
-import functools
 import os
-import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
 from itertools import count
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from runtime.errors import IdentificationError, RuntimeFault
-
-if TYPE_CHECKING:
-    from threadpoolctl import ThreadpoolController
 
 PATIENCE = 30.0
 """Time limit for the first worker of a cluster [s]."""
@@ -24,8 +19,6 @@ CONNECTED = 5.0
 """Time limit for the answer of a scheduler [s]."""
 
 T = TypeVar("T")
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
 def on_cluster(
@@ -116,44 +109,3 @@ def _as_sentence(failure: BaseException) -> IdentificationError:
         f"on a worker of the cluster: {sentence}; every worker needs this version of symgen and "
         "must see the same files"
     )
-
-
-def cores() -> int:
-    """Number of processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Run a function with one BLAS thread; with a hundred columns further threads only wait.
-
-    On a busy machine of two cores the second thread made identification ten times slower.
-    """
-
-    @functools.wraps(function)
-    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        if _has_one_blas_thread():
-            return function(*args, **kwargs)
-        with _blas(len(sys.modules)).limit(limits=1, user_api="blas"):
-            return function(*args, **kwargs)
-
-    return limited
-
-
-def _has_one_blas_thread() -> bool:
-    """Whether the environment limits OpenBLAS, as commands do, and NumPy is built with OpenBLAS."""
-    if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-        return False
-    import numpy as np
-
-    parts: Any = np.show_config(mode="dicts")
-    return "openblas" in str(parts.get("Build Dependencies", {}).get("blas", {}).get("name"))
-
-
-@functools.lru_cache(maxsize=1)
-def _blas(modules: int) -> "ThreadpoolController":
-    """The loaded BLAS libraries; looked for anew only when modules were imported since."""
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from runtime.errors import RuntimeFault
+from runtime.common.errors import RuntimeFault
 from runtime.startup.entry_points import entry_points
 
 if TYPE_CHECKING:

@@ -1,8 +1,20 @@
 """Exceptions of the build tool. A message says what was expected, what came, and what to do."""
 
+from runtime.common.errors import CompilerError, RuntimeFault
 
-class SymgenError(Exception):
-    """Base of every error that a user of symgen can cause; the command line prints its message."""
+__all__ = [
+    "BuildError",
+    "CollisionError",
+    "CompilerError",
+    "InertiaError",
+    "RankError",
+    "SymgenError",
+    "UrdfError",
+]
+
+
+class SymgenError(RuntimeFault):
+    """Base of the errors of the build tool."""
 
 
 class UrdfError(SymgenError):
@@ -15,10 +27,6 @@ class InertiaError(SymgenError):
 
 class RankError(SymgenError):
     """The singular values of the sampled regressor decrease without a clear gap."""
-
-
-class CompilerError(SymgenError):
-    """No C compiler is available, or it rejected the generated code."""
 
 
 class BuildError(SymgenError):

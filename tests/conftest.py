@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from runtime.common.user_builds import records_folder
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
 from symgen.make.pipeline import build, is_current
 from symgen.make.request import BuildRequest, bundled_request
-from symgen.make.user_builds import records_folder
 from tests.robots import CASES, DATA, ONE_LEVEL
 
 REPOSITORY = Path(__file__).parents[1]

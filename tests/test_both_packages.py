@@ -8,14 +8,10 @@ from collections.abc import Callable
 import pytest
 
 import runtime.cli.common
-import runtime.files
 import symgen.cli.common
-import symgen.documents
 
 PAIRS = [
     (runtime.cli.common.flowing, symgen.cli.common.flowing),
-    (runtime.files.require_short_keys, symgen.documents.require_short_keys),
-    (runtime.files._whole, symgen.documents._whole),
 ]
 
 

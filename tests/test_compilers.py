@@ -1,4 +1,4 @@
-"""Both workshops look for a compiler, each for itself since neither imports the other: as one."""
+"""The C compiler of both packages: which is found, how it is called, and what it compiles."""
 
 import importlib.util
 import itertools
@@ -6,16 +6,13 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-import runtime.library.compiler as at_run_time
-import symgen.make.compiler as at_build_time
-from runtime.errors import LibraryError
+from runtime.common import compiler
+from runtime.errors import CompilerError
 from runtime.library import load
-from symgen.errors import CompilerError
 
 ON_PATH = ("cc", "gcc", "clang")
 PATHS = [names for count in range(4) for names in itertools.combinations(ON_PATH, count)]
@@ -28,19 +25,19 @@ LEVEL_FLAGS = (("v4", V4), ("v3", V3), ("v2", V2))
 MARCHES = ("x86-64-v4", "x86-64-v2", "no-such-set")
 
 
-def answer(find: Callable[[], tuple[str, ...]]) -> tuple[str, ...] | None:
+def answer() -> tuple[str, ...] | None:
     """The words that call it; None where there is none."""
     try:
-        return find()
-    except (CompilerError, LibraryError):
+        return compiler.find_compiler()
+    except CompilerError:
         return None
 
 
 @pytest.mark.parametrize("wheel", [True, False])
-def test_one_compiler_for_both(
+def test_the_compiler_that_is_found(
     wheel: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Property: the same words, or none, whatever $CC asks for and the PATH and wheels offer."""
+    """Property: known words, or none, whatever $CC asks for and the PATH and wheels offer."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: wheel and name == "ziglang")
     found = set()
     for names, asked in itertools.product(PATHS, ASKED):
@@ -51,20 +48,18 @@ def test_one_compiler_for_both(
             (folder / name).chmod(0o755)
         monkeypatch.setenv("PATH", str(folder))
         monkeypatch.setenv("CC", asked)
-        one, other = (answer(room.find_compiler) for room in (at_build_time, at_run_time))
-        assert one == other, (names, asked)
-        found.add(one)
+        found.add(answer())
     zig = (sys.executable, "-P", "-m", "ziglang", "cc", "-fno-sanitize=undefined")
     last = zig if wheel else None
     assert found == {("cc",), ("gcc",), ("clang",), ("clang", "-m64"), None, last}
 
 
-def test_flags_are_spelled_and_known_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flags_are_spelled_and_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: instruction sets in the words of gcc and zig, and which of them there are."""
     zig = (sys.executable, "-P", "-m", "ziglang", "cc")
-    for march, compiler in itertools.product(MARCHES, (("cc",), zig)):
-        flag = f"-march={march}"
-        assert at_build_time._spelled(flag, compiler) == at_run_time._spelled(flag, compiler)
+    for march in MARCHES:
+        assert compiler.spelled(f"-march={march}", ("cc",)) == f"-march={march}"
+        assert compiler.spelled(f"-march={march}", zig) == f"-march={march.replace('-', '_')}"
     # A compiler that refuses one set, so that the test asks none of this machine.
     monkeypatch.setattr(
         subprocess,
@@ -74,17 +69,15 @@ def test_flags_are_spelled_and_known_alike(monkeypatch: pytest.MonkeyPatch) -> N
         ),
     )
     for flags in ([f"-march={MARCHES[1]}"], [f"-march={MARCHES[2]}"], ["-O2"]):
-        one, other = (room._accepts(("cc",), flags) for room in (at_build_time, at_run_time))
-        assert one == other == (flags != [f"-march={MARCHES[2]}"])
+        assert compiler.accepts(("cc",), flags) == (flags != [f"-march={MARCHES[2]}"])
 
 
-def test_machine_and_version_are_told_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_of_machines(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: the names that the recipe's groups and build records are held against."""
+    names = {"AMD64": "x86_64", "arm64": "aarch64"}
     for name in ("x86_64", "AMD64", "arm64", "aarch64", "riscv64"):
         monkeypatch.setattr("platform.machine", lambda name=name: name)
-        assert at_build_time.machine() == at_run_time.machine()
-    words = at_build_time.find_compiler()
-    assert at_build_time.compiler_version(words) == at_run_time.version_of(words)
+        assert compiler.machine() == names.get(name, name)
 
 
 def test_every_compiler_chooses_the_same_level(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,7 +89,7 @@ def test_every_compiler_chooses_the_same_level(tiny: Path, monkeypatch: pytest.M
     programs = [name for name in ("gcc", "clang", "cc") if shutil.which(name)]
     # By its other name gcc, or clang, may be what has built the pendulum: its objects are known.
     compilers = list(
-        {at_build_time.compiler_version((x,)).split(" ", 1)[-1]: x for x in programs}.values()
+        {compiler.compiler_version((x,)).split(" ", 1)[-1]: x for x in programs}.values()
     )
     if importlib.util.find_spec("ziglang"):
         compilers.append(f"{sys.executable} -P -m ziglang cc -fno-sanitize=undefined")
@@ -108,17 +101,17 @@ def test_every_compiler_chooses_the_same_level(tiny: Path, monkeypatch: pytest.M
         group["sources"] = [name for name in group["sources"] if name in {"kernels.c", "tiles.c"}]
     (tiny / "compile.json").write_text(json.dumps(recipe), encoding="utf-8")
     levels = {}
-    for number, compiler in enumerate(compilers):
-        monkeypatch.setenv("CC", compiler)
-        if "ziglang" in compiler:
+    for number, words in enumerate(compilers):
+        monkeypatch.setenv("CC", words)
+        if "ziglang" in words:
             # As in `test_zig_fallback`: zig compiles its run-time library per C library, 18 s, and
             # looks for that of the machine on the PATH.
             monkeypatch.setenv("PATH", str(tiny))
         monkeypatch.setenv("SYMGEN_CACHE", str(tiny.parent / f"cache{number}"))
-        levels[compiler] = load(tiny).level
+        levels[words] = load(tiny).level
     assert set(levels.values()) == {levels[compilers[0]]}, levels
     facts = Path("/proc/cpuinfo")
-    if at_run_time.machine() == "x86_64" and facts.exists():
+    if compiler.machine() == "x86_64" and facts.exists():
         (line,) = {x for x in facts.read_text().splitlines() if x.startswith("flags")}
         flags = set(line.partition(":")[2].split())
         expected = next((level for level, needs in LEVEL_FLAGS if needs <= flags), "portable")

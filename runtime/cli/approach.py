@@ -32,8 +32,9 @@ from runtime.cli.motion_output import (
     stage_speeds,
     write_motion_log,
 )
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.robot import Yes, open_robot
+from runtime.common.files import require_unused
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import json_of
 from runtime.errors import RecordingError
 from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
-from runtime.files import json_of
 from runtime.identification.payload.body import Mount, mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload, read_known_payload
 from runtime.library import Array, Library

@@ -51,19 +51,20 @@ from runtime.cli.limit_options import (
     Viscous,
 )
 from runtime.cli.motion_output import ROWS_HZ, files_of, json_path, stage_speeds
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_motions import Motions, SeveralFiles, excite_several, require_several
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.cli.until import GainError, Until, criterion_and_unknowns, searched, until_kind
+from runtime.common.files import require_unused
+from runtime.common.threads import cores
 from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import criterion_of
-from runtime.parallel import cores
 from runtime.simulation import sample_times
 
 STARTS_FOR_PROCESSES = {True: 10, False: 4}

@@ -9,10 +9,11 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, say
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.progress import counting
 from runtime.cli.robot import Yes, open_robot
-from runtime.files import replacing
+from runtime.common.files import replacing, require_unused
+from runtime.common.threads import one_blas_thread
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library
 from runtime.library.parameters import links, mass
@@ -26,7 +27,6 @@ from runtime.monitoring.fleet.fleet_prior import (
 from runtime.monitoring.fleet.gather import gather, remove_parts, statistics_files
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
 from runtime.monitoring.fleet.unit import Unit
-from runtime.parallel import one_blas_thread
 
 SHOWN = 20
 """Units that are printed, those that differ most first."""

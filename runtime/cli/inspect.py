@@ -10,8 +10,9 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import Log, Run
-from runtime.cli.overwriting import Overwrite, require_unused, write_recipe
+from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.robot import Yes, open_robot
+from runtime.common.files import require_unused
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}

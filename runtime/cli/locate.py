@@ -4,9 +4,9 @@ from typing import Annotated
 
 import typer
 
+from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library.find import find
-from runtime.library.user_builds import NAME
 from runtime.recording.datasets import known_names, locate
 
 

@@ -5,9 +5,7 @@ command, and the page that `report` derives from a folder by a later one. `repro
 the trials of its folder and refuses those of another configuration.
 """
 
-import os
 import sys
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -15,8 +13,8 @@ from typing import Annotated, NamedTuple
 import typer
 
 from runtime.cli.common import program
+from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.errors import RuntimeFault
-from runtime.files import bytes_of, json_of, replacing
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
@@ -36,16 +34,6 @@ class ResultFolder(NamedTuple):
     command: str
     files: tuple[str, ...]
     key: str
-
-
-def require_unused(paths: Iterable[Path], overwrite: bool, option: str = "--out") -> None:
-    """Refuse to replace existing files."""
-    existing = [path for path in paths if os.path.lexists(path)]
-    if existing and not overwrite:
-        more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"
-        raise RuntimeFault(
-            f"'{existing[0]}'{more}; choose another place with {option}, or give --overwrite"
-        )
 
 
 def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:

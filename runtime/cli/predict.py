@@ -9,7 +9,7 @@ import typer
 
 from runtime.cli.common import Robot, console, say
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_situation import Situation, situation_of
 from runtime.cli.predict_tables import (
@@ -25,6 +25,7 @@ from runtime.cli.predict_tables import (
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.until import require_gain_error
+from runtime.common.files import require_unused
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints

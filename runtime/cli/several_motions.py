@@ -9,7 +9,7 @@ import typer
 from runtime.cli.common import say
 from runtime.cli.given_options import given_options
 from runtime.cli.motion_output import certified_stages, write_motion_log
-from runtime.cli.overwriting import require_unused
+from runtime.common.files import require_unused
 from runtime.errors import RuntimeFault
 from runtime.excitation import DesignSettings, Information, predict
 from runtime.excitation.proof.certified_motion import certified, pulled_inside

@@ -14,12 +14,12 @@ from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.cli.given_options import given_options
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.robot import Yes, open_robot
+from runtime.common.files import replacing, require_unused
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, design
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
-from runtime.files import replacing
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import (

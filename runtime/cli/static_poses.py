@@ -9,14 +9,13 @@ import typer
 from runtime.cli.common import say
 from runtime.cli.given_options import given_options
 from runtime.cli.motion_output import json_path
-from runtime.cli.overwriting import require_unused
 from runtime.cli.planned_noise import planned_noise
+from runtime.common.files import replacing, require_unused
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
 from runtime.excitation.limits.unchecked import unchecked
 from runtime.excitation.static.pose_design import RANDOM_SETS, PoseDesign, design_poses
 from runtime.excitation.static.pose_file import pose_json, pose_table
-from runtime.files import replacing
 from runtime.library import Library
 from runtime.library.torque_units import common_unit, torque_units
 

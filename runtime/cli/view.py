@@ -9,9 +9,9 @@ import typer
 
 from runtime.cli.common import Robot, say
 from runtime.cli.log_options import Recipe, Run
-from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.overwriting import Overwrite
 from runtime.cli.robot import Yes, open_robot
-from runtime.files import replacing
+from runtime.common.files import replacing, require_unused
 from runtime.outputs.viewer import Player, Scene, look_of, read_motion
 from runtime.outputs.viewer.scene import FRAME_S
 

@@ -14,8 +14,8 @@ from rich.table import Table
 from runtime.cli.common import console, say
 from runtime.cli.log_options import Recipe
 from runtime.cli.robot import Yes, open_robot
+from runtime.common.files import bytes_of
 from runtime.errors import RecordingError
-from runtime.files import bytes_of
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library

@@ -156,4 +156,4 @@ def _infinite(value: Any, place: str) -> str:
         inner = ((f"{place}.{key}".lstrip("."), item) for key, item in value.items())
     elif isinstance(value, list | tuple):
         inner = ((f"{place}[{k}]", item) for k, item in enumerate(value))
-    return next((found for name, item in inner if (found := _infinite(item, name))), "")
+    return next((inner_place for name, item in inner if (inner_place := _infinite(item, name))), "")

@@ -16,9 +16,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from runtime.common.files import text_of
 from runtime.errors import IdentificationError
 from runtime.estimators.problem import FrictionPrior
-from runtime.files import text_of
 from runtime.library import Array, Library
 from runtime.recording.friction import ROTOR
 

@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from runtime.errors import IdentificationError
 from runtime.estimators.armature_prior import read_armature
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
 from runtime.estimators.problem import NoiseFloor
 from runtime.estimators.type_prior import KnownFriction, read_centre, read_friction, read_noise
-from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.recording import Friction

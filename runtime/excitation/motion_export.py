@@ -14,12 +14,12 @@ import json
 from collections.abc import Collection
 from pathlib import Path
 
+from runtime.common.files import replacing
 from runtime.errors import ExportError
 from runtime.excitation.limits.unchecked import require_consent
 from runtime.excitation.motion_formats.format import MotionFormat
 from runtime.excitation.proof.certificate import Use
 from runtime.excitation.proof.certified_motion import CertifiedMotion
-from runtime.files import replacing
 from runtime.registry import Registry
 
 _FORMATS = "runtime.excitation.motion_formats"

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import json_of, replacing
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import COSINE, LONGEST, Design, Prediction, Trajectory, basis_of
 from runtime.excitation.motion.joined import WAYS, JoinedMotion, joined
 from runtime.excitation.search.prediction_facts import facts as facts_of
-from runtime.files import json_of, replacing
 from runtime.library import Library
 
 LARGEST = 1e6

@@ -13,6 +13,8 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from runtime.common.files import json_of
+from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import RuntimeFault
 from runtime.experiments.storage.chunks import Chunks, arrow, locked, missing
 from runtime.experiments.storage.result_files import (
@@ -27,9 +29,8 @@ from runtime.experiments.storage.result_files import (
 )
 from runtime.experiments.studies_by_name import STUDIES
 from runtime.experiments.study import Arrays, Row, Study, StudyConfig, config_facts, config_hash
-from runtime.files import json_of
 from runtime.library import Library, load
-from runtime.parallel import cores, on_cluster, one_blas_thread
+from runtime.parallel import on_cluster
 
 MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
 

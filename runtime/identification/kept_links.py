@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NotRealisableError
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.problem import FrictionPrior, Problem, best_friction
@@ -28,7 +29,6 @@ from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import is_refitted, with_all_rows
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
 
 LEAST_SHARE = 0.1

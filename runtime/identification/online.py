@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import (
     CAD,
@@ -33,7 +34,6 @@ from runtime.identification.expected_accuracy.growth import (
     verdict,
 )
 from runtime.library import Array, ConvexTask, Library
-from runtime.parallel import one_blas_thread
 
 DECREMENT, MOST_STEPS = 1e-12, 50
 """Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex import bodies_of, reduce
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced
 from runtime.estimators.regression import Statistics
 from runtime.estimators.uncertainty import Information, Uncertainty
-from runtime.files import replacing, require_file
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
-from runtime.files import replacing
 from runtime.identification import metrics
 from runtime.identification.friction_intervals import interval_facts
 from runtime.identification.identified import Identification, friction_error, torque_errors

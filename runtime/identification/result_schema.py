@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from runtime.common.files import json_of
 from runtime.errors import RecordingError
-from runtime.files import json_of
 from runtime.identification.drive.result_keys import TORQUE_KEYS
 from runtime.identification.result_key import MISSING, Key
 

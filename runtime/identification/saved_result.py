@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
-from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 from runtime.recording.notebook import Framed, html_table
 

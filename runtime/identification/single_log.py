@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
 from runtime.estimators.friction_bounds import bounds_of
@@ -35,7 +36,6 @@ from runtime.identification.identified import Identification, TrainedModel, torq
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import filter_inflation
 

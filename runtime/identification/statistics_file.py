@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import bytes_of, replacing
+from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression import Statistics
-from runtime.files import bytes_of, replacing
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
-from runtime.library.user_builds import NAME
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.friction import OFFSET
 from runtime.recording.settings import WIDTHS

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
@@ -40,7 +41,6 @@ from runtime.estimators.robust import explicit, scaled, weights_of_rows
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
-from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names, unresolved, without_columns
 from runtime.recording.preprocessing import before_test, prepare

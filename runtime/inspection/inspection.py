@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.inspection.checks import (
     clock,
@@ -28,7 +29,6 @@ from runtime.inspection.checks.vendor_signals import vendor_torque
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
 from runtime.library import Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.consistency import require_joints

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from runtime.common.threads import cores
 from runtime.errors import LibraryError, ShapeError
 from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
 from runtime.library.open_library import AGAIN, open_library
-from runtime.parallel import cores
 
 Array = NDArray[np.float64]
 

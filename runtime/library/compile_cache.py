@@ -19,14 +19,27 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from runtime.errors import LibraryError
-from runtime.files import json_of, sha256_of
+from rich.console import Console
+from rich.progress import Progress, TimeElapsedColumn
+
+from runtime.common.compiler import (
+    Words,
+    accepts,
+    compiler_version,
+    find_compiler,
+    machine,
+    run,
+    spelled,
+)
+from runtime.common.files import json_of, sha256_of
+from runtime.common.threads import cores
+from runtime.common.user_builds import is_safe_from_others
+from runtime.errors import CompilerError, LibraryError
 from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
-from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
-from runtime.library.user_builds import is_safe_from_others
 
 KEPT = 3
 """Number of libraries per robot that are kept regardless of their age."""
@@ -49,8 +62,8 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
     roots = _roots()
     try:
         compiler = find_compiler()
-        version = f"{shlex.join(compiler)} {version_of(compiler)}"
-    except LibraryError:
+        version = f"{shlex.join(compiler)} {compiler_version(compiler)}"
+    except CompilerError:
         made = [entry for root in roots for entry in (root / key).glob("[0-9a-f]*/")]
         for entry in filter(lambda e: is_whole(e, robot), made):
             return _used(entry)  # by any compiler
@@ -211,3 +224,39 @@ def _new_folder(place: Path) -> Iterator[Path]:
             draft.rename(place)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def compile_folder(
+    folder: Path, recipe: CompileRecipe, levels: Words, compiler: Words, target: Path
+) -> list[Words]:
+    """Compile the C code of a generated folder for some levels, outside that folder."""
+    units: list[tuple[int, Words, Path]] = []
+    has_better = False  # levels are listed from the best on
+    spared = {group.gcc for group in recipe.groups if accepts(compiler, group.gcc)}
+    for group in recipe.groups:
+        flags = [spelled(flag, compiler) for flag in group.flags]
+        sets = [flag for flag in flags if flag.startswith("-march=")]
+        if (group.level and group.level not in levels) or not accepts(compiler, sets):
+            continue
+        flags += group.gcc if group.gcc in spared else ()
+        flags += group.beside if has_better else ()
+        has_better |= bool(group.level)
+        for name in group.sources:
+            made = target.parent / f"{Path(name).stem}_{group.level}.o"
+            command = (*compiler, *recipe.flags, *flags, "-c", name, "-o", str(made))
+            units.append(((folder / name).stat().st_size, command, made))
+    units.sort(key=lambda unit: -unit[0])  # the longest first
+    commands = [command for _, command, _ in units]
+    link = (*compiler, "-o", str(target), *(str(made) for *_, made in units), *recipe.link)
+    bar = Progress(
+        *Progress.get_default_columns()[:2],
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    )
+    with bar, ThreadPoolExecutor(cores()) as pool:
+        done = pool.map(lambda command: run(command, folder), commands)
+        list(bar.track(done, total=len(commands), description="compiling"))
+    run(link, folder)
+    return [*commands, link]

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from runtime.common.files import bytes_of, json_of, require_file
 from runtime.errors import LibraryError
-from runtime.files import bytes_of, json_of, require_file
 
 REFERENCE = "casadi"
 """Level that the others are compared with; compiled only on request."""

@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
+from runtime.common.files import sha256_of
+from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
-from runtime.files import sha256_of
-from runtime.library.user_builds import NAME, built_folders, is_user_build
 
 
 class ForeignRobotError(LibraryError):

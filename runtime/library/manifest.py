@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import json_of
+from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError
-from runtime.files import json_of
 from runtime.library.parameters import PI_NAMES
-from runtime.library.user_builds import NAME
 
 FORMAT = 4
 

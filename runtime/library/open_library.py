@@ -5,11 +5,11 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from runtime.common.files import json_of, sha256_of
+from runtime.common.user_builds import is_user_build
 from runtime.errors import LibraryError
-from runtime.files import json_of, sha256_of
 from runtime.library.compile_cache import compiled_library
 from runtime.library.manifest import Manifest
-from runtime.library.user_builds import is_user_build
 
 AGAIN = "run: python -m symgen build"
 

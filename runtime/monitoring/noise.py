@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
+from runtime.common.files import require_file
 from runtime.errors import IdentificationError, RecordingError
-from runtime.files import require_file
 from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings

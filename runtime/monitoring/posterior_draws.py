@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import (
     Bodies,
@@ -29,7 +30,6 @@ from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.identification.posterior_file import Posterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording.friction import names_where
 
 TRAJECTORIES = 12

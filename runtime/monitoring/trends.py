@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
+from runtime.common.files import text_of
 from runtime.errors import RecordingError
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.files import text_of
 from runtime.library import Array
 
 KEYS = ("checked", "model_hash", "log", "changed", "p_value")

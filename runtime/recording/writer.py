@@ -6,8 +6,8 @@ columns, the names and the history too.
 
 from pathlib import Path
 
+from runtime.common.files import replacing
 from runtime.errors import RecordingError
-from runtime.files import replacing
 from runtime.recording.formats import FORMATS
 from runtime.recording.recording import Recording
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from runtime.errors import IdentificationError
-from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.common.files import replacing
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
-from runtime.files import replacing
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.mechanism import require_no_springs

@@ -45,15 +45,16 @@ def build_arm(
     name: str, label: str, urdf: str, root: Path, level: str, timed: tuple[str, ...]
 ) -> Arm:
     """Build the timed kernels for one level; a whole library of 20 joints takes minutes."""
+    from runtime.common.files import sha256_of
+    from runtime.common.user_builds import record_build
     from symgen import __version__
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
     from symgen.emit import emit
-    from symgen.make.compiler import compile_library, sha256_of
+    from symgen.make.compiler import compile_library
     from symgen.make.facts import initial_parameters, model_facts
     from symgen.make.pipeline import ONCE, PER_LEVEL
     from symgen.make.request import BuildRequest
-    from symgen.make.user_builds import record_build
 
     request = BuildRequest(name, urdf)
     chain = read_chain(request.urdf, request.options)

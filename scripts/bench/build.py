@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.front import ROOT, BenchError, Sheet
-from symgen.make.compiler import compiler_version, find_compiler
+from runtime.common.compiler import compiler_version, find_compiler
 
 _WRAPPER = """\
 import json, os, subprocess, sys, time

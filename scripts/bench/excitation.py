@@ -9,10 +9,10 @@ from bench import excitation_peers as peers
 from bench.excitation_peers import Start
 from bench.front import BenchError, Sheet
 from bench.machine import processor
+from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES
 from runtime.excitation.search.search_problem import SearchProblem
 from runtime.library import Library
-from runtime.parallel import one_blas_thread
 
 DOCUMENT = 5.4178
 """Condition number that the document reached (Sec. 3.4.2)."""

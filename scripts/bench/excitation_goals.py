@@ -9,6 +9,7 @@ import numpy as np
 
 from bench.front import Sheet
 from bench.machine import processor
+from runtime.common.threads import cores
 from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
@@ -16,7 +17,6 @@ from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.information import information
 from runtime.excitation.search.prediction import predict
 from runtime.library import Library
-from runtime.parallel import cores
 
 NOISE, RATE = 0.05, 100.0
 """Torque noise, N·m, and rate, Hz, of the expected errors."""

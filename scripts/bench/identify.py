@@ -17,8 +17,8 @@ from bench.doors import Setting
 from bench.front import Sheet
 from bench.machine import processor
 from bench.passes import Passes
+from runtime.common.threads import one_blas_thread
 from runtime.library import Library
-from runtime.parallel import one_blas_thread
 
 
 @dataclass(frozen=True, slots=True)

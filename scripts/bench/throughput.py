@@ -21,8 +21,8 @@ from bench.batch import make_batch
 from bench.compiled import find
 from bench.front import Sheet
 from bench.ours import Contender, Ours
+from runtime.common.threads import cores
 from runtime.library import Library
-from runtime.parallel import cores
 
 KERNEL, SAMPLES = "base_inverse_dynamics", 256
 BURST = 4e-3

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.threads import cores
 from runtime.estimators.classical.pc_ols import cone_optimum
 from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
 from runtime.estimators.regression import compress
@@ -15,7 +16,6 @@ from runtime.excitation import Trajectory
 from runtime.experiments.trials.motions import document_robot
 from runtime.identification import metrics
 from runtime.library import Library
-from runtime.parallel import cores
 from runtime.simulation import Plant, ideal
 
 Array = NDArray[np.float64]

@@ -18,11 +18,11 @@ from runtime.cli.fleet import fleet_command
 from runtime.cli.inspect import inspect_command
 from runtime.cli.predict import predict_command
 from runtime.cli.simulate import simulate_command
+from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.experiments.report import write_experiments
 from runtime.experiments.storage.chunks import read_rows
-from runtime.files import json_of
 from runtime.identification.kept_links import identify_friction
 from runtime.identification.saved_result import read_result
 from runtime.library import Library

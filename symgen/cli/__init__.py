@@ -8,11 +8,11 @@ import os
 import sys
 from inspect import getdoc
 
+from runtime.common.errors import RuntimeFault
 from symgen import __version__
 from symgen.cli import inspect, make, proxies, show
 from symgen.cli.common import app, as_typed, flowing
 from symgen.cli.interrupts import lasting_interrupts
-from symgen.errors import SymgenError
 
 INTERRUPTED = 130
 """Exit code that typer makes of a KeyboardInterrupt."""
@@ -24,7 +24,7 @@ for command in app.registered_commands:
 
 
 def main() -> None:
-    """Run the command line; a `SymgenError` is printed as one sentence, with exit code 2."""
+    """Run the command line; a `RuntimeFault` is printed as one sentence, with exit code 2."""
     # With a hundred columns a second thread of BLAS only waits, for half a second of processor
     # time. NumPy reads this at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,7 +34,7 @@ def main() -> None:
     try:
         with lasting_interrupts():
             app()
-    except SymgenError as error:
+    except RuntimeFault as error:
         print(f"symgen: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:

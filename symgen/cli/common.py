@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from symgen.documents import toml_of
+from runtime.common.files import toml_of
 from symgen.errors import BuildError
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
+from runtime.common.files import replacing, require_unused
 from symgen.cli.common import OverwriteOption, app, console, say
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _repair(
     inspection: "Inspection", model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
-    from symgen.inspect import ERROR, repaired, require_unused, write_text
+    from symgen.inspect import ERROR, repaired
     from symgen.inspect.inspection import INERTIAL
 
     report = (lambda _: None) if quiet else say
@@ -122,9 +123,10 @@ def _repair(
             else "repair: all inertias are physically consistent, nothing was written"
         )
         return {"written": None, "moved": []}
-    require_unused(out, overwrite)  # before the work, not after it
+    require_unused([out], overwrite, None)  # before the work, not after it
     text, changes, again = repaired(inspection, model)
-    write_text(out, text, overwrite)
+    with replacing(out) as file:
+        file.write(text.encode())
     if not quiet:
         console.print(_moves(inspection, changes))
     _report(inspection, changes, report)

@@ -8,6 +8,7 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
+from runtime.common.files import replacing, require_unused
 from symgen.cli.common import (
     BaseOption,
     ConfigOption,
@@ -41,7 +42,6 @@ def proxies_command(
             metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
         ),
     ] = None,
-    packages: Annotated[list[Path] | None, typer.Option(hidden=True)] = None,
     base: BaseOption = None,
     tip: TipOption = None,
     lock: LockOption = None,
@@ -69,12 +69,9 @@ def proxies_command(
     from symgen.collision.capsules import coverage, fit_link
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
-    from symgen.inspect.rewrite import require_unused, write_text
     from symgen.make.config import RobotConfig, home_of, read_config
 
-    if packages:
-        raise BuildError("'proxies' has no option --packages any more; give --package-dir DIR")
-    require_unused(out, overwrite)
+    require_unused([out], overwrite, None)
     if not (math.isfinite(margin) and margin >= 0):
         raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")
     chain = read_chain(read_urdf(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
@@ -96,7 +93,8 @@ def proxies_command(
         )
     header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
     text = header + toml_from_collision(CollisionModel(fitted, chosen.pairs))
-    write_text(out, text, overwrite)
+    with replacing(out) as file:
+        file.write(text.encode())
     say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 

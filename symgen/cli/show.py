@@ -8,6 +8,7 @@ import typer
 from rich.table import Column, Table
 from rich.text import Text
 
+from runtime.common.files import json_of
 from symgen.cli.common import (
     DEFAULT_ROOT,
     RootOption,
@@ -17,7 +18,6 @@ from symgen.cli.common import (
     generated_here,
     say,
 )
-from symgen.documents import json_of
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination

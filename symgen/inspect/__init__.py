@@ -14,7 +14,6 @@ from symgen.inspect.inspection import (
 )
 from symgen.inspect.model import ERROR, Body
 from symgen.inspect.repair import Repair
-from symgen.inspect.rewrite import require_unused, write_text
 
 __all__ = [
     "ERROR",
@@ -25,6 +24,4 @@ __all__ = [
     "inspect_file",
     "inspect_text",
     "repaired",
-    "require_unused",
-    "write_text",
 ]

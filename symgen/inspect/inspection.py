@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from symgen.documents import text_of
+from runtime.common.files import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
 from symgen.inspect import checks, comparison
 from symgen.inspect.base import SampledBase, base_of

@@ -4,13 +4,9 @@ The XML parser gives the positions of the blocks. Writing the document back from
 comments, white space and the order of attributes.
 """
 
-import os
-import secrets
-from contextlib import suppress
-from pathlib import Path
 from xml.parsers import expat
 
-from symgen.errors import BuildError, UrdfError
+from symgen.errors import UrdfError
 from symgen.inspect.model import Body
 
 _AXES = "xyz"
@@ -76,45 +72,3 @@ def _block(body: Body, indent: str) -> str:
 
 def _digits(value: float) -> str:
     return repr(float(value) + 0.0)  # the shortest text that reads back to the same number
-
-
-def require_unused(path: Path, overwrite: bool) -> None:
-    """Refuse to replace an existing file.
-
-    Args:
-        path: file that will be written.
-        overwrite: True permits to replace it.
-
-    Raises:
-        BuildError: the file exists and may not be replaced.
-    """
-    if os.path.lexists(path) and not overwrite:
-        raise BuildError(f"'{path}' exists; choose another file, or give --overwrite")
-
-
-def write_text(path: Path, text: str, overwrite: bool) -> None:
-    """Write a file atomically.
-
-    Args:
-        path: the file.
-        text: its content, UTF-8.
-        overwrite: True replaces a file that exists.
-
-    Raises:
-        BuildError: the file exists and may not be overwritten, or cannot be written.
-    """
-    draft = path.with_name(f".symgen.{secrets.token_hex(8)}")
-    try:
-        require_unused(path, overwrite)
-        # O_EXCL follows no link that others have put there; the mode is that of open().
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-        with os.fdopen(os.open(draft, flags, 0o666), "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
-    except OSError as error:
-        raise BuildError(f"cannot write '{path}' ({error.strerror}); choose another path") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)

@@ -4,22 +4,17 @@
 levels runs; `levels_of_processor` reads the same from the operating system before there is one.
 """
 
-import hashlib
-import importlib.util
 import os
-import platform
 import shlex
-import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
-from symgen.errors import CompilerError
+from runtime.common.compiler import accepts, compiler_version, find_compiler, machine, run, spelled
+from runtime.common.errors import CompilerError
+from runtime.common.files import sha256_of
 
 _V2 = frozenset({"pni", "ssse3", "cx16", "sse4_1", "sse4_2", "popcnt", "lahf_lm"})
 _V3 = _V2 | {"fma", "movbe", "avx", "f16c", "bmi1", "avx2", "bmi2", "abm"}
@@ -106,29 +101,6 @@ class Compiled:
     sha256: str
 
 
-def find_compiler() -> tuple[str, ...]:
-    """Command of the C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel."""
-    variable = shlex.split(os.environ.get("CC", ""))
-    if variable:
-        if shutil.which(variable[0]) is None:
-            raise CompilerError(
-                f"$CC names the compiler '{variable[0]}', which is not on the PATH; "
-                "install it or unset CC"
-            )
-        return tuple(variable)
-    for name in ("cc", "gcc", "clang"):
-        if shutil.which(name):
-            return (name,)
-    if importlib.util.find_spec("ziglang"):
-        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel. Zig tests
-        # for undefined behaviour unless it optimises, and first compiles a library for that, 18 s.
-        return (sys.executable, "-P", "-m", "ziglang", "cc", "-fno-sanitize=undefined")
-    raise CompilerError(
-        "no C compiler found (looked for $CC, cc, gcc, clang and the ziglang wheel); "
-        "install one, for example with: pip install ziglang"
-    )
-
-
 def compile_library(
     sources: list[Path],
     target: Path,
@@ -162,13 +134,13 @@ class Compilation:
         self._units: dict[str, list[tuple[str, list[str]]]] = {}
         has_better = False  # levels are listed from the best on
         spared = {tuple(group["gcc"]) for group in how["groups"]}  # only GCC accepts them
-        spared = {flags for flags in spared if _accepts(self._compiler, flags)}
+        spared = {flags for flags in spared if accepts(self._compiler, flags)}
         for group in how["groups"]:
             level, is_here = group["level"], group["machine"] in {"", machine()}
             if not is_here or (wanted and level and level not in wanted):
                 continue
-            flags = [_spelled(flag, self._compiler) for flag in group["flags"]]
-            if not _accepts(self._compiler, [f for f in flags if f.startswith("-march=")]):
+            flags = [spelled(flag, self._compiler) for flag in group["flags"]]
+            if not accepts(self._compiler, [f for f in flags if f.startswith("-march=")]):
                 if wanted:
                     raise CompilerError(
                         f"'{shlex.join(self._compiler)}' cannot compile for the level '{level}'; "
@@ -195,7 +167,7 @@ class Compilation:
         for unit, flags in self._units.get(name, []):
             command = (*self._compiler, *FLAGS, *flags, "-c", name, "-o", unit)
             if command not in self._running:
-                self._running[command] = self._pool.submit(_run, command, self._folder)
+                self._running[command] = self._pool.submit(run, command, self._folder)
 
     def finish(self, names: Sequence[str], target: Path) -> Compiled:
         """Compile the remaining files, the longest first, and link them."""
@@ -205,7 +177,7 @@ class Compilation:
             future.result()
         objects = [command[-1] for command in self._running]
         link = (*self._compiler, "-o", target.name, *objects, *LINK)
-        _run(link, self._folder)
+        run(link, self._folder)
         for unit in objects:
             (self._folder / unit).unlink()
         version = compiler_version(self._compiler)
@@ -231,62 +203,10 @@ def _require_levels(wanted: Sequence[str]) -> None:
         )
 
 
-def machine() -> str:
-    """Architecture of this machine: x86_64, aarch64, or the name that the system gives."""
-    name = platform.machine().lower()
-    return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
-
-
-def _spelled(flag: str, compiler: tuple[str, ...]) -> str:
-    """The flag as this compiler writes it: zig spells instruction sets with underscores."""
-    if not flag.startswith("-march=") or "ziglang" not in compiler:
-        return flag
-    return f"-march={flag.removeprefix('-march=').replace('-', '_')}"
-
-
-def _accepts(compiler: tuple[str, ...], flags: Sequence[str]) -> bool:
-    """True if the compiler supports all these flags."""
-    return not flags or _probed(compiler, tuple(flags), *_identity(compiler))
-
-
-def _identity(compiler: tuple[str, ...]) -> tuple[str, float]:
-    """The program behind a command and its date: a new one has its own answers."""
-    path = shutil.which(compiler[0]) or compiler[0]
-    return path, os.stat(path).st_mtime if os.path.exists(path) else 0.0
-
-
-@cache
-def _probed(compiler: tuple[str, ...], flags: tuple[str, ...], *_: object) -> bool:
-    probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
-    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
-
-
 def accepts_level(compiler: tuple[str, ...], level: str) -> bool:
     """Return whether a compiler knows the instruction set of a level."""
     _, architecture = LEVELS.get(machine(), PORTABLE)[level]
-    return not architecture or _accepts(compiler, [_spelled(f"-march={architecture}", compiler)])
-
-
-def _run(command: tuple[str, ...], folder: Path) -> None:
-    target = folder / command[command.index("-o") + 1]
-    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if run.returncode != 0 or not target.exists():
-        message = "\n".join(run.stderr.strip().splitlines()[:20])
-        if not message:
-            state = f"with exit status {run.returncode}" if run.returncode else "without its output"
-            message = f"it ended {state} and no message; check the compiler that $CC names"
-        raise CompilerError(f"'{shlex.join(command)}' failed:\n{message}")
-
-
-def compiler_version(compiler: tuple[str, ...]) -> str:
-    """First line of the compiler's `--version`."""
-    run = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False)
-    return run.stdout.strip().splitlines()[0] if run.stdout.strip() else "unknown"
-
-
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return not architecture or accepts(compiler, [spelled(f"-march={architecture}", compiler)])
 
 
 def how_to_compile(

@@ -18,13 +18,13 @@ import numpy as np
 import pinocchio
 from scipy.optimize import linprog
 
+from runtime.common.files import toml_of
 from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
 from symgen.chain.reading import parse_with_pinocchio
 from symgen.collision import BASE, CollisionModel, Proxy
 from symgen.collision.model import collision_from_tables
-from symgen.documents import toml_of
 from symgen.errors import BuildError
 
 ROOM = 0.1

@@ -14,9 +14,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, numbers, origin
-from symgen.documents import toml_of
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.geometry import is_sound
 from symgen.make.sources import Packages

@@ -20,11 +20,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from runtime.common.files import json_of, sha256_of
+from runtime.common.user_builds import is_user_build, record_build
 from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
-from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
@@ -35,11 +36,9 @@ from symgen.make.compiler import (
     Compiled,
     how_to_compile,
     level_names,
-    sha256_of,
 )
 from symgen.make.facts import initial_parameters, model_facts, notes_of
 from symgen.make.request import BuildRequest
-from symgen.make.user_builds import is_recorded, record_build
 from symgen.mechanics.loop_range import within_loops
 
 _ONCE = (0.45, 4.2e-5)
@@ -190,12 +189,12 @@ def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> Em
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
     """Check that a folder was built by this user from exactly this request, and is intact."""
     try:
-        record = json_of(folder / "build.json")
+        record, library = json_of(folder / "build.json"), folder / f"lib{request.name}.so"
         return bool(
             record["fingerprint"] == request.fingerprint
             and (levels is None or record["levels"] == sorted(set(levels)))
-            and record["sha256"] == sha256_of(folder / f"lib{request.name}.so")
-            and is_recorded(record["sha256"])
+            and record["sha256"] == sha256_of(library)
+            and is_user_build(library, record["sha256"])
             and all(
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
             )

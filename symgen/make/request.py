@@ -7,13 +7,13 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
+from runtime.common.compiler import find_compiler
+from runtime.common.files import json_of, text_of
 from symgen import __version__
 from symgen.chain import ChainOptions
 from symgen.chain.mechanism import mechanism_from_table
-from symgen.documents import json_of, text_of
 from symgen.errors import BuildError
 from symgen.make import ROBOTS, bundled_robots
-from symgen.make.compiler import find_compiler
 from symgen.make.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
 
 

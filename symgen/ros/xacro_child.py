@@ -28,7 +28,7 @@ try:
 except ImportError:  # Windows has a limit of time only, that of the parent
     resource = None  # type: ignore[assignment]
 
-from symgen.documents import LARGEST, text_of
+from runtime.common.files import LARGEST_DOCUMENT, text_of
 from symgen.errors import SymgenError
 from symgen.ros.packages import Packages
 
@@ -99,8 +99,8 @@ def _expand(job: dict[str, Any]) -> dict[str, Any]:
             "refused": f"--arg names '{unknown[0]}', which '{job['path']}' and its includes do not "
             f"contain; their arguments are: {names}"
         }
-    if len(text) > LARGEST:
-        return {"reason": f"the URDF has more than {LARGEST >> 20} MiB"}
+    if len(text) > LARGEST_DOCUMENT:
+        return {"reason": f"the URDF has more than {LARGEST_DOCUMENT >> 20} MiB"}
     return {"text": text, "messages": messages.lines}
 
 

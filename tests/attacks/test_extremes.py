@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from runtime import write_recording
-from runtime.files import json_of, toml_of
+from runtime.common.files import json_of, toml_of
 from symgen.chain import read_chain
 from symgen.errors import BuildError, UrdfError
 from symgen.make.config import read_config

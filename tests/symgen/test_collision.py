@@ -250,9 +250,6 @@ def test_the_command_writes_what_build_reads(
     assert run("proxies", str(urdf), "--out", str(out), monkeypatch=monkeypatch) == 2
     assert "exists; choose another file, or give --overwrite" in capsys.readouterr().err
     assert out.read_bytes() == before
-    words = ("proxies", str(urdf), "--out", str(tmp_path / "b.toml"), "--packages", str(tmp_path))
-    assert run(*words, monkeypatch=monkeypatch) == 2
-    assert "no option --packages any more; give --package-dir DIR" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

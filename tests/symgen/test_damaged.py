@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from runtime.common.files import json_of
 from symgen.chain import read_chain
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_urdf
 from symgen.collision.geometry import read_geometry
-from symgen.documents import json_of
 from symgen.errors import BuildError, CollisionError, SymgenError
 from symgen.inspect import inspect_file
 from symgen.make.config import read_config

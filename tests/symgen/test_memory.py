@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from runtime.common.compiler import find_compiler, machine
 from runtime.library import Library
-from symgen.make.compiler import LEVELS, find_compiler, machine
+from symgen.make.compiler import LEVELS
 from symgen.make.pipeline import ONCE, PER_LEVEL
 from tests.robots import levels_here
 from tests.symgen.c_driver import EXPECTED, driver

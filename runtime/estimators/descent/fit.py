@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.descent.adam import Preset, Watch, descend, descend_many
@@ -25,7 +26,6 @@ from runtime.estimators.optimizers import (
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
-from runtime.parallel import cores, one_blas_thread
 
 PRESETS = dict(
     zip(

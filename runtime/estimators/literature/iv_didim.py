@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.estimators.classical.ols import (
     RANK_TOLERANCE,
@@ -41,7 +42,6 @@ from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction import COLUMNS, names_where, spread

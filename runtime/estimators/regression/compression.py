@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runtime.common.threads import cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.factor import Statistics, from_triangle, joined
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
-from runtime.parallel import cores
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

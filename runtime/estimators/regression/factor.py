@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
-from runtime.files import replacing, require_file
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz
 

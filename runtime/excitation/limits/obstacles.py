@@ -14,12 +14,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.carried_limits import LABEL, Poses, closest
 from runtime.excitation.limits.distance_limits import Clearance, body_of
 from runtime.excitation.limits.interval_bounds import IntervalBounds
-from runtime.files import toml_of
 from runtime.library import Array, Library, ProxyFacts
 
 OBSTACLE = "obstacle"

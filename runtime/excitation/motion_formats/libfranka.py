@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.excitation.motion_formats.format import MotionFormat, write_comments
 from runtime.excitation.proof.certified_motion import CertifiedMotion
-from runtime.files import replacing
 
 CONTROL_RATE = 1000
 """Rate of libfranka's control cycle, Hz."""

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import ExportError
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.excitation.motion_formats.format import MotionFormat, write_comments
 from runtime.excitation.proof.certified_motion import CertifiedMotion
-from runtime.files import replacing
 from runtime.library import Array
 
 RATE = 25.0

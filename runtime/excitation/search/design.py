@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.unchecked import unchecked
@@ -22,7 +23,6 @@ from runtime.excitation.search.search_problem import problem_of
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 
 Ended = dict[int, tuple[float, Array]]
 """Target and coefficients (n, M) of every start and variation that ended, by number."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 from pathlib import Path
 
-from runtime.files import replacing
+from runtime.common.files import replacing
 from runtime.outputs.report.canvas import blank, settings
 
 DPI = 130

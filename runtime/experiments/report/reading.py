@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import json_of, require_file
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.files import json_of, require_file
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet_format import rows_of
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import RuntimeFault
 from runtime.experiments.report.drawing import write_picture
 from runtime.experiments.report.labels import (
@@ -21,7 +22,6 @@ from runtime.experiments.report.labels import (
 )
 from runtime.experiments.report.page import caption
 from runtime.experiments.report.reading import Experiment, SavedView
-from runtime.files import replacing
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"

@@ -11,9 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from runtime.common.files import replacing
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import Row
-from runtime.files import replacing
 from runtime.recording.formats.parquet_format import rows_of
 
 NAME = "run.lock"

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import json_of, replacing
 from runtime.experiments.storage.chunks import write_rows
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
-from runtime.files import json_of, replacing
 from runtime.identification.result_file import versions
 from runtime.library import Array, Library
 

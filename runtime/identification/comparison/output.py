@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from runtime.files import replacing
+from runtime.common.files import replacing
 from runtime.identification.comparison.advice import Advice, advise
 from runtime.identification.comparison.row import HEAD, cells, finite, row_facts
 from runtime.identification.comparison.run import Comparison

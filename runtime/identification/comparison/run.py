@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import bytes_of, json_of
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NeedsError, RecordingError, RuntimeFault
 from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
 from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.methods import require_method
 from runtime.estimators.optimizers import Status
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.files import bytes_of, json_of
 from runtime.identification import metrics
 from runtime.identification.comparison.row import (
     FAILED,
@@ -35,7 +36,6 @@ from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording.notebook import html_table
 
 SUFFIX = ".truth.json"

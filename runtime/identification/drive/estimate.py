@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method
@@ -30,7 +31,6 @@ from runtime.identification.problem_setup import assemble, known_friction
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify, identify_assembled
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import replacing
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.estimate_error import vague_posterior
@@ -20,7 +22,6 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
-from runtime.files import replacing
 from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,
@@ -44,7 +45,6 @@ from runtime.library.parameters import (
     links,
     mass,
 )
-from runtime.parallel import one_blas_thread
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import motion_of
 

@@ -13,8 +13,8 @@ from itertools import islice
 
 import numpy as np
 
+from runtime.common.threads import cores
 from runtime.library import Library
-from runtime.parallel import cores
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
 from runtime.recording.formats.tables import Spool
 from runtime.recording.preprocessing import prepare

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.mass_unit import mass_unit
@@ -50,7 +51,6 @@ from runtime.identification.problem_setup import (
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import (
     Friction,
     Preparation,

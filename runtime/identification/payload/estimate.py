@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise_anywhere, prior_from
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
@@ -23,7 +24,6 @@ from runtime.identification.payload.body import NAMES, Body, Mount, Payload, bod
 from runtime.identification.payload.empty_run import empty_residual, posture_error
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
-from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import json_of
 from runtime.errors import IdentificationError, RecordingError
-from runtime.files import json_of
 from runtime.library import Array
 from runtime.library.parameters import inertia_matrix
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
 from runtime.identification.payload.known import KnownPayload
@@ -24,7 +25,6 @@ from runtime.identification.sensor_gains.problem import (
     solve,
 )
 from runtime.library import Array, Library
-from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
 
 Claims = NDArray[np.bool_]

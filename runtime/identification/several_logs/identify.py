@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import (
     DEFAULT,
@@ -37,7 +38,6 @@ from runtime.identification.several_logs.joint_fit import (
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import default_terms, geared
 

@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
-from runtime.files import replacing
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.monitoring.fleet.hierarchy import LEAST_UNITS, FleetFit

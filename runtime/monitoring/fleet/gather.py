@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from runtime.common.files import bytes_of, replacing
+from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RecordingError
-from runtime.files import bytes_of, replacing
 from runtime.identification.statistics_file import FILE, MARK, read_statistics, require_robot
 from runtime.library import Library, load
 from runtime.monitoring.fleet.unit import Unit, unit_of
-from runtime.parallel import cores, on_cluster
+from runtime.parallel import on_cluster
 from runtime.recording.formats.npz import open_npz
 
 PART = 32

@@ -30,6 +30,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri
 
+from runtime.common.threads import cores
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import (
     CAD,
@@ -44,7 +45,6 @@ from runtime.estimators.convex import (
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.monitoring.fleet.unit import Unit
-from runtime.parallel import cores
 
 LEAST_UNITS = 3
 """Smallest number of units: with two, a spread and an outlier cannot be distinguished."""

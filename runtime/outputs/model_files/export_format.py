@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.files import replacing
+from runtime.common.files import replacing
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
 

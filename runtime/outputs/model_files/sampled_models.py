@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import ExportError
-from runtime.files import replacing
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Library
 from runtime.library.parameters import centre_of_mass, links, mass

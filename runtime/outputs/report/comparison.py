@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
-from runtime.files import json_of
 from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.page import Page, ReportTable, Section, Tile
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.errors import RecordingError
-from runtime.files import replacing
 from runtime.identification.expected_accuracy.growth import Growth
 from runtime.monitoring.observation import Observation
 from runtime.outputs.report.canvas import (

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runtime.common.files import replacing
 from runtime.excitation.motion_profile import Band, MotionProfile
-from runtime.files import replacing
 from runtime.outputs.report.canvas import (
     BLUE,
     GREEN,

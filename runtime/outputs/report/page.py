@@ -17,7 +17,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from runtime.files import replacing
+from runtime.common.files import replacing
 
 
 @dataclass(frozen=True, slots=True)

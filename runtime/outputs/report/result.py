@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import require_file, values_of
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.files import require_file, values_of
 from runtime.identification.result_schema import read_facts
 from runtime.outputs.report.several_logs import SeveralLogs, read_several_logs
 from runtime.outputs.report.sides import Row, read_sides

@@ -15,8 +15,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from defusedxml.ElementTree import ParseError, fromstring
 
+from runtime.common.files import text_of
 from runtime.errors import LibraryError, RuntimeFault
-from runtime.files import text_of
 from runtime.library import Array, Library
 
 BASE = "base"

@@ -16,8 +16,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from runtime.common.files import text_of
 from runtime.errors import RecordingError
-from runtime.files import text_of
 from runtime.recording.formats.log_format import imported
 from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK
 

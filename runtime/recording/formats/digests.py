@@ -8,8 +8,8 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.files import require_file
 
 SMALL = 2**24
 """Size up to which a file is hashed at once [bytes]."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import json_of, require_file
 from runtime.errors import RecordingError
-from runtime.files import json_of, require_file
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile
 from runtime.recording.formats.parquet_format import ParquetLog

@@ -12,8 +12,8 @@ from typing import IO, TYPE_CHECKING, Protocol
 
 from numpy.typing import NDArray
 
+from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.files import require_file
 from runtime.recording.formats.digests import Digests, reading
 from runtime.recording.formats.tables import FloatArray, LogTable
 

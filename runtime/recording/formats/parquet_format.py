@@ -13,8 +13,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.files import require_file
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows, imported
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, FloatArray, LogTable
 from runtime.recording.recipes.default_convention import (

@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import bytes_of
 from runtime.errors import RecordingError
-from runtime.files import bytes_of
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base.arrays import names_of, numbers_of
 from runtime.recording.free_base.contacts import contacts_of

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.common.files import toml_of
 from runtime.errors import RecordingError
-from runtime.files import toml_of
 from runtime.recording.recipes.recipe import ControlLaw, Recipe
 from runtime.recording.settings import Friction
 

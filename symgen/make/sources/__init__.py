@@ -19,9 +19,9 @@ from importlib import import_module
 from importlib.metadata import files
 from pathlib import Path
 
+from runtime.common.files import text_of, toml_of
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.mechanism import Mechanism
-from symgen.documents import text_of, toml_of
 from symgen.errors import BuildError
 from symgen.make.sources.mjcf import robot_from_mjcf
 from symgen.make.sources.sdf import robot_from_sdf

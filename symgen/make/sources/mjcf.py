@@ -27,10 +27,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio
 
+from runtime.common.files import LARGEST_DOCUMENT
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Loop, Mechanism
 from symgen.chain.normalise import GRAVITY
-from symgen.documents import LARGEST
 from symgen.errors import BuildError
 from symgen.make.sources.springs import springs_of_mjcf
 
@@ -298,7 +298,7 @@ def _is_bounded(path: Path, asset: Path) -> bool:
 def _text_of(file: Path) -> str:
     """Text of a file that may be XML; empty for a mesh, an image or a file of other text."""
     try:
-        if file.stat().st_size > LARGEST:
+        if file.stat().st_size > LARGEST_DOCUMENT:
             return ""
         data = file.read_bytes()
     except OSError:  # MuJoCo says why

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import runtime
+from runtime.common.files import sha256_of
 from runtime.errors import LibraryError
 from runtime.library import Library, load
 from symgen.make import bundled_robots
-from symgen.make.compiler import sha256_of
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.conftest import REPOSITORY

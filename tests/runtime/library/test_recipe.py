@@ -2,7 +2,7 @@
 
 import sys
 
-from runtime.library import compiler
+from runtime.common.compiler import spelled
 from runtime.library.compile_recipe import read_recipe
 from tests.conftest import REPOSITORY
 
@@ -10,8 +10,8 @@ from tests.conftest import REPOSITORY
 def test_zig_spells_instruction_sets_with_underscores() -> None:
     """Property: for zig alone."""
     zig = (sys.executable, "-m", "ziglang", "cc")
-    assert compiler._spelled("-march=x86-64-v3", zig) == "-march=x86_64_v3"
-    assert compiler._spelled("-march=x86-64-v3", ("cc",)) == "-march=x86-64-v3"
+    assert spelled("-march=x86-64-v3", zig) == "-march=x86_64_v3"
+    assert spelled("-march=x86-64-v3", ("cc",)) == "-march=x86-64-v3"
 
 
 def test_the_recipe_of_the_fr3_is_read() -> None:

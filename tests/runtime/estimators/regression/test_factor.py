@@ -8,6 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
+from runtime.common.compiler import find_compiler, machine
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import (
     Statistics,
@@ -19,7 +20,6 @@ from runtime.estimators.regression import (
 )
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
-from symgen.make.compiler import find_compiler, machine
 from tests.robots import levels_here
 
 ROBOTS = ["fr3", "tree", "gantry", "tiny", "double"]

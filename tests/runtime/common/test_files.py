@@ -1,4 +1,4 @@
-"""runtime.files: what stands in the place of a file, and what JSON and TOML may not say."""
+"""runtime.common.files: what stands in the place of a file, and what JSON and TOML may not say."""
 
 import os
 from collections.abc import Callable
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from runtime.files import LARGEST, bytes_of, json_of, require_file, text_of, toml_of
+from runtime.common.files import LARGEST_DOCUMENT, bytes_of, json_of, require_file, text_of, toml_of
 
 
 def endless(path: Path) -> None:
     path.write_bytes(b"")
-    os.truncate(path, LARGEST + 1)  # a hole: it takes no room
+    os.truncate(path, LARGEST_DOCUMENT + 1)  # a hole: it takes no room
 
 
 PLACES: dict[str, tuple[Callable[[Path], object], str]] = {

@@ -14,16 +14,16 @@ import secrets
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from runtime.errors import RuntimeFault
+from runtime.common.errors import RuntimeFault
 
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
-LARGEST = 2**26
+LARGEST_DOCUMENT = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
 LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
 """Largest sizes of text that is parsed [characters]: a list takes up to 60 times its text."""
@@ -50,8 +50,8 @@ def require_file(path: Path) -> Path:
 def bytes_of(path: Path) -> bytes:
     """Content of a document."""
     size = require_file(path).stat().st_size
-    if size > LARGEST:
-        raise ValueError(f"{size} bytes are more than the {LARGEST} of any document")
+    if size > LARGEST_DOCUMENT:
+        raise ValueError(f"{size} bytes are more than the {LARGEST_DOCUMENT} of any document")
     return path.read_bytes()
 
 
@@ -135,6 +135,15 @@ def values_of(tree: Any) -> Iterator[Any]:
             pending += value
         else:
             yield value
+
+
+def require_unused(paths: Iterable[Path], overwrite: bool, option: str | None = "--out") -> None:
+    """Refuse to replace existing files; the sentence names the option of the place, if any."""
+    existing = [path for path in paths if os.path.lexists(path)]
+    if existing and not overwrite:
+        more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"
+        elsewhere = f"choose another place with {option}" if option else "choose another file"
+        raise RuntimeFault(f"'{existing[0]}'{more}; {elsewhere}, or give --overwrite")
 
 
 @contextmanager

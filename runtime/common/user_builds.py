@@ -7,12 +7,17 @@ is $SYMGEN_BUILDS, else that of the user's data. Records that another user could
 count.
 """
 
+import json
 import os
 import re
 import stat
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
-from runtime.files import json_of
+import platformdirs
+
+from runtime.common.files import json_of
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 """Name of a robot; any other word is the path of a folder."""
@@ -26,6 +31,28 @@ def is_safe_from_others(path: Path) -> bool:
         return False
     of_group = facts.st_mode & stat.S_IWGRP and facts.st_gid != os.getegid()
     return facts.st_uid in {os.getuid(), 0} and not (facts.st_mode & stat.S_IWOTH or of_group)
+
+
+def record_build(robot: str, folder: Path, sha256: str) -> str:
+    """Record that this user has compiled a library; records of deleted folders are removed."""
+    records = records_folder()
+    facts = {"robot": robot, "folder": str(folder.resolve())}
+    try:
+        records.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, draft = tempfile.mkstemp(prefix=".", suffix=".new", dir=records)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(json.dumps(facts) + "\n")
+        os.replace(draft, records / f"{sha256}.json")
+    except OSError as error:
+        return (
+            f"the build could not be recorded in '{records}' ({error.strerror}), so the run time "
+            "compiles the C code once more; set SYMGEN_BUILDS to a folder that can be written"
+        )
+    for path in records.glob("*.json"):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            if not Path(json_of(path)["folder"]).exists():
+                path.unlink(missing_ok=True)
+    return ""
 
 
 def is_user_build(library: Path, sha256: str) -> bool:
@@ -61,6 +88,4 @@ def records_folder() -> Path:
     chosen = os.environ.get("SYMGEN_BUILDS", "")
     if chosen:
         return Path(chosen).expanduser().absolute()
-    import platformdirs
-
     return platformdirs.user_data_path("symgen") / "builds"

@@ -4,6 +4,7 @@ import ast
 import functools
 import http.server
 import os
+import pkgutil
 import re
 import shutil
 import subprocess
@@ -150,6 +151,22 @@ def test_numbers_of_public_formats_are_those_of_the_code() -> None:
         "statistics.npz": str(statistics_file.FORMAT),
         "manifest.json": str(manifest.FORMAT),
     }
+
+
+def test_places_of_the_code_named_in_pages_exist() -> None:
+    """Property: files and dotted names of the packages in code marks are there."""
+    named = section_of("reference/public.md", "Names that files and options take")
+    groups = re.findall(r"`(symgen\.\w+)`", named)  # of entry points
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        files = re.findall(r"`((?:runtime|symgen|scripts|tests|docs)/[\w./-]+)[`#]", text)
+        wrong = [file for file in files if not (REPOSITORY / file).exists()]
+        for name in {*re.findall(r"`((?:runtime|symgen)(?:\.\w+)+)[`(]", text)} - {*groups}:
+            try:
+                pkgutil.resolve_name(name)
+            except (ImportError, AttributeError):
+                wrong.append(name)
+        assert not wrong, f"{page.name}: {wrong}"
 
 
 def templates() -> Iterator[str]:

@@ -1,19 +1,34 @@
-"""Pages of the Python API: the public names of runtime, then one page per room."""
+"""Pages of the Python API for mkdocstrings: the public names of runtime, then one page per room."""
 
-import re
 from pathlib import Path
+from pkgutil import iter_modules
+
+import griffe
 
 ROOT = Path(__file__).resolve().parents[2]
-RUNTIME = ROOT / "runtime"
-WITHOUT = {"cli"}
+WITHOUT = {"cli", "__main__"}
 """Rooms that are no Python API: the command line has a page of its own."""
+INDEX = """# Python API
+
+`import runtime` offers the names below. The pages of the rooms list the other modules; their names
+may change between versions, those below may not.
+
+| room | contents |
+|---|---|
+{rooms}
+
+::: runtime
+    options:
+      show_root_toc_entry: false
+      show_root_heading: false
+      heading_level: 2
+      members: {names}
+"""
 
 
 def rooms() -> list[str]:
     """Folders and single modules of runtime, alphabetically."""
-    folders = [path.parent.name for path in RUNTIME.glob("*/__init__.py")]
-    modules = [path.stem for path in RUNTIME.glob("*.py") if not path.stem.startswith("__")]
-    return sorted({*folders, *modules} - WITHOUT)
+    return sorted({module.name for module in iter_modules([str(ROOT / "runtime")])} - WITHOUT)
 
 
 def page(room: str) -> str:
@@ -23,51 +38,23 @@ def page(room: str) -> str:
 
 def index() -> str:
     """The first page: the names of `runtime`, and where the rooms are."""
-    lines = [
-        "# Python API",
-        "",
-        "`import runtime` offers the names below. The pages of the rooms list the other modules;",
-        "their names may change between versions, those below may not.",
-        "",
-        "| room | contents |",
-        "|---|---|",
-        *(f"| [{room}]({room}.md) | {_summary(room)} |" for room in rooms()),
-        "",
-        "::: runtime",
-        "    options:",
-        "      show_root_toc_entry: false",
-        "      show_root_heading: false",
-        "      heading_level: 2",
-        "      members:",
-        *(f"        - {name}" for name in public_names()),
-        "",
-    ]
-    return "\n".join(lines)
-
-
-def public_names() -> list[str]:
-    """`runtime.__all__`, read without importing."""
-    text = (RUNTIME / "__init__.py").read_text(encoding="utf-8")
-    return re.findall(r'"(\w+)"', text.split("__all__", 1)[1])
+    lines = [f"| [{room}]({room}.md) | {_summary(room)} |" for room in rooms()]
+    return INDEX.format(rooms="\n".join(lines), names=_read("runtime", ROOT).exports)
 
 
 def room_page(room: str) -> str:
     """The modules of one room with their public members."""
-    lines = [f"# {room}", ""]
-    for name in _modules(room):
-        lines += [f"::: {name}", ""]
-    return "\n".join(lines)
+    place = ROOT / "runtime" / room
+    paths = sorted(place.rglob("*.py")) or [place.with_suffix(".py")]
+    names = [".".join(p.relative_to(ROOT).with_suffix("").parts) for p in paths if p.stem[0] != "_"]
+    return "\n\n".join([f"# {room}", *(f"::: {name}" for name in names)])
 
 
-def _modules(room: str) -> list[str]:
-    single = RUNTIME / f"{room}.py"
-    paths = [single] if single.exists() else sorted((RUNTIME / room).rglob("*.py"))
-    names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths)
-    return [name for name in names if not name.endswith("__init__")]
+def _read(module: str, folder: Path) -> griffe.Object:
+    return griffe.load(module, submodules=False, search_paths=[folder], allow_inspection=False)
 
 
 def _summary(room: str) -> str:
-    single = RUNTIME / f"{room}.py"
-    path = single if single.exists() else RUNTIME / room / "__init__.py"
-    first = path.read_text(encoding="utf-8").split('"""')[1].strip().partition("\n\n")[0]
+    text = _read(room, ROOT / "runtime").docstring
+    first = text.value.partition("\n\n")[0] if text else ""
     return " ".join(first.split()).replace("|", "\\|")

@@ -1,4 +1,4 @@
-"""Notebooks of docs/notebooks from the tutorials: the same text, every block a cell.
+"""Notebooks of docs/notebooks from the tutorials by jupytext: the same text, every block a cell.
 
 Commands become shell lines, files become %%writefile cells, and printed text is left out, because
 running the cells prints it. `scripts/docs --notebooks` writes them; the tests execute them.
@@ -7,56 +7,40 @@ running the cells prints it. `scripts/docs --notebooks` writes them; the tests e
 import re
 from pathlib import Path
 
+import jupytext
 import nbformat
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 ROOT = Path(__file__).resolve().parents[2]
-TUTORIALS = ROOT / "runtime" / "tutorials"
 FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ("own-robot", "payload")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```\n?", re.MULTILINE | re.DOTALL)
 FILE_COMMANDS = ("symgen excite ", "symgen simulate ")
-"""Commands that write files of the user's choice, not a folder of results."""
+"""Commands that write files of the user's choice: a cell that runs again replaces them."""
 FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
-def notebook(name: str) -> nbformat.NotebookNode:
-    """The notebook of a tutorial."""
-    text = (TUTORIALS / f"{name}.md").read_text(encoding="utf-8")
-    cells, end = [], 0
-    for match in FENCE.finditer(text):
-        cells += _prose(text[end : match.start()])
-        cells += _code(*match.groups())
-        end = match.end()
-    cells += _prose(text[end:])
-    for k, cell in enumerate(cells):
-        cell["id"] = f"{name}-{k}"
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    return new_notebook(cells=cells, metadata={"kernelspec": kernel})
-
-
-def _prose(text: str) -> list[nbformat.NotebookNode]:
-    return [new_markdown_cell(text.strip())] if text.strip() else []
-
-
-def _code(language: str, block: str) -> list[nbformat.NotebookNode]:
-    if language == "python":
-        return [new_code_cell(block.rstrip())]
-    if language == "bash":
-        return [new_code_cell("\n".join(f"!{_again(line)}" for line in block.splitlines()))]
+def _code(match: re.Match[str]) -> str:
+    """A block of a tutorial as a block of Python with the magic words of Jupyter."""
+    language, block = match.groups()
     if language == "text":
-        return []
-    return [new_code_cell(f"%%writefile {FILE.findall(block)[0]}\n{block.rstrip()}")]
-
-
-def _again(line: str) -> str:
-    """A command that may replace its files, because cells are run again."""
-    return f"{line} --overwrite" if line.startswith(FILE_COMMANDS) else line
+        return ""
+    if language == "bash":
+        again = (" --overwrite" * line.startswith(FILE_COMMANDS) for line in block.splitlines())
+        block = "".join(f"!{a}{b}\n" for a, b in zip(block.splitlines(), again, strict=True))
+    elif language != "python":
+        block = f"%%writefile {FILE.findall(block)[0]}\n{block}"
+    return f"```python\n{block}```\n"
 
 
 def text_of(name: str) -> str:
-    """The notebook as it is stored."""
-    return str(nbformat.writes(notebook(name))) + "\n"
+    """The notebook of a tutorial as it is stored, without outputs."""
+    text = (ROOT / "runtime" / "tutorials" / f"{name}.md").read_text(encoding="utf-8")
+    notebook = jupytext.reads(FENCE.sub(_code, text), fmt="md")
+    for k, cell in enumerate(notebook.cells):
+        cell["id"], cell["metadata"] = f"{name}-{k}", {}
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    notebook.metadata = {"kernelspec": kernel}
+    return str(nbformat.writes(notebook)) + "\n"
 
 
 def main() -> None:

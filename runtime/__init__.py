@@ -24,6 +24,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from runtime.estimators.choice.default_friction import choose_default_friction
+    from runtime.estimators.choice.friction_choice import choose_friction
     from runtime.estimators.descent.adam import Preset
     from runtime.estimators.descent.fit import PRESETS
     from runtime.estimators.methods import METHODS
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from runtime.identification.sensor_gains.estimate import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.identification.single_log import identify
-    from runtime.inspection.default_friction import choose_default_friction
-    from runtime.inspection.friction_choice import choose_friction
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
     from runtime.recording import Recording, read_recording, write_recording
@@ -82,8 +82,8 @@ _MODULES = {
     "Preset": "runtime.estimators.descent.adam",
     "Recording": "runtime.recording",
     "Settings": "runtime.identification.settings",
-    "choose_default_friction": "runtime.inspection.default_friction",
-    "choose_friction": "runtime.inspection.friction_choice",
+    "choose_default_friction": "runtime.estimators.choice.default_friction",
+    "choose_friction": "runtime.estimators.choice.friction_choice",
     "identify": "runtime.identification.single_log",
     "identify_gains": "runtime.identification.sensor_gains.estimate",
     "identify_payload": "runtime.identification.payload.estimate",

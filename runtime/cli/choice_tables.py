@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from runtime.inspection.cutoff_choice import CutoffChoice
-    from runtime.inspection.friction_choice import FrictionChoice
+    from runtime.estimators.choice.cutoff_choice import CutoffChoice
+    from runtime.estimators.choice.friction_choice import FrictionChoice
 
 
 def cutoff_table(choice: "CutoffChoice") -> Table:

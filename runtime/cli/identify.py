@@ -41,12 +41,12 @@ from runtime.cli.progress import counting, state
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
+from runtime.estimators.choice.default_friction import MEMORY
 from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import Settings
-from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
 from runtime.recording import Recording, is_large
 

@@ -12,12 +12,12 @@ from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import preparation_of
 from runtime.cli.robot import Yes, open_robot
+from runtime.estimators.choice.regressor_choice import noisy_accelerations
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
-from runtime.inspection.regressor_choice import noisy_accelerations
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 

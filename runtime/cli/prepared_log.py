@@ -11,8 +11,8 @@ from runtime.cli.log_options import AUTO
 from runtime.cli.parts_of_log import split_of
 from runtime.cli.progress import waiting
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.choice.default_friction import MEMORY, USABLE
 from runtime.estimators.methods import require_method
-from runtime.inspection.default_friction import MEMORY, USABLE
 from runtime.library import Library
 from runtime.recording import (
     Friction,
@@ -125,7 +125,7 @@ def read_prepared_log(
     regressor = None if chooses_regressor else options.regressor
     prepared = preparation_of(recording, _hz(options.cutoff), options.rate, regressor)
     if options.cutoff == AUTO:
-        from runtime.inspection.cutoff_choice import choose_cutoff
+        from runtime.estimators.choice.cutoff_choice import choose_cutoff
 
         base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
         with waiting("choosing a cut-off"):
@@ -136,7 +136,7 @@ def read_prepared_log(
         from runtime.identification.current_gains.scaling import with_current_gains
 
         recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
-    from runtime.inspection.regressor_choice import choose_regressor
+    from runtime.estimators.choice.regressor_choice import choose_regressor
 
     with waiting("checking the accelerations"):
         seen = before_test(recording, parts)
@@ -150,7 +150,7 @@ def read_prepared_log(
         notes += (note,)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
-    from runtime.inspection.friction_choice import choose_friction
+    from runtime.estimators.choice.friction_choice import choose_friction
 
     with waiting("choosing a friction model"):
         choice = choose_friction(
@@ -172,7 +172,7 @@ def _chosen_terms(
     """Friction model of a fleet, or the default by cross-validation; with a sentence."""
     if of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
         return of_type, f"the friction model is that of the fleet: {of_type}"
-    from runtime.inspection.default_friction import choose_default_friction
+    from runtime.estimators.choice.default_friction import choose_default_friction
 
     with waiting("choosing a friction model"):
         chosen = choose_default_friction(

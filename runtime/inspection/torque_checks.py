@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.choice.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
+from runtime.estimators.choice.regressor_choice import choose_regressor, differentiation_of
 from runtime.inspection.checks import (
     drives,
     gravity,
@@ -19,9 +21,7 @@ from runtime.inspection.checks import (
     torque_signs,
 )
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
-from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.inspection.finding import INFO, WARNING, Finding
-from runtime.inspection.regressor_choice import choose_regressor, differentiation_of
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
 from runtime.recording.friction import DRIVE, ROTOR, names_where

@@ -17,14 +17,14 @@ from bench.faults import on_a_wall
 from bench.front import Sheet
 from runtime.cli.prepared_log import usable_columns
 from runtime.errors import RuntimeFault
+from runtime.estimators.choice.default_friction import DEFAULT_COLUMNS, choose_default_friction
+from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
 from runtime.inspection import inspect_log
-from runtime.inspection.default_friction import DEFAULT_COLUMNS, choose_default_friction
-from runtime.inspection.friction_choice import choose_friction
 from runtime.library import load
 from runtime.recording import Friction, Recording, read_recording
 from runtime.recording.preprocessing import prepare

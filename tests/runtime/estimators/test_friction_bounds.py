@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from runtime import Recording, identify
+from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.classical.ols import solve
 from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
 from runtime.estimators.regression import Statistics
@@ -14,7 +15,6 @@ from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
-from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Friction
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify
+from runtime.estimators.choice.cutoff_choice import choose_cutoff
+from runtime.estimators.choice.default_friction import choose_default_friction
+from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
-from runtime.inspection.cutoff_choice import choose_cutoff
-from runtime.inspection.default_friction import choose_default_friction
-from runtime.inspection.friction_choice import choose_friction
 from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from runtime.estimators.choice.cutoff_choice import CutoffCandidate, CutoffChoice
 from runtime.inspection import torque_checks as proposal
 from runtime.inspection.checks import model_fit, torque_delay
 from runtime.inspection.checks.clock import _gaps, lost_rows
@@ -16,7 +17,6 @@ from runtime.inspection.checks.gravity_direction import _finding, _Fit
 from runtime.inspection.checks.joint_order import mismatches
 from runtime.inspection.checks.outlying_rows import frozen
 from runtime.inspection.checks.units import units
-from runtime.inspection.cutoff_choice import CutoffCandidate, CutoffChoice
 from runtime.inspection.finding import INFO, Finding
 from runtime.inspection.inspection import stated
 from runtime.library import Library

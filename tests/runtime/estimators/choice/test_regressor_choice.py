@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from runtime import Recording
-from runtime.inspection import inspect_log
-from runtime.inspection.regressor_choice import (
+from runtime.estimators.choice.regressor_choice import (
     BENT,
     NOISY,
     choose_regressor,
     differentiation_of,
     noisy_accelerations,
 )
+from runtime.inspection import inspect_log
 from runtime.library import Library
 from runtime.recording import Preparation, write_recording
 from runtime.recording.preprocessing import pipeline, prepare

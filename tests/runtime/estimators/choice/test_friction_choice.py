@@ -7,7 +7,7 @@ import pytest
 
 from runtime import Recording, identify, write_recording
 from runtime.errors import IdentificationError
-from runtime.inspection.friction_choice import FRICTION_MODELS, choose_friction
+from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.recording.friction import JointMotion, columns, gravity_load, torque

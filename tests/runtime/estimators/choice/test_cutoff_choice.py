@@ -7,7 +7,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError, RecordingError
-from runtime.inspection.cutoff_choice import CANDIDATES, choose_cutoff
+from runtime.estimators.choice.cutoff_choice import CANDIDATES, choose_cutoff
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe
 from runtime.recording.preprocessing import advance_torque, prepare

@@ -8,12 +8,16 @@ import pytest
 import runtime
 from runtime import Recording, load, read_recording
 from runtime.cli.prepared_log import usable_columns
+from runtime.estimators.choice.default_friction import (
+    DEFAULT_COLUMNS,
+    SPRINGS,
+    choose_default_friction,
+)
+from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
-from runtime.inspection.default_friction import DEFAULT_COLUMNS, SPRINGS, choose_default_friction
-from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, write_recording
 from runtime.recording.friction import JointMotion, columns, torque

@@ -32,13 +32,13 @@ from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
 from runtime.estimators.regression.residuals import inflation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
-from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from runtime.estimators.choice import default_friction as module
+from runtime.estimators.choice.cross_validation import solved
+from runtime.estimators.choice.default_friction import column_solver
 from runtime.estimators.regression import Statistics
-from runtime.inspection import default_friction as module
-from runtime.inspection.cross_validation import solved
-from runtime.inspection.default_friction import column_solver
 
 BASE, OTHERS = 5, 9
 

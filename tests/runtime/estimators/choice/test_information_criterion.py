@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from runtime.inspection import friction_choice
-from runtime.inspection.friction_choice import choose_friction
+from runtime.estimators.choice import friction_choice
+from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Recording, Split
 from runtime.recording.friction import JointMotion, columns

@@ -14,7 +14,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import sysconfig
 import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
@@ -24,7 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.same_results_cases import CASES, INPUTS, SCRIPTS
+from bench.same_results_cases import CASES, SCRIPTS
+from bench.same_results_inputs import EXAMPLES, INPUTS
 
 LONGEST = 900.0
 """Time after which a command counts as failed, s."""
@@ -94,7 +94,7 @@ def write(folder: Path, tree: Path, only: Iterable[str], jobs: int) -> None:
         "inputs": "../inputs",
         "data": str(shared / "data"),
         "models": str(shared / "models"),
-        "examples": sysconfig.get_path("purelib") + "/cmeel.prefix/share/example-robot-data/robots",
+        "examples": str(EXAMPLES),
         "tree": str(tree),
     }
     environment, done = _environment(folder, tree, shared), 0

@@ -1,14 +1,9 @@
-"""Cases of `scripts/same_results`: commands as data, and the logs and files that they read.
+"""Cases of `scripts/same_results`: commands as data.
 
 Of `{NAME}` in a command: a robot is the folder of the case `robot-NAME`, data and models are those
-of the shared folder, inputs are written below, tree is the checkout. Commands run in the folder of
-their case. The word `python` runs one of `SCRIPTS`.
+of the shared folder, inputs those of `same_results_inputs`, tree is the checkout. Commands run in
+the folder of their case. The word `python` runs one of `SCRIPTS`.
 """
-
-from collections.abc import Callable
-from pathlib import Path
-
-import numpy as np
 
 _ICUB_LOCKS = " ".join(
     f"--lock {side}_wrist_{name}=0" for side in "lr" for name in ("prosup", "pitch", "yaw")
@@ -19,10 +14,35 @@ _TIAGO_LOCKS = " ".join(
 )
 _BUILD = "build --level portable --out ."  # the same bits on every machine
 _GO2 = "{examples}/go2_description/urdf/go2.urdf"
-_GO2_AIR = "identify {data}/unitree_air/go2.npz --robot {go2} --cutoff 10 --delay auto --out out"
 _PANDA = "identify panda_gaz --robot {fr3} --out out"
 _FR3 = "identify fr3_simulated --robot {fr3} --cutoff 10 --out"
 _DVRK = "identify {data}/dvrk"
+_GO2_AIR = "identify {data}/unitree_air/go2.npz --robot {go2} --cutoff 10 --delay auto --out out"
+_GO2_WALKS = "identify {inputs}/go2_walking.npz --robot {go2_free}"
+_ICUB = "identify {inputs}/icub_walking.npz --robot {icub}"
+_SERVO = "identify {inputs}/fr3/servo.npz --robot {fr3} --cutoff 10"
+_CURRENT = (
+    "identify {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
+)
+_SIMULATE = "simulate --robot {fr3} --trajectory {tree}/runtime/examples/fr3_trajectory.json"
+_EXCITE = "excite --robot {fr3} --duration 5 --harmonics 3 --starts 1 --processes 1"
+_UNTIL = "excite --robot {fr3} --harmonics 3 --starts 1 --processes 1 --table 0 --until"
+_FREE = " ".join(
+    f"--calibrate {{inputs}}/fr3/{log}.csv" for log in ("unit1", "unit2", "unit3", "empty")
+)
+_SO101 = (
+    *("backlash_detection", "chirp_sweep", "friction_gravity", "hold_under_gravity", "multisine"),
+    *("prbs_excitation", "single_joint_elbow", "slow_precision", "static_holding"),
+    *("step_response", "velocity_ramp", "workspace_sweep"),
+)
+_READ = (
+    "evaluate out {log} --robot {robot};export out --robot {robot} --to urdf,mjcf --out models;"
+    "sample out --robot {robot} --count 2 --to urdf --out samples;"
+    "observe {log} --model out --robot {robot} --within 0.1 --out observed;"
+    "watch out {log} --robot {robot} --date 2026-01-01;predict {log} --robot {robot};"
+    "compare {log} --robot {robot} --methods map,pc-ols --out compared"
+)
+"""Everything that reads the result of one log and another log."""
 
 CASES: dict[str, tuple[str, ...]] = {
     "models": ("list", "inspect {tree}/symgen/robots/ur5e.urdf --json", "describe nothing"),
@@ -49,6 +69,8 @@ CASES: dict[str, tuple[str, ...]] = {
     "robot-ur10": (
         f"{_BUILD} --urdf {{models}}/universal_robots/ur10_robot.urdf --name ur10",
     ),
+    "robot-ur5e": (f"{_BUILD} --robot ur5e",),
+    "robot-gantry": (f"{_BUILD} --urdf {{tree}}/tests/data/gantry.urdf --name gantry",),
     "robot-so101": (
         f"{_BUILD} --urdf {{models}}/so101/so101_new_calib.urdf --name so101",
     ),
@@ -80,6 +102,7 @@ CASES: dict[str, tuple[str, ...]] = {
     "dvrk-mtm": (
         "inspect {data}/dvrk/mtm_one.csv --robot {mtm} --log-rate 200 --recipe-out recipe.toml",
         f"{_DVRK}/mtm_one.csv --robot {{mtm}} --recipe recipe.toml --out out",
+        f"{_DVRK}/mtm_two.csv --robot {{mtm}} --recipe recipe.toml --method ols --out two",
         "evaluate out {data}/dvrk/mtm_two.csv --robot {mtm} --recipe recipe.toml",
     ),
     "dvrk-psm": (
@@ -87,80 +110,258 @@ CASES: dict[str, tuple[str, ...]] = {
         " --recipe-out recipe.toml",
         f"{_DVRK}/psm_one_no_weight.csv --robot {{psm}} --recipe recipe.toml --out out",
         "evaluate out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml",
+        *(
+            f"{_DVRK}/{log}.csv --robot {{psm}} --recipe recipe.toml --no-report --out {log}"
+            for log in ("psm_two", "psm_one_105_grams_parallel")
+        ),
+        "payload {data}/dvrk/psm_one_105_grams_parallel.csv --robot {psm} --recipe recipe.toml"
+        " --link link30 --empty {data}/dvrk/psm_one_no_weight.csv --out load",
         "friction out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml --out friction",
     ),
-    # Commanded torque, motor currents, a free base.
-    "z1": ("identify {data}/unitree_air/z1.npz --robot {z1} --cutoff 10 --delay auto --out out",),
-    "go2": (f"{_GO2_AIR}",),
+    # Commanded torque, motor currents, a free base; what reads their results.
+    "z1": (
+        "inspect {data}/unitree_air/z1.npz --robot {z1} --recipe-out recipe.toml",
+        "identify {data}/unitree_air/z1.npz --robot {z1} --cutoff 10 --delay auto --out out",
+        *_READ.format(robot="{z1}", log="{data}/unitree_air/z1.npz").split(";"),
+    ),
+    "go2": (
+        "inspect {data}/unitree_air/go2.npz --robot {go2} --json",
+        _GO2_AIR,
+        *_READ.format(robot="{go2}", log="{data}/unitree_air/go2.npz").split(";"),
+    ),
     "go2-tied": (f"{_GO2_AIR} --symmetric FL:FR --symmetric RL:RR --tie",),
+    "servo": (
+        "inspect {inputs}/fr3/servo.npz --robot {fr3}",
+        f"{_SERVO} --delay auto --out auto",
+        f"{_SERVO} --delay per-joint --no-encoder-bias --out per-joint",
+        f"{_SERVO} --delay 0.02 --friction viscous,coulomb,offset --out fixed",
+        f"{_SERVO} --delay auto --stream --out streamed",
+        f"{_SERVO} {{inputs}}/fr3/servo_late.npz --delay auto --out several",
+        "export auto --robot {fr3} --to mjcf,actuators,friction --out models",
+    ),
     "tiago": (
         "inspect {data}/tiago --robot {tiago} --recipe-out recipe.toml",
         "identify {data}/tiago --robot {tiago} --recipe recipe.toml --out out",
+        *_READ.format(robot="{tiago}", log="{data}/tiago --recipe recipe.toml").split(";"),
+    ),
+    "currents": (
+        f"{_CURRENT} --friction viscous,coulomb,offset --out out",
+        f"{_CURRENT} --method pc-ols --out convex",
+        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
+        " --total-mass 17.4 --recipe-out known.toml",
+        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
+        " --weighed fr3_link4=3.2",
+        "identify {inputs}/fr3/current.csv --robot {fr3} --recipe known.toml --cutoff 10"
+        " --out known",
     ),
     "icub-walking": (
-        "identify {inputs}/icub_walking.npz --robot {icub} --rows base --cutoff 3 --split 0.5"
-        " --out out",
+        f"{_ICUB} --rows base --cutoff 3 --split 0.5 --out out",
+        *_READ.format(robot="{icub}", log="{inputs}/icub_walking.npz").split(";"),
     ),
     "go2-walking": (
-        "identify {inputs}/go2_walking.npz --robot {go2_free} --rows all --cutoff 10 --out out",
+        f"{_GO2_WALKS} --rows all --cutoff 10 --out out",
+        f"{_GO2_WALKS} --rows base --out base",
+        f"{_GO2_WALKS} --rows joints --out joints",
+        f"{_GO2_WALKS} {{inputs}}/go2_walking_two.npz --out several",
+        *_READ.format(robot="{go2_free}", log="{inputs}/go2_walking_two.npz").split(";"),
+    ),
+    "ur10": (
+        "inspect {data}/ur_collisions/Axis_1_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml",
+        *(
+            f"identify {{data}}/ur_collisions/{log}.csv.gz --robot {{ur10}} --no-report"
+            f" --recipe {{inputs}}/ur.toml --out {log}"
+            for log in ("Axis_1_2", "Axis_1_3", "Drift00_NF_1", "Drift00_NF_2", "Drift00_NF_3")
+        ),
+        "identify {data}/ur_collisions/Axis_1_1.csv.gz {data}/ur_collisions/Axis_3_1.csv.gz"
+        " {data}/ur_collisions/Axis_5_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml --out out",
+        "observe {data}/ur_collisions/Drift00_WF_1.csv.gz --model out --robot {ur10}"
+        " --recipe {inputs}/ur.toml --within 0.1 --out observed",
+    ),
+    "so101": (
+        "inspect {inputs}/so101/multisine.csv --robot {so101}",
+        *(
+            f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 --no-report"
+            f" --out {log}"
+            for log in _SO101
+        ),
+    ),
+    "gantry": (
+        "simulate --robot {gantry} --ideal --viscous 1 --coulomb 0.5 --out log.csv",
+        "identify log.csv --robot {gantry} --out out",
+        "export out --robot {gantry} --out models",
+    ),
+    # Formats of one log, and several logs.
+    "formats": tuple(
+        f"identify {{inputs}}/fr3/log.{kind} --robot {{fr3}} --cutoff 10 --no-report --out {kind}"
+        + (" --friction viscous,coulomb --stream" * (kind in {"parquet", "mcap"}))
+        for kind in ("csv.gz", "parquet", "h5", "mcap")
+    ),
+    "several": (
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
+        " --cutoff 10 --out tool",
+        "identify {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv {inputs}/fr3/unit2.csv"
+        " --robot {fr3} --cutoff 10 --payload-of {inputs}/fr3/loaded.csv=tool/payload.json"
+        " --delay auto --out out",
+        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10 --stream"
+        " --friction viscous,coulomb --no-refit --out streamed",
+        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10"
+        " --method pc-ols --robust --out robust",
+        *_READ.format(robot="{fr3}", log="{inputs}/fr3/unit3.csv").split(";"),
+    ),
+    # Uses of a result.
+    "payload": (
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
+        " --cutoff 10 --out tool",
+        f"{_FR3} arm",
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --model arm --cutoff 10 --gain-error 0.01"
+        " --out model",
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --link fr3_link7 --out urdf --json",
+    ),
+    "gains": (
+        "gains {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv --robot {fr3} --cutoff 10"
+        " --payload 1,0,0,0.043 --recipe-out gains.toml",
+        "identify {inputs}/fr3/heavy.csv --robot {fr3} --recipe gains.toml --cutoff 10 --out out",
+    ),
+    "predict": (
+        "predict fr3_simulated --robot {fr3} --more same --json",
+        "predict panda_gaz --robot {fr3} --earlier-log fr3_simulated --friction viscous,coulomb",
+        "predict panda_gaz --robot {fr3} --payload-only --noise 0.1",
+        "predict {tree}/runtime/examples/fr3_trajectory.json --robot {fr3} --noise fr3_simulated",
+    ),
+    "compare": (
+        "compare fr3_simulated --robot {fr3} --cutoff 10 --friction viscous,coulomb --out out",
+        "compare panda_gaz --robot {fr3} --methods map,pc-ols,ols,lm --out panda",
+        "compare lwr4_flobaroid --robot {kuka_lwr4} --methods map,pc-ols,wls --stream --out lwr4",
+    ),
+    "observe": (
+        f"{_FR3} out --friction viscous,coulomb",
+        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --free {inputs}/fr3/unit1.csv"
+        " --link fr3_link4 --within 0.1 --mcap --out observed",
+        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --within 0.1"
+        f" --false-alarms '2 per day' {_FREE} --out calibrated",
+    ),
+    "watch": (
+        f"{_FR3} out --friction viscous,coulomb",
+        *(
+            f"watch out {{inputs}}/fr3/{log}.csv --robot {{fr3}} --date 2026-01-0{day}"
+            " --history history.jsonl --temperature 30"
+            for day, log in enumerate(("unit1", "rubbing", "heavy", "loaded"), 1)
+        ),
+        "watch out {inputs}/fr3/unit1.csv {inputs}/fr3/rubbing.csv --robot {fr3} --json",
+        "report history.jsonl --out trends.html",
+    ),
+    "fleet": (
+        *(
+            f"identify {{inputs}}/fr3/unit{k}.csv --robot {{fr3}} --cutoff 10 --save-statistics"
+            f" --friction viscous,coulomb,offset --no-report --out units/unit{k}"
+            for k in (1, 2, 3)
+        ),
+        "fleet units --robot {fr3} --out fleet.toml --json",
+        "identify {inputs}/fr3/heavy.csv --robot {fr3} --cutoff 10 --prior fleet.toml --out new",
+    ),
+    "sample": (f"{_FR3} out", "sample out --robot {fr3} --count 5 --to mjcf,urdf --seed 1"),
+    "export": (f"{_FR3} out", "export out --robot {fr3} --out models"),
+    "friction": (
+        f"{_FR3} out --friction viscous,coulomb,offset",
+        "friction out {inputs}/fr3/rubbing.csv --robot {fr3} --out today",
+        "evaluate today {inputs}/fr3/rubbing.csv --robot {fr3}",
+    ),
+    "inspect": tuple(
+        f"inspect {log} --robot {{{robot}}} --json"
+        for log, robot in (
+            ("panda_gaz", "fr3"),
+            ("fr3_simulated", "fr3"),
+            ("tx40_figaroh", "tx40"),
+            ("lwr4_flobaroid", "kuka_lwr4"),
+            ("{inputs}/fr3/heavy.csv", "fr3"),
+        )
+    ),
+    # Motions, virtual robots, campaigns.
+    "simulate": (
+        f"{_SIMULATE} --viscous 0.8 --coulomb 0.4 --keep-every 5 --out log.csv",
+        f"{_SIMULATE} --engine mujoco --seed 1 --keep-every 5 --out real.npz",
+        f"{_SIMULATE} --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out loaded.npz",
+        *(
+            f"identify log.csv --robot {{fr3}} --method {method} --controller log.loop.toml"
+            f" --friction viscous,coulomb --cutoff 20 --out {method}"
+            for method in ("iv", "didim", "ekf", "ukf")
+        ),
+        "compare log.csv --robot {fr3} --methods map,iv,didim,ols --controller log.loop.toml"
+        " --friction viscous,coulomb --out compared",
+        "identify real.npz --robot {fr3} --cutoff 10 --out real",
+    ),
+    "excite": (f"{_EXCITE} --table 0 --export csv --export ros --out motion.json",
+               "approach motion.json --robot {fr3} --from home --return --table 0"
+               " --obstacles {inputs}/cell.toml --export npz --out way.json",
+               "predict motion.json --robot {fr3} --log-rate 50 --json"),
+    "excite-document": (f"{_EXCITE} --document --out motion.json",),
+    "excite-limits": (
+        f"{_EXCITE} --table 0 --basis fourier --criterion d --carry 1,0,0,0.1,0.1,0.1,0.1"
+        " --payload-band 0.2,0.1 --friction-band 20 --viscous 1 --coulomb 0.5 --model-band cad"
+        " --obstacles {inputs}/cell.toml --export libfranka --speed 50 --out motion.json",
+    ),
+    "excite-spline": (f"{_EXCITE} --basis bspline --criterion a --zero-jerk --out motion.json",),
+    "excite-several": (
+        f"{_EXCITE} --motions 2 --table 0 --noise fr3_simulated --noise-model coloured"
+        " --cutoff 10 --out motion.json",
+    ),
+    "excite-until": (
+        f"{_UNTIL} v=500mNm --from home --return --out motion.json",
+        f"{_UNTIL} 'payload 20 g' --out payload.json",
+    ),
+    "excite-ur5e": (
+        "excite --robot {ur5e} --duration 4 --harmonics 3 --starts 2 --seed 4 --processes 2"
+        " --table 0 --out motion.json",
+    ),
+    "static": ("excite --robot {fr3} --static --poses 6 --table 0 --out poses.json",),
+    "campaign": (
+        "campaign --robot {fr3} --target v=2Nm --stages 50 --no-rehearsal --later-duration 2.5"
+        " --out session",
+    ),
+    "campaign-payload": (
+        "campaign --robot {fr3} --target payload=50g --stages 100 --no-rehearsal"
+        " --later-duration 2.5 --json --out session",
+    ),
+    # The Python interface, tables, and input that is refused.
+    "python": ("python identify {fr3}", "python payload {fr3} {inputs}/fr3"),
+    "reproduce": ("reproduce list", "reproduce tables-B --robot {fr3} --out results",
+                  "report results --out report.html --markdown tables.md"),
+    "refused": (
+        "identify nothing.csv --robot {fr3}",
+        "identify fr3_simulated --robot {tx40}",
+        "identify fr3_simulated --robot {fr3} --method nothing",
+        "identify fr3_simulated --robot {fr3} --method didim --stream",
+        "identify fr3_simulated --robot {fr3} --tie",
+        "identify fr3_simulated --robot {fr3} --rows base",
+        "identify fr3_simulated --robot {fr3} --encoder-bias --stream",
+        "identify fr3_simulated panda_gaz --robot {fr3} --method ekf",
+        "identify {inputs}/icub_walking.npz --robot {icub} --delay auto",
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty panda_gaz",
+        "gains {inputs}/fr3/empty.csv --robot {fr3}",
     ),
 }  # fmt: skip
 
-SCRIPTS: dict[str, str] = {}
-"""Programs of the word `python`."""
-
-
-def _icub(place: Path, shared: Path) -> None:
-    """Walking iCub with the errors of its vertical force sensors, as in `bench.walking`."""
-    with np.load(shared / "data/icub_feet/walking.npz") as log:
-        arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
-            "t": log["t"] - log["t"][0],
-            "base_position": log["base_pos"],
-            "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
-        }
-    np.savez(
-        place,
-        **arrays,
-        contact_links=np.array(["l_ankle_2", "r_ankle_2"]),
-        contact_position=np.array([(-0.0035, 0.0, -0.0605)] * 2),
-        contact_force_z_sigma=np.full(2, 6.6),
-        contact_force_z_sharing=np.array(0.1),
-        contact_force_z_crosstalk=np.array((0.0, 0.5)),
-        contact_force_z_cutoff=np.array(3.0),
-    )
-
-
-def _go2_walking(place: Path, shared: Path) -> None:
-    """Virtual Go2 with known wrenches of its four feet."""
-    import pinocchio
-
-    from tests.free_base_logs import Experiment, virtual_log
-
-    robots = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
-    urdf = (robots / "go2_description/urdf/go2.urdf").read_text(encoding="utf-8")
-    feet = tuple(f"{leg}_calf" for leg in ("FL", "FR", "RL", "RR"))
-    noise = Experiment(
-        count=1200,
-        rate_hz=200.0,
-        joint=None,
-        torque_noise=0.001,
-        force_noise=0.25,
-        moment_noise=0.005,
-    )
-    np.savez(place, **virtual_log(urdf, feet, 0, noise).arrays)
-
-
-INPUTS: dict[str, Callable[[Path, Path], None]] = {
-    "icub_walking.npz": _icub,
-    "go2_walking.npz": _go2_walking,
-    "arm.toml": lambda place, shared: _write(
-        place,
-        'trust = "cad"\ntotal_mass = [17.0, 18.5]\n\n[link.fr3_link7]\nmass = [0.5, 1.5]\n'
-        'com_box = [[-0.05, -0.05, -0.1], [0.05, 0.05, 0.1]]\nsymmetry = ["xz"]\n',
-    ),
+SCRIPTS = {
+    "identify": """
+import json, sys, runtime
+lib = runtime.load(sys.argv[1])
+log = runtime.read_recording("fr3_simulated")
+friction = runtime.choose_default_friction(log, lib).terms
+for name, how in {"plain": {}, "command": {"friction_columns": friction, "refit": True},
+                  "ols": {"friction_columns": friction, "method": "ols"}}.items():
+    result = runtime.identify(log, lib, **how)
+    tau = result.predict(log.q, log.dq, 0 * log.dq)
+    facts = {"pi": result.pi.tolist(), "phi": result.phi.tolist(), "tau": tau.tolist()}
+    json.dump(facts | {"status": result.status, "notes": list(result.notes)},
+              open(name + ".json", "w"))
+""",
+    "payload": """
+import json, sys, runtime
+lib = runtime.load(sys.argv[1])
+empty, loaded = (runtime.read_recording(f"{sys.argv[2]}/{x}.csv") for x in ("empty", "loaded"))
+found = runtime.identify_payload(loaded, lib, link="fr3_link7", empty=empty)
+print(found.status)
+json.dump({"pi": found.pi.tolist()}, open("payload.json", "w"))
+""",
 }
-"""File → what writes it at a place, from the shared folder."""
-
-
-def _write(place: Path, text: str) -> None:
-    place.write_text(text, encoding="utf-8")
+"""Programs of the word `python`."""

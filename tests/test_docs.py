@@ -45,6 +45,8 @@ LOOKED_AT = (
     "index.html",
     "benchmarks.html",
     "contributing.html",
+    "how-it-compares.html",
+    "howto/messages.html",
     "concepts/parameters.html",
     "howto/choose-a-method.html",
     "reference/commands.html",

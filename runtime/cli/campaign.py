@@ -5,14 +5,26 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
-from runtime.campaign.drivers import DRIVERS
-from runtime.cli.common import Robot, Seed, say, sentences_of
-from runtime.cli.driver_option import opened_driver
-from runtime.cli.limit_options import Box, Clearance, Obstacles, Table
+from runtime.campaign.campaign import Plan, run_campaign
+from runtime.campaign.driver import Driver
+from runtime.campaign.drivers import DRIVERS, DriverSettings
+from runtime.campaign.target import target_of
+from runtime.cli.common import Robot, Seed, numbers_option, say, sentences_of
+from runtime.cli.motion_limits import (
+    Box,
+    Clearance,
+    LimitValues,
+    Obstacles,
+    Table,
+    safety_of,
+    table_height,
+)
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
+from runtime.library import Library
 
 TORQUE_FRACTION = 0.95
 """Fraction of the torque limits that motions may use."""
@@ -89,10 +101,6 @@ def campaign_command(
     Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
     Exit code 1: the time ended before the target was reached.
     """
-    from runtime.campaign.campaign import Plan, run_campaign
-    from runtime.campaign.target import target_of
-    from runtime.cli.certificate_table import LimitValues, safety_of, table_height
-
     wanted = target_of(target)
     plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed, rehearsal)
     lib = open_robot(robot, yes)
@@ -112,6 +120,15 @@ def campaign_command(
         say(outcome.sentence)
     if not outcome.is_reached:
         raise typer.Exit(NOT_REACHED)
+
+
+def opened_driver(
+    lib: Library, text: str, gains: str | None, seed: int = 0, truth_seed: int = 0
+) -> Driver:
+    """Driver of --driver."""
+    name, _, address = text.partition(":")
+    known = None if gains is None else np.array(numbers_option(gains, lib.n_joints, "--gains"))
+    return DRIVERS[name].open(lib, DriverSettings(address, seed, truth_seed, known))
 
 
 def _speeds(text: str) -> tuple[float, ...]:

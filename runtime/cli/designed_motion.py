@@ -1,31 +1,99 @@
-"""What `symgen excite` writes and prints of a designed motion, and its progress before that."""
+"""Motions that `symgen excite` designs: one, the shortest session, or several; their output."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import numpy as np
+import typer
 from rich.progress import Progress
+from rich.table import Table
 
-from runtime.cli.approach_options import SessionPlan
+from runtime.campaign.shortest_session import shortest_session
+from runtime.campaign.target import target_of
+from runtime.cli.approach import SessionPlan
 from runtime.cli.common import console, say
-from runtime.cli.design_tables import print_design
-from runtime.cli.motion_output import (
-    certified_stages,
-    designed_by,
-    export_stages,
-    write_motion_log,
+from runtime.cli.given_options import given_options
+from runtime.cli.motion_output import certified_stages, designed_by, export_stages, write_motion_log
+from runtime.cli.planned_log import require_gain_error
+from runtime.cli.predict import torque_sentence, unit_payload_sentence
+from runtime.common.files import require_unused
+from runtime.errors import RuntimeFault
+from runtime.excitation import (
+    COST_SAMPLES,
+    Design,
+    Information,
+    Prediction,
+    Trajectory,
+    design,
+    predict,
 )
-from runtime.excitation import Design, Information, predict
+from runtime.excitation.limits.distances import FIT_PROXIES
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION
+from runtime.excitation.search.several_motions import design_several, torque_sigma, with_motion
+from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
+from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
+from runtime.library.torque_units import common_unit, torque_units
+from runtime.outputs.report.motion_figures import write_pictures
+
+Budget = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Time for searches: after the first, a further one is made only if the mean time per "
+        "search still fits. The best is then finished and certified. The result depends on the "
+        "speed of the machine.",
+    ),
+]
+"""--budget."""
+Until = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TARGET",
+        help='Find the shortest session that promises a standard deviation: "payload 5 g", '
+        "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). It "
+        "counts noise, friction, offsets, gains and model error. --duration and --criterion "
+        "follow.",
+    ),
+]
+GainError = Annotated[
+    float,
+    typer.Option(
+        metavar="SHARE",
+        help="Standard deviation of the torque gain of every joint in --until, relative to one.",
+    ),
+]
+_FOLLOWING = {
+    "duration",
+    "criterion",
+    "document",
+    "static",
+    "payload_only",
+    "noise_model",
+    "cutoff",
+}
+"""Parameters that --until chooses."""
+Motions = Annotated[
+    int,
+    typer.Option(
+        "--motions",
+        metavar="K",
+        help="Number of motions that share --duration, each designed with what those before it "
+        "determine; written as NAME-1.json to NAME-K.json. symgen approach exports them.",
+        min=1,
+    ),
+]
+_EXCLUDED = ("document", "static", "until", "export", "from_pose", "returns", "pictures")
+"""Parameters of one motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +165,6 @@ def write_design(
         table = files.path.with_suffix(".csv")
         written.append(write_motion_log(motion, files.rate, table, designed_by(optimum)))
     if files.pictures:
-        from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
-
         written += write_pictures(profile_of(motion), files.path.with_suffix(".png"))
     print_design(optimum, expected, lib, note)
     for sentence in sentences(optimum):
@@ -108,3 +174,219 @@ def write_design(
     if files.formats:
         base = files.path.with_suffix("")
         export_stages(stages, base, files.formats, files.export_rate, files.accepted)
+
+
+def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
+    """Sentences about starts that were not made, and about starts that were given up."""
+    notes, count = [], len(best.conditions)
+    descents = count + len(best.variations)
+    if count < starts:
+        reason = "interrupted" if budget is None else f"budget of {budget:g} s"
+        first = "; the first start is made in full however long it takes" if count == 1 else ""
+        notes.append(f"{reason}: {count} of {starts} starts" + first * (budget is not None))
+    if best.behind:
+        bounds = " or ".join(f"{100 * far:g} % after {steps} steps" for steps, far in TRIED)
+        notes.append(
+            f"given up: {best.behind} of {descents} starts and variations, behind the best of the "
+            f"rounds before by more than {bounds}"
+        )
+    return tuple(notes)
+
+
+def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...]:
+    """Notes on a designed motion: a longer duration, and a robot without collision proxies."""
+    sentences = []
+    if taken != requested:
+        sentences.append(
+            f"note: {requested:g} s would break a limit, so the motion takes {taken:g} s"
+        )
+    if not lib.pairs:
+        sentences.append(
+            f"note: '{lib.name}' has no collision proxies, so collisions between its links and "
+            f"with its surroundings are not checked; {FIT_PROXIES}"
+        )
+    return tuple(sentences)
+
+
+def print_design(optimum: Design, expected: Prediction, lib: Library, note: str) -> None:
+    """Print the criteria of a design, their spread over the starts, and the expected accuracy."""
+    say(
+        f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
+        f"({len(lib.base_columns)} columns, {COST_SAMPLES} samples)"
+    )
+    spreads = {"cond": optimum.conditions}
+    if optimum.criterion != "cond":
+        spreads = {f"{optimum.criterion} ({optimum.unit})": optimum.values, **spreads}
+    for label, values in spreads.items():
+        say(
+            f"starts, {label}: best {min(values):.4g}, median {np.median(values):.4g}, "
+            f"worst {max(values):.4g}"
+        )
+    if optimum.variations:
+        best = min(optimum.variations)
+        say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
+    units = torque_units(lib.manifest)
+    console.print(criteria_table(expected, units))
+    for sentence in (*prediction_sentences(expected, units), *([note] if note else [])):
+        say(sentence)
+    for assumption in optimum.assumptions:
+        say(f"note: {assumption}")
+
+
+def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
+    """All criteria, for each set of unknowns and each number of samples."""
+    unknowns = "payload" if prediction.payload_only else "base"
+    prior = ", with earlier logs" if prediction.has_earlier_logs else ""
+    sigma = prediction.noise
+    noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
+    table = Table(
+        title=f"expected at {noise} {common_unit(units)} of torque noise, "
+        f"{prediction.rate:g} Hz{prior}; cond: unit columns"
+    )
+    table.add_column("columns")
+    for head in ("samples", "cond", "A %", f"V {common_unit(units, 'm')}", "D"):
+        table.add_column(head, justify="right")
+    for score in prediction.scores:
+        names = f"{score.columns} = {unknowns}" + (" + friction" if score.friction else "")
+        table.add_row(
+            names,
+            str(score.samples),
+            f"{score.condition:.3f}",
+            f"{100 * score.relative_error:.2f}",
+            f"{1000 * score.torque_error:.2f}",
+            f"{score.half_axis:.3g}",
+        )
+    return table
+
+
+def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[str, ...]:
+    """Expected accuracy of torque and payload, and notes."""
+    lines = [torque_sentence(prediction.torque, units)]
+    if prediction.payload_mass is not None and prediction.payload_com is not None:
+        lines.append(unit_payload_sentence(prediction.payload_mass, prediction.payload_com))
+    return (*lines, *(f"note: {note}" for note in prediction.notes))
+
+
+def until_kind(context: typer.Context, until: str | None) -> str | None:
+    """Kind of the target of --until."""
+    given = given_options(context)
+    if until is None:
+        if "gain_error" in given:
+            raise RuntimeFault(
+                "--gain-error is part of the accuracy of --until; give --until, or leave it out"
+            )
+        return None
+    for name, option in given.items():
+        if name in _FOLLOWING:
+            raise RuntimeFault(f"--until chooses the motion by its target; leave out {option}")
+    return target_of(until).kind
+
+
+def criterion_and_unknowns(
+    criterion: str | None, document: bool, payload_only: bool, aim: str | None
+) -> tuple[str, bool]:
+    """Criterion of a design, and whether only a payload is unknown."""
+    alone = payload_only or aim == "payload"
+    usual = "cond" if document else "mixed" if aim is None else "a" if alone else aim
+    return criterion or usual, alone
+
+
+def searched(
+    lib: Library,
+    until: str | None,
+    settings: DesignSettings,
+    ways: SessionPlan,
+    known: Information,
+    gain_error: float,
+    **search: Any,
+) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
+    """Design of the settings, or of the shortest session for --until."""
+    if until is None:
+        return design(lib, settings, **search), {}, ()
+    require_gain_error(gain_error)
+    error = ModelError(gain=gain_error)
+    session = shortest_session(lib, target_of(until), settings, known, error, ways.around, **search)
+    facts = session.facts()
+    whole = ways.around(session.design.trajectory).duration
+    seconds = f"session: {_times(ways, session.design.trajectory)} = {whole:.3g} s"
+    if facts["runs"] > 1:
+        seconds += f", twice: {2 * whole:.3g} s"
+    tried = ", ".join(
+        f"{seconds_:.3g} s {session.target.shown(sigma)}"
+        for seconds_, sigma in sorted(session.attempts.items())
+    )
+    sentences = (session.sentence(), seconds, f"tried: {tried}")
+    return session.design, {"promise": facts | {"session_s": whole}}, sentences
+
+
+def _times(ways: SessionPlan, motion: Trajectory) -> str:
+    """Time of each part."""
+    parts = {"approach": ways.parts.get("approach"), "motion": motion}
+    parts["return"] = ways.parts.get("return")
+    return " + ".join(
+        f"{name} {0.0 if part is None else part.duration:.3g} s" for name, part in parts.items()
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SeveralFiles:
+    """Files of several motions.
+
+    Attributes:
+        path: JSON of --out, from which the names follow.
+        rate: of the sampled motions, Hz.
+        speeds: stages whose certificates are printed, shares of the designed speed.
+        overwrite: value of --overwrite.
+    """
+
+    path: Path
+    rate: float
+    speeds: list[float]
+    overwrite: bool
+
+    def of_motion(self, k: int) -> Path:
+        """JSON of motion K = 1, 2, …"""
+        return self.path.with_name(f"{self.path.stem}-{k}.json")
+
+
+def require_several(context: typer.Context, motions: int) -> None:
+    """Refuse options of one motion beside --motions."""
+    for name, option in given_options(context).items():
+        if motions > 1 and name in _EXCLUDED:
+            raise RuntimeFault(
+                f"--motions writes one file per motion, to which {option} does not apply; "
+                "leave it out (symgen approach plans the ways of a motion and exports it)"
+            )
+
+
+def excite_several(
+    lib: Library,
+    count: int,
+    settings: DesignSettings,
+    known: Information,
+    files: SeveralFiles,
+    **search: Any,
+) -> None:
+    """Design several motions, print what their logs will show together, and write them."""
+    paths = [files.of_motion(k) for k in range(1, count + 1)]
+    require_unused([p for one in paths for p in (one, one.with_suffix(".csv"))], files.overwrite)
+    written = []
+    designs = design_several(lib, settings, count, **search)
+    unit = common_unit(torque_units(lib.manifest), "m")
+    for k, (path, designed) in enumerate(zip(paths, designs, strict=True), 1):
+        optimum = replace(
+            designed, trajectory=pulled_inside(lib, designed.trajectory, share=settings.margin)
+        )
+        expected = predict(lib, optimum.trajectory, known, known.friction or FRICTION)
+        known = with_motion(lib, optimum.trajectory, known)
+        write_trajectory(optimum, lib, path, expected)
+        motion = certified(lib, optimum.trajectory, settings.safety)
+        sentence = f"Designed by symgen, motion {k} of {count}."
+        written += [path, write_motion_log(motion, files.rate, path.with_suffix(".csv"), sentence)]
+        sigma = torque_sigma(lib, optimum.trajectory.home, known)
+        say(
+            f"motion {k}: {optimum.trajectory.duration:.4g} s; expected σ of the torque of motions "
+            f"never seen, by the logs so far: {1e3 * sigma:.4g} {unit}"
+        )
+        certified_stages(motion, files.speeds)
+    say(f"trajectories: {', '.join(map(str, written))}")

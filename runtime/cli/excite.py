@@ -7,41 +7,34 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.approach_options import FromPose, Return, session_plan
-from runtime.cli.budget import Budget, search_notes
-from runtime.cli.certificate_table import LimitValues, design_notes, safety_of, table_height
+from runtime.cli.approach import FromPose, Return, session_plan
 from runtime.cli.common import Robot, Seed, numbers_option, sentences_of
-from runtime.cli.design_defaults import (
-    HARMONICS_HELP,
-    MARGIN_HELP,
-    harmonics_of,
-    margin_of,
-    require_plain,
-)
 from runtime.cli.designed_motion import (
+    Budget,
+    GainError,
     MotionFiles,
+    Motions,
+    SeveralFiles,
+    Until,
+    criterion_and_unknowns,
+    design_notes,
+    excite_several,
+    require_several,
+    search_notes,
     search_progress,
+    searched,
+    until_kind,
     with_shown_unknowns,
     write_design,
 )
-from runtime.cli.excite_options import (
-    Document,
-    Export,
-    ExportRate,
-    FrictionColumns,
-    Home,
-    Pictures,
-    Processes,
-    Scheduler,
-    Speed,
-)
 from runtime.cli.given_options import given_options
-from runtime.cli.limit_options import (
+from runtime.cli.motion_limits import (
     Box,
     Carry,
     Clearance,
     Coulomb,
     FrictionBand,
+    LimitValues,
     ModelBand,
     Obstacles,
     PayloadBand,
@@ -49,24 +42,120 @@ from runtime.cli.limit_options import (
     TorqueFraction,
     Unchecked,
     Viscous,
+    safety_of,
+    table_height,
 )
-from runtime.cli.motion_output import ROWS_HZ, files_of, json_path, stage_speeds
+from runtime.cli.motion_output import EXPORT_MARGIN, ROWS_HZ, files_of, json_path, stage_speeds
 from runtime.cli.overwriting import Overwrite
-from runtime.cli.planned_noise import NOISE_HELP, WHITE, Cutoff, NoiseModel, counted
-from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of
+from runtime.cli.planned_log import (
+    NOISE_HELP,
+    WHITE,
+    Cutoff,
+    EarlierLogs,
+    NoiseModel,
+    PayloadOnly,
+    counted,
+    information_of,
+)
 from runtime.cli.robot import Yes, open_robot
-from runtime.cli.several_motions import Motions, SeveralFiles, excite_several, require_several
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
-from runtime.cli.until import GainError, Until, criterion_and_unknowns, searched, until_kind
 from runtime.common.files import require_unused
 from runtime.common.threads import cores
+from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import criterion_of
+from runtime.excitation.search.information import FRICTION
 from runtime.simulation import sample_times
 
+Processes = Annotated[
+    int | None,
+    typer.Option(
+        help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
+        "4, with --document 10)."
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp://HOST:PORT",
+        help="Search on the workers of this dask cluster instead (pip install "
+        "'symgen\\[cluster]'). Each worker loads the robot's folder, so it needs the same file "
+        "system.",
+    ),
+]
+ExportRate = Annotated[
+    float | None,
+    typer.Option(
+        help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
+        "always."
+    ),
+]
+Export = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="FORMAT",
+        help="Files for a robot, written only if the certificate holds; repeatable. "
+        f"{sentences_of(MOTION_FORMATS)}.",
+    ),
+]
+Speed = Annotated[
+    list[float] | None,
+    typer.Option(
+        help="Speed of a stage in % of the designed speed, on the same path; "
+        "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
+        "a robot. File names end in -speed10. Default 100."
+    ),
+]
+Document = Annotated[
+    bool,
+    typer.Option(
+        "--document",
+        help="Problem of the document: criterion cond, limits of position, velocity and "
+        "acceleration only. Such a motion can hit the table that an FR3 stands on.",
+    ),
+]
+FrictionColumns = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COLUMNS",
+        help="Friction columns that are estimated too, with commas, or none; default "
+        f"{','.join(FRICTION)}, with --payload-only offset. All criteria but the document's "
+        "cond count them.",
+    ),
+]
+Home = Annotated[
+    str | None,
+    typer.Option(
+        metavar="Q",
+        help="Start and end position, one number per joint with commas, rad or m; default the "
+        "home of the robot.",
+    ),
+]
+Pictures = Annotated[
+    bool,
+    typer.Option(
+        "--pictures",
+        help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
+        "velocity over position (-speed), path of the tip and distances (-space).",
+    ),
+]
+HARMONICS = 8
+"""Default number of harmonics: logs of virtual arms give smaller errors than with 5, and the same
+as with 10 (`scripts/bench_excitation --designs`)."""
+DOCUMENT_HARMONICS = DesignSettings().harmonics
+"""That of the document's problem."""
+HARMONICS_HELP = (
+    f"Number M of harmonics or splines per joint; default {HARMONICS}, with --document "
+    f"{DOCUMENT_HARMONICS}."
+)
+MARGIN_HELP = (
+    "Share of every limit that the motion may use, 0 to 1; distances and the box have margins in "
+    f"m. Default {EXPORT_MARGIN:g} with --export, which leaves the rest to the robot's controller, "
+    "else 1."
+)
 STARTS_FOR_PROCESSES = {True: 10, False: 4}
 """Least number of starts for which several processes are faster than one, by document mode.
 
@@ -264,3 +353,27 @@ def excite_command(
         sentences=sentences,
         margin=used,
     )
+
+
+def harmonics_of(given: int | None, document: bool) -> int:
+    """Number of harmonics of a design."""
+    if given is not None:
+        return given
+    return DOCUMENT_HARMONICS if document else HARMONICS
+
+
+def margin_of(given: float | None, is_exported: bool) -> float:
+    """Share of every limit that a design may use."""
+    if given is not None:
+        return given
+    return EXPORT_MARGIN if is_exported else 1.0
+
+
+def require_plain(document: bool, options: tuple[object, ...]) -> None:
+    """Refuse options of limits beside --document."""
+    if document and any(option is not None for option in options):
+        raise RuntimeFault(
+            "--document excludes --torque-fraction, --table, --box, --clearance, --viscous, "
+            "--coulomb, --carry, --obstacles, --from, --payload-band, --friction-band and "
+            "--model-band; give --criterion cond instead, which keeps all limits"
+        )

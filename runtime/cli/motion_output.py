@@ -1,22 +1,29 @@
-"""Files that `symgen excite` writes: the sampled motion and its exports at several speeds."""
+"""Files of planned motions: samples, stages with their certificates, and exports."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from runtime.cli.certificate_table import certificate_headline, certificate_table
+import numpy as np
+from rich.table import Column, Table
+
 from runtime.cli.common import console, say
 from runtime.errors import RuntimeFault
 from runtime.excitation import LONGEST, Design
+from runtime.excitation.limits.obstacles import OBSTACLE
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
+from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.excitation.proof.certified_motion import (
     CertifiedMotion,
     certified,
     require_speed,
     slowed,
 )
+from runtime.outputs.report.motion_figures import picture_paths
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
+EXPORT_MARGIN = 0.95
+"""Default share of the limits that an exported motion uses."""
 ROWS_HZ = 1000.0
 """Default rate of the sampled motion."""
 
@@ -39,8 +46,6 @@ def files_of(
     """Files that `excite` writes."""
     files = [path]
     if pictures:
-        from runtime.outputs.report.motion_figures import picture_paths  # matplotlib loads slowly
-
         files += picture_paths(path.with_suffix(".png"))
     if not formats:
         files.append(path.with_suffix(".csv"))
@@ -114,3 +119,46 @@ def json_path(path: Path) -> Path:
             "the sampled motion is written beside it as .csv"
         )
     return path
+
+
+def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
+    """What a certificate states in two sentences: the limits that hold, and what it leaves out."""
+    verdict = "holds at every instant" if proof.holds else "does NOT hold"
+    checked = ", ".join(use.kind for use in proof.uses)
+    others = "other obstacles" if any(use.kind == OBSTACLE for use in proof.uses) else "obstacles"
+    missing = ", ".join((*proof.unchecked, "cables", "people", others))
+    return (
+        f"certificate at {percent:g} % speed: {verdict}; checked: {checked}",
+        f"load: {proof.load}; NOT checked: {missing}",
+    )
+
+
+def certificate_table(proof: Certificate) -> Table:
+    """Largest use of every limit: how much, where and when, and how it is shown."""
+    table = Table(Column("limit", overflow="fold"))
+    for head in ("use %", "margin %"):
+        table.add_column(head, justify="right")
+    table.add_column("where", overflow="fold")
+    table.add_column("time s", justify="right")
+    table.add_column("intervals", justify="right")
+    for use in proof.uses:
+        table.add_row(use.kind, *_amount(use), use.where, f"{use.time:.3f}", _proof(use))
+    for missing in proof.unlimited:
+        table.add_row(missing, "", "", "no limit stated")
+    for missing in proof.unchecked:
+        table.add_row(missing, "", "", "NOT checked")
+    return table
+
+
+def _proof(use: Use) -> str:
+    return str(use.intervals) if use.is_proven else "measured"
+
+
+def _amount(use: Use) -> tuple[str, str]:
+    if use.kind in DISTANCES:
+        # Rounded downwards, so that 19.996 mm is not printed as 20.00 mm.
+        distance = np.floor(1e5 * use.value + 1e-6) / 100
+        return f"{distance:.2f} mm", f"{distance - 1e3 * use.limit:.2f} mm"
+    # Rounded upwards, so that 100.004 % is not printed as 100.00 %.
+    bound = np.ceil(1e4 * use.bound - 1e-6) / 100
+    return f"{bound:.2f}", f"{100 - bound:.2f}"

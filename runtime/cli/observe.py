@@ -35,6 +35,7 @@ from runtime.monitoring.observation import (
 )
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
+from runtime.outputs.report.log_figure import draw_external_torque
 from runtime.recording import Recording, read_recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
@@ -246,8 +247,6 @@ def _calibration(tails: tuple[Tail, ...]) -> dict[str, Any]:
 def _write(
     lib: Library, saved: SavedResult, seen: Observation, facts: dict[str, Any], folder: Path
 ) -> None:
-    from runtime.outputs.report.log_figure import draw_external_torque
-
     with replacing(folder / "external_torque.npz") as file:
         np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
     text = json.dumps(facts | {"command": command_line()}, indent=1, ensure_ascii=False)

@@ -5,32 +5,31 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
+from rich.table import Column, Table
 
 from runtime.cli.common import Robot, console, say
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
 from runtime.cli.overwriting import Overwrite
-from runtime.cli.planned_noise import NOISE_HELP
-from runtime.cli.predict_situation import Situation, situation_of
-from runtime.cli.predict_tables import (
+from runtime.cli.planned_log import (
+    NOISE_HELP,
     EarlierLogs,
     PayloadOnly,
-    base_table,
+    Situation,
     friction_columns,
-    gain_table,
-    link_table,
-    payload_sentence,
-    torque_sentence,
+    require_gain_error,
+    situation_of,
 )
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.cli.robot import Yes, open_robot
-from runtime.cli.until import require_gain_error
 from runtime.common.files import require_unused
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.identification.expected_accuracy.expected import Expected, base_names, facts
+from runtime.identification.expected_accuracy.expected import ARM_ERROR, Expected, base_names, facts
 from runtime.identification.expected_accuracy.growth import (
     SECONDS,
     GainOfRecording,
@@ -45,7 +44,9 @@ from runtime.identification.expected_accuracy.planned_samples import (
 )
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Array, Library
-from runtime.library.torque_units import torque_units
+from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
+from runtime.library.torque_units import listed_torques, torque_units
+from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction
 from runtime.simulation import sample_times
 
@@ -291,10 +292,102 @@ def _gains(
 def _draw(
     situation: Situation, more: str | None, options: LogOptions, log_rate: float | None, path: Path
 ) -> None:
-    from runtime.outputs.report.log_figure import draw_growth  # matplotlib loads slowly
-
     lib = situation.lib
     further = None if more in {None, SAME} else _further(situation, str(more), options, log_rate)
     until = SECONDS[-1] if more is not None else 0.0
     common = lib, situation.moved, situation.noise, situation.known, situation.unit
     draw_growth(growth(*common, base_names(lib), more=further, until=until), path)
+
+
+def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:
+    """Sentence on the σ of predicted torque for motions that are not in the log."""
+    sigmas = listed_torques(1000 * bands, units, ".2f", "m")
+    if gain_error:
+        off = f"{100 * gain_error:g} % off (--gain-error), which residuals hardly show"
+        return f"with torque gains that may be {off}: {sigmas}"
+    return f"expected σ of the predicted torque, joint by joint: {sigmas}"
+
+
+def unit_payload_sentence(mass: float, com: Array) -> str:
+    """Sentence on the accuracy of a payload of 1 kg."""
+    position = " ".join(f"{1000 * value:.2f}" for value in com)
+    return (
+        f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
+        f"centre of mass to ±({position}) mm"
+    )
+
+
+def payload_sentence(expected: Expected, alone: bool) -> str:
+    """Sentence on the expected accuracy of a payload."""
+    if expected.payload is None or expected.payload_com is None:
+        return "note: a payload on the last link is not identifiable: too few joints turn it"
+    sentence = unit_payload_sentence(float(mass(expected.payload)), expected.payload_com)
+    if expected.payload_of_arm is not None:
+        sentence += (
+            ", against an empty run of the same motion; without one, an arm whose links are "
+            f"{100 * ARM_ERROR:g} % off its model adds ±{1000 * mass(expected.payload_of_arm):.3g} "
+            "g to the mass"
+        )
+    if not alone:
+        return sentence
+    sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload))
+    return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
+
+
+def base_table(expected: Expected, lib: Library) -> Table:
+    """Expected σ of every base parameter, the largest relative to its value first."""
+    table = Table(title="base parameters: expected σ, the largest relative σ first")
+    table.add_column("around", overflow="fold")
+    for head in ("least squares", "MAP", "MAP % of value"):
+        table.add_column(head, justify="right")
+    names = base_names(lib)
+    for k in np.argsort(-expected.relative):
+        table.add_row(
+            names[k].removeprefix("base "),
+            "not identifiable" if expected.base is None else f"{expected.base[k]:.3g}",
+            f"{expected.base_map[k]:.3g}",
+            f"{100 * expected.relative[k]:.2f}",
+        )
+    return table
+
+
+def link_table(expected: Expected, lib: Library) -> Table:
+    """Expected σ of mass, centre of mass and inertia of every link by MAP."""
+    table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
+    for head in ("mass g", "CoM mm", "inertia kg·m²", "from the data"):
+        table.add_column(head, justify="right")
+    rows = zip(
+        lib.link_names,
+        links(expected.pi),
+        expected.com,
+        links(expected.share),
+        strict=True,
+    )
+    for name, pi, com, share in rows:
+        table.add_row(
+            name,
+            f"{1000 * mass(pi):.2f}",
+            " ".join(f"{1000 * value:.2f}" for value in com),
+            f"{inertia(pi).max():.2g}",
+            f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
+        )
+    return table
+
+
+def gain_table(steps: Sequence[GainOfRecording]) -> Table:
+    """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
+    table = Table("more", title=f"expected gain of σ by more of {steps[0].motion}, %")
+    names = [name for name in steps[0].gains if name.startswith("payload")]
+    for head in (*sorted(names), "largest", "above 10 %"):
+        table.add_column(head, justify="right")
+    table.add_column("largest gain of")
+    for step in steps:
+        top, gain = next(iter(step.gains.items()))
+        table.add_row(
+            f"{step.seconds:g} s",
+            *(f"{100 * step.gains[name]:.1f}" for name in sorted(names)),
+            f"{100 * gain:.1f}",
+            f"{len(step.gaining)} of {len(step.gains)}",
+            top,
+        )
+    return table

@@ -140,7 +140,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     command: Command, double: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
-    from runtime.cli import until
+    from runtime.cli import designed_motion
 
     def wild(*words: object, **options: object) -> Design:
         optimum = design(*words, **options)  # type: ignore[arg-type]
@@ -148,7 +148,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
         faster = replace(optimum.trajectory, coefficients=inside, duration=2.5)
         return replace(optimum, trajectory=faster)
 
-    monkeypatch.setattr(until, "design", wild)
+    monkeypatch.setattr(designed_motion, "design", wild)
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
     # The slow stage would hold, the fast one does not: neither is written.
     stages = ("--speed", "10", "--speed", "100")

@@ -1,6 +1,6 @@
 """Defaults of `symgen excite` that depend on other options."""
 
-from runtime.cli.design_defaults import harmonics_of, margin_of
+from runtime.cli.excite import harmonics_of, margin_of
 from runtime.excitation import DesignSettings
 
 

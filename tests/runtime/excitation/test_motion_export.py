@@ -186,12 +186,12 @@ def test_excite_asks_before_the_search(
     command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: exit code 2 and one sentence before a search, --table none is an answer."""
-    from runtime.cli import until
+    from runtime.cli import designed_motion
 
     def searching(*_: object, **__: object) -> None:
         raise IdentificationError("the search has begun")
 
-    monkeypatch.setattr(until, "design", searching)
+    monkeypatch.setattr(designed_motion, "design", searching)
     words = ("excite", "--robot", lib.folder, "--out", "m.json", "--export", "ros")
     for options, sentence in (
         ((), "not checked: table; give --table Z for a table at this height or --table none, or "),

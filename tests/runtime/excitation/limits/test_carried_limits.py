@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from runtime.cli.carry import carried_body
+from runtime.cli.motion_limits import carried_body
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.carried_body import CarriedBox

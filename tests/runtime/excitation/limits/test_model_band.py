@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.cli.model_bands import band_of, band_of_payload, band_of_prior
+from runtime.cli.motion_limits import band_of, band_of_payload, band_of_prior
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.sampled_motion import SampledMotion

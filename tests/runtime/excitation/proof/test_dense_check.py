@@ -12,7 +12,7 @@ import pinocchio
 import pytest
 
 from runtime import load
-from runtime.cli.carry import carried_body
+from runtime.cli.motion_limits import carried_body
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.limits.distances import TABLE_MARGIN
 from runtime.excitation.proof.certificate import Certificate, certificate_of

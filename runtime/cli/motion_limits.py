@@ -1,0 +1,330 @@
+"""Limits of a motion: their options, the body of --carry, and bands of model errors."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from runtime.cli.common import numbers_option
+from runtime.common.files import json_of
+from runtime.errors import RecordingError, RuntimeFault
+from runtime.estimators.convex import prior_of
+from runtime.estimators.convex.bodies import bodies_of
+from runtime.estimators.prior_file import TRUST
+from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.excitation import Safety
+from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
+from runtime.excitation.limits.distances import TABLE_MARGIN
+from runtime.excitation.limits.obstacles import read_obstacles
+from runtime.identification.payload.body import Mount, mount_of, pi_of_body
+from runtime.identification.payload.known import KnownPayload, read_known_payload
+from runtime.library import Array, Library
+from runtime.library.parameters import link_columns
+
+CARRY = (
+    "Body in the hand, part of torques and distances; without it the hand is empty. "
+    "MASS,CX,CY,CZ,LX,LY,LZ in the frame of the tip: mass in kg, centre in m, edges of a box "
+    "around it in m; or a JSON with mass, com, inertia and box = [xmin, xmax, ymin, ymax, zmin, "
+    "zmax], such as payload.json with a box added."
+)
+"""Help of the option."""
+_WITH_BOX = 7
+"""Count of the numbers of a body with the edges of its box."""
+BOX = 6
+"""Count of the numbers of --box, and of a box in a file."""
+NO_TABLE = "none"
+"""Value of --table where there is no table."""
+Table = Annotated[
+    str | None,
+    typer.Option(
+        metavar="Z",
+        help="Height of a table that the arm stays above, m in the base frame; none where "
+        "there is no table. --export needs one of both.",
+    ),
+]
+Unchecked = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="LIMIT",
+        help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
+        "carried-body, springs-of-unknown-stiffness; with --document torque, "
+        "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
+    ),
+]
+Box = Annotated[
+    str | None,
+    typer.Option(
+        metavar="BOX",
+        help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
+        "frame; inf leaves a side open.",
+    ),
+]
+Clearance = Annotated[
+    float | None,
+    typer.Option(
+        help="Least distance between links, above the table and from obstacles, m; default the "
+        f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
+    ),
+]
+Carry = Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)]
+Obstacles = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with name, "
+        "center, size (edges), rpy and radius, m and rad in the base frame.",
+    ),
+]
+PayloadBand = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MASS,REACH",
+        help="The limits of torques hold for every payload that differs from --carry, or from an "
+        "empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the tip.",
+    ),
+]
+FrictionBand = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="The limits of torques hold for --viscous and --coulomb ± PERCENT of both.",
+    ),
+]
+ModelBand = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TRUST",
+        help="The limits of torques hold for all link parameters within the 95 % intervals of the "
+        "inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
+    ),
+]
+TorqueFraction = Annotated[
+    float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
+]
+Viscous = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FV",
+        help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
+        "joint with commas; default 0.",
+    ),
+]
+Coulomb = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FC",
+        help="Coulomb friction in the torque limits, N·m or N: one number or one per joint with "
+        "commas; default 0.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class LimitValues:
+    """Values of the options that state limits; None where an option is not given.
+
+    Attributes:
+        torque_fraction: fraction of the torque limits that may be used, 0 to 1.
+        clearance: least distance of links from each other and the table, m.
+        table: height of a table in the base frame, m.
+        box: six numbers with commas, range of the tip along x, y and z, m.
+        viscous: one number or one per joint, N·m·s/rad.
+        coulomb: one number or one per joint, N·m.
+        carry: body in the hand, value of --carry.
+        obstacles: TOML of obstacles.
+        payload_band: mass in kg and reach in m of what the payload may differ by.
+        friction_band: half-width of friction in %.
+        model_band: trust in the parameters of the links.
+    """
+
+    torque_fraction: float
+    clearance: float | None = None
+    table: float | None = None
+    box: str | None = None
+    viscous: str | None = None
+    coulomb: str | None = None
+    carry: str | None = None
+    obstacles: Path | None = None
+    payload_band: str | None = None
+    friction_band: float | None = None
+    model_band: str | None = None
+
+
+def safety_of(lib: Library, values: LimitValues) -> Safety:
+    """Limits of the options, which hold besides those that the robot states."""
+    body, box = carried_body(lib, values.carry), values.box
+    return Safety(
+        torque_fraction=values.torque_fraction,
+        clearance=values.clearance,
+        table=values.table,
+        box=None if box is None else numbers_option(box, BOX, "--box"),
+        viscous=_per_joint(lib, values.viscous, "--viscous"),
+        coulomb=_per_joint(lib, values.coulomb, "--coulomb"),
+        carried=body,
+        obstacles=() if values.obstacles is None else read_obstacles(values.obstacles),
+        band=band_of(lib, values.payload_band, values.model_band, body),
+        friction_band=(values.friction_band or 0.0) / 100,
+    )
+
+
+def table_height(text: str | None) -> tuple[float | None, bool]:
+    """Height of the option --table."""
+    if text is None or text == NO_TABLE:
+        return None, text == NO_TABLE
+    try:
+        return float(text), False
+    except ValueError:
+        raise RuntimeFault(
+            f"--table needs a height in m in the base frame, or none where there is no table, got "
+            f"'{text}'"
+        ) from None
+
+
+def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]:
+    """One number or one per joint; empty where the option is not given."""
+    if text is None:
+        return ()
+    return numbers_option(text, lib.n_joints if "," in text else 1, option)
+
+
+def carried_body(lib: Library, text: str | None) -> CarriedBody | None:
+    """Body of the option --carry in the frame of the link that carries it.
+
+    A body whose inertia is not given is a homogeneous box, or a point mass without a box.
+    """
+    if text is None:
+        return None
+    body, box = _body_and_box(text)
+    mount = mount_of(lib, body.link)
+    if body.frame not in {"", mount.frame}:
+        raise RecordingError(
+            f"'{text}' gives the body in the frame '{body.frame}', and --carry takes "
+            f"'{mount.frame}'; express centre of mass, inertia and box in that frame"
+        )
+    inertia = body.inertia if body.inertia is not None else _homogeneous(body.mass, box)
+    in_frame = pi_of_body(mount.bodies, body.mass, body.com, inertia)
+    pi = np.linalg.solve(mount.to_frame, in_frame)
+    return CarriedBody(
+        mount.index, tuple(pi.tolist()), None if box is None else _placed(mount, box)
+    )
+
+
+def _body_and_box(text: str) -> tuple[KnownPayload, Array | None]:
+    """The body and its box, rows of lower and upper ends, (2, 3) m."""
+    if Path(text).suffix == ".json":
+        body = read_known_payload(text)
+        return body, _box_of(json_of(Path(text)).get("box"), text)
+    words = text.split(",")
+    if len(words) != _WITH_BOX:
+        try:
+            return read_known_payload(text), None
+        except RecordingError:
+            raise _no_body(text) from None
+    try:
+        edges = np.array([float(word) for word in words[4:]])
+        body = read_known_payload(",".join(words[:4]))
+    except (ValueError, RecordingError):
+        raise _no_body(text) from None
+    return body, np.array([body.com - edges / 2, body.com + edges / 2])
+
+
+def _box_of(entry: object, text: str) -> Array | None:
+    if entry is None:
+        return None
+    try:
+        ends = np.array(entry, dtype=float)
+    except (TypeError, ValueError):
+        ends = np.zeros(0)
+    if ends.shape != (BOX,) or not np.isfinite(ends).all() or not (ends[::2] < ends[1::2]).all():
+        raise RecordingError(
+            f"the box of '{text}' needs six finite numbers xmin, xmax, ymin, ymax, zmin, zmax in m "
+            f"with each minimum below its maximum, got {entry}"
+        )
+    return np.array([ends[::2], ends[1::2]])
+
+
+def _homogeneous(mass: float, box: Array | None) -> Array:
+    """Inertia m/12 (|l|² 1 − diag(l²)) of a box with edges l about its centre, (3, 3) kg·m²."""
+    if box is None:
+        return np.zeros((3, 3))
+    squares = (box[1] - box[0]) ** 2
+    return np.asarray(mass / 12 * np.diag(squares.sum() - squares))
+
+
+def _placed(mount: Mount, box: Array) -> CarriedBox:
+    center = mount.translation + mount.rotation @ box.mean(axis=0)
+    return CarriedBox(
+        tuple(center.tolist()),
+        tuple(tuple(row) for row in mount.rotation.tolist()),
+        tuple((box[1] - box[0]).tolist()),
+    )
+
+
+def _no_body(text: str) -> RecordingError:
+    return RecordingError(
+        "--carry needs MASS,CX,CY,CZ,LX,LY,LZ (kg and m), the same without edges, ten numbers with "
+        f"the inertia, or a file that ends in .json; got '{text}'"
+    )
+
+
+def band_of(
+    lib: Library, payload: str | None, model: str | None, body: CarriedBody | None
+) -> tuple[float, ...]:
+    """Half-widths of the parameters of all links by both options.
+
+    Returns (10 L,) [kg, kg·m, kg·m²].
+    """
+    if payload is None and model is None:
+        return ()
+    band = np.zeros(len(lib.pi0))
+    if payload is not None:
+        band += band_of_payload(lib, payload, body)
+    if model is not None:
+        band += band_of_prior(lib, model)
+    return tuple(band.tolist())
+
+
+def band_of_prior(lib: Library, trust: str) -> Array:
+    """The 95 % intervals of all parameters under the inertial prior around the URDF.
+
+    σ² are the diagonal of (κ B)⁻¹, with B the curvature of the prior (`posterior_spread`).
+
+    Returns (10 L,) [kg, kg·m, kg·m²].
+    """
+    try:
+        kappa = TRUST[trust] if trust in TRUST else float(trust)
+    except ValueError:
+        kappa = 0.0
+    if not 0 < kappa < np.inf:
+        raise RuntimeFault(
+            f"--model-band needs {', '.join(TRUST)} or a trust above 0, got '{trust}'"
+        )
+    root = bodies_of(lib).spread(prior_of(lib).centre)
+    return np.asarray(NORMAL_95 * np.sqrt((root**2).sum(axis=2) / kappa).ravel())
+
+
+def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:
+    """Half-widths of the parameters of the link with the payload.
+
+    Masses of M in all, at places p with |p_i − c_i| ≤ r, change m by M, m c_i by M (|c_i| + r), and
+    the inertia by M (|p|² 1 − p pᵀ) at most, entry by entry.
+
+    Returns (10 L,) [kg, kg·m, kg·m²].
+    """
+    mass, reach = numbers_option(text, 2, "--payload-band")
+    if not (0 < mass < np.inf and 0 <= reach < np.inf):
+        raise RuntimeFault(
+            f"--payload-band needs a mass above 0 kg and a reach from 0 m up, got '{text}'"
+        )
+    mount = mount_of(lib)
+    link, centre = mount.index, mount.translation
+    if body is not None:
+        link = body.link
+        centre = np.array(body.pi[1:4]) / body.pi[0] if body.pi[0] > 0 else centre
+    x, y, z = np.abs(centre) + reach
+    moments = [y * y + z * z, x * x + z * z, x * x + y * y, x * y, x * z, y * z]
+    band = np.zeros(len(lib.pi0))
+    band[link_columns(link)] = mass * np.array([1.0, x, y, z, *moments])
+    return band

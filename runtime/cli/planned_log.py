@@ -1,0 +1,325 @@
+"""What a log that is not yet recorded will hold: noise, friction columns, earlier knowledge.
+
+The noise of --noise is given as numbers, or as a log whose residuals are its noise:
+
+    σ_j = RMS of the residuals of joint j,    T = (N / N_eff) / f
+
+A log of the robot contains its model error: friction beyond the columns, gains, delays. Its
+residuals are autocorrelated, so that only one row per T counts as independent. Numbers are
+independent noise alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from runtime.cli.common import numbers_option
+from runtime.cli.prepared_log import LogOptions, read_prepared_log
+from runtime.errors import IdentificationError, RuntimeFault
+from runtime.excitation.search.information import FRICTION, NOISE, Information, information
+from runtime.excitation.search.noise_spectrum import NoiseSpectrum, spectrum_of
+from runtime.identification.expected_accuracy.expected import (
+    Expected,
+    Knowledge,
+    expected,
+    gain_slopes,
+    torque_of_gains,
+)
+from runtime.identification.expected_accuracy.planned_samples import (
+    MotionSamples,
+    Noise,
+    information_of_logs,
+    motion_samples_of,
+    noise_of,
+)
+from runtime.library import Array, Library
+from runtime.library.torque_units import common_unit, torque_units
+from runtime.recording import Friction, read_recording
+
+NOISE_HELP = (
+    "Torque noise: its standard deviation in N·m or N, one number or one per joint with commas, "
+    "without model error; or a log of this robot, whose residuals contain friction beyond the "
+    "columns, gains and delays, with their autocorrelation"
+)
+"""Help of the option."""
+WHITE, COLOURED = "white", "coloured"
+NoiseModel = Annotated[
+    str,
+    typer.Option(
+        "--noise-model",
+        metavar="white|coloured",
+        help="Spectrum of the noise of --noise LOG in the criteria: white counts autocorrelated "
+        "rows as fewer; coloured weights every frequency of a motion by the noise of the log, "
+        "which contains what friction columns, gains and delays leave.",
+    ),
+]
+Cutoff = Annotated[
+    float | None,
+    typer.Option(
+        "--cutoff",
+        metavar="HZ",
+        help="Cut-off of the low-pass that the log of the motion will pass: what the motion has "
+        "beyond it does not count in the criteria.",
+    ),
+]
+EarlierLogs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--earlier-log",
+        metavar="LOG",
+        help="A log that is recorded already; its information is added. Repeatable.",
+    ),
+]
+PayloadOnly = Annotated[
+    bool,
+    typer.Option(
+        "--payload-only",
+        help="Only the ten parameters of the last link are unknown; the arm is known.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueNoise:
+    """Noise of the torque of a planned motion.
+
+    Attributes:
+        sigma: (n,) N·m or N.
+        spacing: time between independent rows, s; 0 where all rows are independent.
+        log: name of the log that it is from; None for numbers.
+        spectrum: of the noise of a log, for --noise-model coloured.
+    """
+
+    sigma: Array
+    spacing: float = 0.0
+    log: str | None = None
+    spectrum: NoiseSpectrum | None = None
+
+    def rows_per_independent(self, rate: float) -> float:
+        """Rows that count as one independent row."""
+        return max(1.0, rate * self.spacing)
+
+    def sentence(self) -> str:
+        """Sentence on what σ does not contain; empty for the noise of a log."""
+        if self.log is not None:
+            return ""
+        return (
+            "note: σ counts independent torque noise alone; friction beyond the columns, gains and "
+            "delays make real errors larger. --noise LOG, a log of this robot, counts its residuals"
+        )
+
+
+def planned_noise(
+    lib: Library, text: str, friction: tuple[str, ...] | None = None, model: str = WHITE
+) -> TorqueNoise:
+    """Noise from the value of --noise."""
+    if model not in (WHITE, COLOURED):
+        raise IdentificationError(
+            f"expected --noise-model {WHITE} or {COLOURED}, got '{model:.40}'; correct it"
+        )
+    words = text.split(",")
+    if all(_is_number(word) for word in words):
+        if model == COLOURED:
+            raise IdentificationError(
+                f"--noise-model {COLOURED} takes the spectrum from a log; give --noise LOG"
+            )
+        count = lib.n_joints if len(words) > 1 else 1
+        sigma = np.array(numbers_option(text, count, "--noise"))
+        return TorqueNoise(information(lib, np.broadcast_to(sigma, lib.n_joints)).noise)
+    names = FRICTION if friction is None else friction
+    data = read_prepared_log(lib, text, LogOptions(friction=",".join(names) or "none"))
+    moved = motion_samples_of(data.recording, lib, data.preparation, Friction(names))
+    noise = noise_of(lib, moved)
+    if noise is None:
+        raise IdentificationError(
+            f"--noise needs a log with measured torque and more rows than unknowns, got '{text}'; "
+            "give another log, or the standard deviation in N·m or N"
+        )
+    if model == WHITE:
+        return TorqueNoise(noise.sigma, noise.inflation / moved.rate, moved.name)
+    steps = data.preparation or data.recording.preparation
+    spectrum = spectrum_of(noise.rest, moved.rate, steps.cutoff_hz)
+    return TorqueNoise(noise.sigma, noise.repeated / moved.rate, moved.name, spectrum)
+
+
+def counted(planned: Information, criterion: str, is_informed: bool) -> Information | None:
+    """Information for a criterion; None where it is of the regressor alone."""
+    if planned.spectrum is not None and not is_informed:
+        raise IdentificationError(
+            f"criterion {criterion} counts neither noise nor filter; leave out --cutoff and "
+            "--noise-model, or give another --criterion such as v"
+        )
+    return planned if is_informed else None
+
+
+def with_spectrum(planned: Information, noise: TorqueNoise, cutoff: float | None) -> Information:
+    """Information with the spectrum of the noise and the planned filter."""
+    if noise.spectrum is None and cutoff is None:
+        return planned
+    n = len(planned.noise)
+    spectrum = noise.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, n)))
+    if cutoff is not None:
+        spectrum = replace(spectrum, cutoff_hz=cutoff)
+    return replace(planned, spectrum=spectrum)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def friction_columns(text: str) -> tuple[str, ...]:
+    """Friction columns from --friction."""
+    words = tuple(text.split(","))
+    if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
+        raise IdentificationError(
+            f"--friction needs names of columns with commas, or none, got '{text}'; --viscous and "
+            "--coulomb of excite take numbers"
+        )
+    return () if text == "none" else words
+
+
+def information_of(
+    lib: Library,
+    noise: str,
+    rate: float,
+    logs: Sequence[str] | None,
+    payload_only: bool,
+    friction: str | None = None,
+    model: str = WHITE,
+    cutoff: float | None = None,
+) -> tuple[Information, str]:
+    """Noise, rate, earlier logs and unknowns of a planned log."""
+    information(lib, rate=rate)  # raises where the rate is out of range
+    columns = None if friction is None else friction_columns(friction)
+    torque = planned_noise(lib, noise, columns, model)
+    sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
+    planned = information(lib, sigma, independent, payload=payload_only, friction=columns)
+    planned = with_spectrum(planned, torque, cutoff)
+    if not logs:
+        return planned, torque.sentence()
+    recordings = [read_recording(log, joints=lib.joint_names) for log in logs]
+    known = information_of_logs(lib, recordings, sigma, FRICTION if columns is None else columns)
+    return replace(planned, earlier=known), torque.sentence()
+
+
+def require_gain_error(gain_error: float) -> None:
+    """Check a value of --gain-error."""
+    if not 0 <= gain_error < 1:
+        raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
+
+
+_MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A motion or log, the noise of its torque, and the knowledge before it.
+
+    Attributes:
+        lib: library of the robot.
+        moved: samples of the motion.
+        noise: σ of the torque, (n,) N·m.
+        unit: samples per independent sample, at least 1.
+        from_residuals: whether `noise` is from the residuals of the motion itself.
+        planned: noise that was given, or that of a planned motion.
+        known: prior and earlier logs.
+    """
+
+    lib: Library
+    moved: MotionSamples
+    noise: Array
+    unit: float
+    from_residuals: bool
+    planned: TorqueNoise
+    known: Knowledge
+
+    def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
+        """Expected accuracy of the motion, and of some seconds of another motion after it."""
+        statistics = self.moved.statistics(self.lib, self.noise)
+        if more is not None:
+            statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
+        sigmas = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
+        if self.known.payload_only and sigmas.payload is None:
+            raise IdentificationError(
+                f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
+                "motion that turns the last link about all axes (excite --payload-only designs one)"
+            )
+        return sigmas
+
+    def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array:
+        """σ of the torque of motions that are not in the log, errors of the torque gains included.
+
+        torque (n,), unseen (n, n_b, n_b) → (n,).
+        """
+        lib = self.lib
+        slopes = gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
+        return np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
+
+    def sentence(self) -> str:
+        """Sentence on duration, samples, noise and unknowns."""
+        low, high = self.noise.min(), self.noise.max()
+        size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
+        origin = " (RMS of the log's residuals)" if self.from_residuals else ""
+        if self.planned.log is not None and not self.from_residuals:
+            origin = f" (RMS of the residuals of {self.planned.log})"
+        count = len(self.moved.samples)
+        effective = (
+            f", as good as {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
+        )
+        earlier = ", earlier logs counted" if self.known.earlier is not None else ""
+        beside = ", ".join(self.moved.columns) or "none"
+        rows = _MOMENTUM if self.moved.replaces_power else ""
+        unit = common_unit(torque_units(self.lib.manifest))
+        return (
+            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
+            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}{rows}"
+        )
+
+    def facts(self) -> dict[str, object]:
+        """The same as JSON-ready values."""
+        count = len(self.moved.samples)
+        return {
+            "robot": self.lib.name,
+            "motion": self.moved.name,
+            "seconds": self.moved.seconds,
+            "rate_hz": self.moved.rate,
+            "n_samples": count,
+            "n_eff": count / self.unit,
+            "torque_noise": self.noise.tolist(),
+            "noise_from_residuals": self.from_residuals,
+            "noise_log": None if self.from_residuals else self.planned.log,
+            "friction": list(self.moved.columns),
+            "earlier_logs_count": self.known.earlier is not None,
+        }
+
+
+def situation_of(
+    lib: Library,
+    moved: MotionSamples,
+    noise: str | None,
+    earlier: list[str] | None,
+    payload_only: bool,
+) -> Situation:
+    """Situation of the options; the noise is by default that of the log's residuals."""
+    given = None if noise is None else planned_noise(lib, noise, moved.columns)
+    planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
+    residual_noise: Noise | None = noise_of(lib, moved)
+    known = replace(Knowledge.of(lib), payload_only=payload_only)
+    if residual_noise is not None:
+        known = replace(known, pi=residual_noise.pi, error=residual_noise.error)
+    from_residuals = given is None and residual_noise is not None
+    sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
+    if earlier:
+        logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
+        known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
+    unit = planned.rows_per_independent(moved.rate)
+    if residual_noise is not None and planned.log is None:
+        unit = residual_noise.inflation
+    return Situation(lib, moved, sigma, unit, from_residuals, planned, known)

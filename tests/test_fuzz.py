@@ -35,8 +35,8 @@ import ctypes, os, sys, subprocess, time, warnings
 from scripts.fuzzing import child, doors
 def furnish(folder, lib):
     (folder / "log.csv").write_text("-1")
-def read(folder, lib):
-    index = int((folder / "log.csv").read_text())
+def read(path, lib):
+    folder, index = path.parent, int(path.read_text())
     if index < 0:
         return
     [

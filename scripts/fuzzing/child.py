@@ -16,6 +16,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -95,24 +96,24 @@ def main() -> None:
         signal.signal(number, _over)
     for kind, first, count in job["work"]:
         door, folder = DOORS[kind], root / kind
+        path = folder / door.file
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         door.furnish(folder, lib)
         watch.programs = door.programs
         watch.allowed = (str(root / "tmp"), str(folder / OUT))
-        door.read(folder, lib)  # a good file is read, and everything it needs is imported
+        door.read(path, lib)  # a good file is read, and everything it needs is imported
         warnings.simplefilter("error", RuntimeWarning)
         shutil.rmtree(folder / OUT, ignore_errors=True)
-        good = (folder / door.file).read_bytes()
         before = _files(folder, door)
-        damaged = drawn(good, door.file, (job["seed"], kind), first, count)
+        damaged = drawn(path.read_bytes(), door.file, (job["seed"], kind), first, count)
         for index, one in enumerate(damaged, first):
             report(begin=[kind, index])
-            _put(one, folder / door.file)
+            _put(one, path)
             if door.seal is not None:
                 door.seal(folder)
             held, start = _resident(), time.process_time()
-            outcome = _read(lambda door=door, folder=folder: door.read(folder, lib), watch)
+            outcome = _read(partial(door.read, path, lib), watch)
             seconds, grown = time.process_time() - start, _peak() - held
             if grown > RESIDENT and outcome in {"read", "refused"}:
                 outcome = f"takes {grown / 1e6:.0f} MB"
@@ -120,7 +121,7 @@ def main() -> None:
             if left:
                 outcome, before = f"left or removed {left}", _files(folder, door)
             if outcome not in {"read", "refused"} and job.get("keep"):
-                _keep(folder / door.file, Path(job["keep"]), f"{kind}-{index}")
+                _keep(path, Path(job["keep"]), f"{kind}-{index}")
             shutil.rmtree(folder / OUT, ignore_errors=True)
             report(kind=kind, index=index, outcome=outcome, seconds=seconds, grown=grown)
         shutil.rmtree(folder, ignore_errors=True)
@@ -165,34 +166,29 @@ def clear(path: Path) -> None:
 
 def _read(read: Callable[[], Any], watch: Watch) -> str:
     """Outcome: read, refused, or the fault."""
-    try:
-        return _timed(read, watch)
-    except Hang:  # the alarm came when the reader had just ended
-        return "hangs: no answer in time"
-    finally:
-        _limit_memory(resource.RLIM_INFINITY)
-        watch.armed = False
-
-
-def _timed(read: Callable[[], Any], watch: Watch) -> str:
     watch.seen.clear()
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     _limit_memory(pages * resource.getpagesize() + MEMORY)
     watch.armed = True
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
     try:
-        read()
-        outcome = "read"
-    except (RuntimeFault, SymgenError):
-        outcome = "refused"
-    except Hang:
-        outcome = f"hangs: no answer in {SECONDS} s\n{traceback.format_exc()[-600:]}"
-    except BaseException:
-        outcome = traceback.format_exc()[-1500:]
+        try:
+            signal.setitimer(signal.ITIMER_PROF, SECONDS)
+            signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+            read()
+            outcome = "read"
+        except (RuntimeFault, SymgenError):
+            outcome = "refused"
+        except Hang:
+            outcome = f"hangs: no answer in {SECONDS} s\n{traceback.format_exc()[-600:]}"
+        except BaseException:
+            outcome = traceback.format_exc()[-1500:]
+        finally:
+            for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
+                signal.setitimer(timer, 0)
+    except Hang:  # the alarm came when the reader had just ended
+        outcome = "hangs: no answer in time"
     finally:
-        for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
-            signal.setitimer(timer, 0)
+        _limit_memory(resource.RLIM_INFINITY)
         watch.armed = False
     return f"did {watch.seen[0]}" if watch.seen else outcome
 

@@ -1,31 +1,63 @@
-"""Entry points of files: the file that is damaged, and the function that reads it."""
+"""Entry points of files: the file that is damaged, good ones beside it, and what reads it."""
 
 import contextlib
+import hashlib
+import json
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import typer
 
+from runtime.cli import app_of
+from runtime.cli.evaluate import evaluate_command
 from runtime.cli.export import export_command
+from runtime.cli.fleet import fleet_command
 from runtime.cli.inspect import inspect_command
+from runtime.cli.predict import predict_command
+from runtime.cli.simulate import simulate_command
+from runtime.common.files import json_of
+from runtime.errors import RuntimeFault
+from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
+from runtime.experiments.report import write_experiments
+from runtime.experiments.storage.chunks import read_rows
 from runtime.identification.comparison.run import read_truth
+from runtime.identification.kept_links import identify_friction
 from runtime.identification.payload.arm import read_arm_model
 from runtime.identification.payload.known import read_known_payload
+from runtime.identification.saved_result import read_result
 from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe
 from runtime.library.manifest import read_manifest
+from runtime.outputs.report import write_report
 from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
 from runtime.simulation.settings import settings_of
-from scripts.fuzzing import data_sets, goods, models, readers
-from scripts.fuzzing.readers import OUT, Reader
+from scripts.fuzzing import data_sets, goods, models
+from symgen.chain import ChainOptions, read_chain
+from symgen.chain.mechanism import Mechanism
+from symgen.cli.common import read_mechanism, read_urdf
+from symgen.inspect import inspect_file, repaired
+from symgen.make.config import read_config, read_masses
+from symgen.make.request import request_from_folder
+from symgen.make.sources import Source, read_source
+from symgen.ros import Limits, Packages, expanded
+
+Furnish = Callable[[Path, Library], None]
+Reader = Callable[[Path, Library], Any]
+"""(damaged file, robot) → anything."""
+OUT = "out"
+"""Name of the only folder in which a command may write."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,171 +65,294 @@ class Door:
     """A file that is damaged."""
 
     file: str  # its path in the folder
-    furnish: Callable[[Path, Library], None]  # writes good files
-    read: Reader  # what reads it; (folder of the files, the robot) → anything
-    seal: Callable[[Path], None] | None = None  # renews digests
+    furnish: Furnish  # writes good files into a folder
+    read: Reader
+    seal: Callable[[Path], None] | None = None  # renews digests of a folder
     programs: tuple[str, ...] = ()  # that the reader may start
 
 
-def _log(file: str, furnish: Callable[[Path, Library], None], place: str = "") -> Door:
-    where = place or file
-    return Door(file, furnish, lambda folder, lib: read_recording(folder / where))
+def _alone(read: Callable[[Any], Any]) -> Reader:
+    """A reader that needs no robot."""
+    return lambda path, _: read(path)
 
 
-def _streamed(file: str, furnish: Callable[[Path, Library], None] | None = None) -> Door:
-    def read(folder: Path, lib: Library) -> None:
-        log = open_streamed(folder / file)
-        for start in range(0, min(log.rows, 10**6), 2**16):
-            log.block(start, start + 2**16)
-        log.instants(range(0, log.rows, 50), 20)
-
-    return Door(file, furnish or goods.Log(file), read)
+def _folder(read: Callable[[Path], Any]) -> Reader:
+    """A reader of the folder of the file."""
+    return lambda path, _: read(path.parent)
 
 
-def _doctor(file: str) -> Door:
-    def read(folder: Path, lib: Library) -> None:
-        with contextlib.suppress(typer.Exit):
-            inspect_command(
-                str(folder / file), robot=str(lib.folder), recipe_out=folder / OUT / "recipe.toml"
-            )
+def _beside(name: str, read: Reader) -> Reader:
+    """A reader of another file of the folder."""
+    return lambda path, lib: read(path.with_name(name), lib)
 
-    return Door(file, goods.Log(file, 300), read)
+
+def _out(path: Path) -> Path:
+    return path.parent / OUT
+
+
+def _streamed(path: Path, _: Library) -> None:
+    log = open_streamed(path)
+    for start in range(0, min(log.rows, 10**6), 2**16):
+        log.block(start, start + 2**16)
+    log.instants(range(0, log.rows, 50), 20)
+
+
+def _inspected_log(path: Path, lib: Library) -> None:
+    with contextlib.suppress(typer.Exit):
+        recipe = _out(path) / "recipe.toml"
+        inspect_command(str(path), robot=str(lib.folder), recipe_out=recipe)
+
+
+def _headless(path: Path, lib: Library) -> None:
+    with contextlib.suppress(typer.Exit):
+        inspect_command(str(path), robot=str(lib.folder))
+
+
+def _chain(path: Path, _: Library) -> None:
+    read_chain(read_urdf(path))
+
+
+def _model(path: Path, _: Library) -> None:
+    """What `symgen build --urdf FILE` reads, as a chain."""
+    text, mechanism = read_source(Source(path), Mechanism())
+    read_chain(text, ChainOptions(mechanism=mechanism))
+
+
+def _mechanism(path: Path, _: Library) -> None:
+    options = ChainOptions(mechanism=read_mechanism(path))
+    read_chain(read_urdf(path.with_name("robot.urdf")), options)
+
+
+def _masses(path: Path, _: Library) -> None:
+    read_chain(read_urdf(path.with_name("robot.urdf")), ChainOptions(masses=read_masses(path)))
+
+
+def _xacro(path: Path, _: Library) -> None:
+    """Expanded in a process of little time."""
+    limits = Limits(seconds=1, patience=60.0, memory=2**28)
+    read_chain(expanded(path, {}, Packages(), limits))
+
+
+def _payload(path: Path, lib: Library) -> None:
+    """Both readers of a payload; the first fault after both have run."""
+    faults = []
+    for read in (lambda: read_known_payload(str(path)), lambda: read_carried(path, lib)):
+        try:
+            read()
+        except RuntimeFault as fault:
+            faults.append(fault)
+    if faults:
+        raise faults[0]
+
+
+def _fleet(path: Path, lib: Library) -> None:
+    place = path.parents[2]
+    (place / OUT).mkdir(exist_ok=True)
+    out = place / OUT / "fleet.toml"
+    try:
+        fleet_command(place / "units", out=out, robot=str(lib.folder), overwrite=True)
+    finally:  # parts of a run that ended early are kept on purpose
+        shutil.rmtree(place / OUT / "fleet.toml.parts", ignore_errors=True)
+
+
+def _controlled(path: Path, lib: Library) -> None:
+    """A controller file, simulated for a second."""
+    loop = read_controller(path, lib)
+    loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
+
+
+def _predicted(path: Path, lib: Library) -> None:
+    predict_command(str(path), robot=str(lib.folder), noise="0.05", as_json=True)
+
+
+def _simulated(path: Path, lib: Library) -> None:
+    class Typed:
+        """Context of a command line with the robot and the motion only."""
+
+        command = SimpleNamespace(params=())
+
+        def get_parameter_source(self, _: str) -> None:
+            """No option is given."""
+
+    given = {"robot": str(lib.folder), "trajectory": path, "keep_every": 10}
+    simulate_command(Typed(), out=_out(path) / "log.csv", **given)  # type: ignore[arg-type]
+
+
+def _evaluated(path: Path, lib: Library) -> None:
+    log = str(path.with_name("log.csv"))
+    evaluate_command(path.parent, log, robot=str(lib.folder), as_json=True)
+
+
+def _renewed(path: Path, lib: Library) -> None:
+    """Friction of a log with the links of a result."""
+    log = read_recording(str(path.with_name("log.csv")))
+    identify_friction(log, lib, read_result(path.parent))
 
 
 def _exported(form: str) -> Door:
-    """Export one format; of several, complete ones would stay where another fails."""
+    """Export of one format; of several, complete ones would stay where another fails."""
 
-    def read(folder: Path, lib: Library) -> None:
-        export_command(folder, to=form, out=folder / OUT, robot=str(lib.folder), overwrite=True)
+    def read(path: Path, lib: Library) -> None:
+        export_command(path.parent, to=form, out=_out(path), robot=str(lib.folder), overwrite=True)
 
     return Door("result.json", goods.result, read)
 
 
+def _reported(path: Path, _: Library) -> None:
+    write_report(path.parent, _out(path) / "report.html")
+
+
+_FILES: dict[str, tuple[str, ...]] = {
+    "identify": ("log.csv", "--out", "{folder}/out/result"),
+    "excite": ("--document", "--out", "{folder}/out/motion.json"),
+    "simulate": ("--trajectory", "motion.json", "--ideal", "--out", "{folder}/out/log.csv"),
+    "predict": ("motion.json",),
+}
+"""Words of commands that stay as they are."""
+
+
 def _optioned(name: str) -> Door:
-    return Door("options.json", goods.options, readers.with_options(name))
+    """A command with the values of options.json; names of options and of files are not damaged."""
+
+    def read(path: Path, lib: Library) -> None:
+        try:
+            given = json_of(path)[name]
+            values = {option: str(given[option]) for option in goods.OPTIONS[name]}
+        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+            raise RuntimeFault("no options") from None
+        words = [name, *(each.format(folder=path.parent) for each in _FILES[name])]
+        words += ["--robot", str(lib.folder)]
+        words += [f"{option}={value}" for option, value in values.items()]
+        with contextlib.chdir(path.parent):
+            try:
+                app_of([name])(words)
+            except SystemExit as end:
+                if end.code:
+                    raise RuntimeFault("a value that is no number of the option") from None
+
+    return Door("options.json", goods.options, read)
 
 
 def _study(file: str, seal: Callable[[Path], None] | None = None) -> Door:
-    return Door(f"toy/{file}", goods.study, readers.experiments, seal)
+    def read(path: Path, _: Library) -> None:
+        place = path.parents[1]
+        tables = place / OUT / "tables.md"
+        write_experiments(place, place / OUT / "report.html", tables_to=tables)
+
+    return Door(f"toy/{file}", goods.study, read, seal)
 
 
-def _visual(form: str) -> Door:
-    def read(folder: Path, lib: Library) -> None:
-        look_of(lib, folder / f"{form}.urdf")
+def _renew_digests(folder: Path) -> None:
+    """Write the present digests of the other files into result.json."""
+    path = folder / "toy" / "result.json"
+    facts = json.loads(path.read_text())
+    for name in ("trials.parquet", "series.npz"):
+        file = folder / "toy" / name
+        if file.is_file() and not file.is_symlink():
+            facts["files"][name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    path.write_text(json.dumps(facts))
 
-    return Door(f"mesh.{form}", models.mesh, read)
 
-
-def _collision(form: str) -> Door:
-    return Door(f"mesh.{form}", models.mesh, readers.inspected(f"{form}.urdf"))
-
-
+_log, _logs = _alone(read_recording), _folder(read_recording)
+_model_seen = _alone(inspect_file)
 DOORS: dict[str, Door] = {
     # Logs.
-    "csv": _log("log.csv", goods.Log("log.csv")),
-    "csv-gz": _log("log.csv.gz", goods.zipped),
-    "npz": _log("log.npz", goods.Log("log.npz")),
-    "parquet": _log("log.parquet", goods.Log("log.parquet")),
-    "hdf5": _log("log.h5", data_sets.hdf5),
-    "matlab": _log("log.mat", data_sets.hdf5),
-    "stream-hdf5": _streamed("log.h5", data_sets.hdf5),
-    "lerobot": _log("meta/info.json", data_sets.lerobot, "."),
-    "lerobot-frames": _log("data/chunk-000/file-000.parquet", data_sets.lerobot, "."),
-    "mcap": _log("log.mcap", goods.mcap),
-    "cdr": _log("log.cdr.mcap", goods.mcap),
-    "ros1": _log("log.bag", goods.ros1),
-    "ros2": _log("bag/bag.db3", goods.Ros2(), "bag"),
-    "db3": _log("bag/bag.db3", goods.Ros2()),
-    "ros2-yaml": _log("bag/metadata.yaml", goods.Ros2(), "bag"),
-    "ros2-packed": _log("bag/bag.db3", goods.Ros2("MESSAGE"), "bag"),
-    "ros2-zstd": _log("bag/bag.db3.zstd", goods.Ros2("FILE"), "bag"),
-    "libfranka": _log("log.csv", goods.franka),
-    "folder": _log("recipe.toml", goods.recipe, "."),
-    "stream-csv": _streamed("log.csv"),
-    "stream-npz": _streamed("log.npz"),
-    "stream-parquet": _streamed("log.parquet"),
-    "doctor-csv": _doctor("log.csv"),
-    "doctor-npz": _doctor("log.npz"),
-    "headless": Door("log.csv", goods.headless, readers.headless),
-    "recipe": Door("recipe.toml", goods.recipe, lambda f, _: load_recipe(f / "recipe.toml")),
+    "csv": Door("log.csv", goods.log("log.csv"), _log),
+    "csv-gz": Door("log.csv.gz", goods.zipped, _log),
+    "npz": Door("log.npz", goods.log("log.npz"), _log),
+    "parquet": Door("log.parquet", goods.log("log.parquet"), _log),
+    "hdf5": Door("log.h5", data_sets.hdf5, _log),
+    "matlab": Door("log.mat", data_sets.hdf5, _log),
+    "stream-hdf5": Door("log.h5", data_sets.hdf5, _streamed),
+    "lerobot": Door("meta/info.json", data_sets.lerobot, lambda p, _: read_recording(p.parents[1])),
+    "lerobot-frames": Door(
+        "data/chunk-000/file-000.parquet",
+        data_sets.lerobot,
+        lambda path, _: read_recording(path.parents[2]),
+    ),
+    "mcap": Door("log.mcap", goods.mcap, _log),
+    "cdr": Door("log.cdr.mcap", goods.mcap, _log),
+    "ros1": Door("log.bag", goods.ros1, _log),
+    "ros2": Door("bag/bag.db3", goods.ros2(), _logs),
+    "db3": Door("bag/bag.db3", goods.ros2(), _log),
+    "ros2-yaml": Door("bag/metadata.yaml", goods.ros2(), _logs),
+    "ros2-packed": Door("bag/bag.db3", goods.ros2("MESSAGE"), _logs),
+    "ros2-zstd": Door("bag/bag.db3.zstd", goods.ros2("FILE"), _logs),
+    "libfranka": Door("log.csv", goods.franka, _log),
+    "folder": Door("recipe.toml", goods.recipe, _logs),
+    **{
+        f"stream-{kind}": Door(f"log.{kind}", goods.log(f"log.{kind}"), _streamed)
+        for kind in ("csv", "npz", "parquet")
+    },
+    "doctor-csv": Door("log.csv", goods.log("log.csv", 300), _inspected_log),
+    "doctor-npz": Door("log.npz", goods.log("log.npz", 300), _inspected_log),
+    "headless": Door("log.csv", goods.headless, _headless),
+    "recipe": Door("recipe.toml", goods.recipe, _alone(load_recipe)),
     # Models.
-    "urdf": Door("robot.urdf", models.urdf, readers.urdf),
-    "inspect": Door("robot.urdf", models.urdf, readers.inspected("robot.urdf")),
-    "repair": Door("robot.urdf", models.urdf, readers.repair),
-    "mjcf": Door("robot.xml", models.mjcf, readers.inspected("robot.xml")),
-    "stl": _collision("stl"),
-    "obj": _collision("obj"),
-    "dae": _collision("dae"),
-    "view-urdf": Door("robot.urdf", models.urdf, lambda f, lib: look_of(lib, f / "robot.urdf")),
-    "view-stl": _visual("stl"),
-    "view-obj": _visual("obj"),
-    "view-dae": _visual("dae"),
-    "robot": Door("robot.toml", models.robot_config, readers.robot),
-    "mechanism": Door("mechanism.toml", models.mechanism, readers.mechanism),
-    "dh": Door("rows.toml", models.dh, readers.built("rows.toml")),
-    "build-mjcf": Door("robot.xml", models.mjcf, readers.built("robot.xml")),
-    "build-sdf": Door("robot.sdf", models.sdf, readers.built("robot.sdf")),
-    "build-xacro": Door("robot.xacro", models.xacro, readers.xacro, programs=(sys.executable,)),
-    "masses": Door("masses.toml", models.masses, readers.masses),
+    "urdf": Door("robot.urdf", models.urdf, _chain),
+    "inspect": Door("robot.urdf", models.urdf, _model_seen),
+    "repair": Door(
+        "robot.urdf",
+        models.urdf,
+        lambda path, _: repaired(inspect_file(path, with_base=False), path),
+    ),
+    "mjcf": Door("robot.xml", models.mjcf, _model_seen),
+    **{
+        form: Door(f"mesh.{form}", models.mesh, _beside(f"{form}.urdf", _model_seen))
+        for form in ("stl", "obj", "dae")
+    },
+    "view-urdf": Door("robot.urdf", models.urdf, lambda path, lib: look_of(lib, path)),
+    **{
+        f"view-{form}": Door(
+            f"mesh.{form}",
+            models.mesh,
+            _beside(f"{form}.urdf", lambda path, lib: look_of(lib, path)),
+        )
+        for form in ("stl", "obj", "dae")
+    },
+    "robot": Door("robot.toml", models.robot_config, _alone(read_config)),
+    "mechanism": Door("mechanism.toml", models.mechanism, _mechanism),
+    "dh": Door("rows.toml", models.dh, _model),
+    "build-mjcf": Door("robot.xml", models.mjcf, _model),
+    "build-sdf": Door("robot.sdf", models.sdf, _model),
+    "build-xacro": Door("robot.xacro", models.xacro, _xacro, programs=(sys.executable,)),
+    "masses": Door("masses.toml", models.masses, _masses),
     # Generated folders.
-    "manifest": Door(
-        "manifest.json", goods.generated, lambda f, _: read_manifest(f / "manifest.json")
-    ),
-    "library": Door("manifest.json", goods.generated, lambda folder, _: load(folder)),
-    "request": Door("manifest.json", goods.generated, readers.request),
-    "compile": Door("compile.json", goods.generated, lambda folder, _: read_recipe(folder)),
-    "build": Door("build.json", goods.generated, lambda folder, _: load(folder)),
+    "manifest": Door("manifest.json", goods.generated, _alone(read_manifest)),
+    "library": Door("manifest.json", goods.generated, _folder(load)),
+    "request": Door("manifest.json", goods.generated, _folder(request_from_folder)),
+    "compile": Door("compile.json", goods.generated, _folder(read_recipe)),
+    "build": Door("build.json", goods.generated, _folder(load)),
     # What else is known of a robot.
-    "prior": Door("prior.toml", goods.prior, lambda f, lib: read_prior(f / "prior.toml", lib)),
-    "fleet": Door("fleet.toml", goods.fleet, lambda f, lib: read_prior(f / "fleet.toml", lib)),
-    "fleet-unit": Door("units/u0/statistics.npz", goods.units, readers.fleet),
-    "virtual": Door(
-        "settings.toml", goods.virtual, lambda f, lib: settings_of(lib, f / "settings.toml")
-    ),
-    "box": Door(
-        "box.toml", goods.virtual, lambda f, lib: read_payload(str(f / "box.toml")).pi(lib)
-    ),
-    "truth": Door(
-        "log.truth.json", goods.truth, lambda f, lib: read_truth(f / "log.truth.json", lib)
-    ),
-    "payload": Door(
-        "payload.json",
-        goods.payload,
-        readers.all_of(
-            lambda f, _: read_known_payload(str(f / "payload.json")),
-            lambda f, lib: read_carried(f / "payload.json", lib),
-        ),
-    ),
+    "prior": Door("prior.toml", goods.prior, read_prior),
+    "fleet": Door("fleet.toml", goods.fleet, read_prior),
+    "fleet-unit": Door("units/u0/statistics.npz", goods.units, _fleet),
+    "virtual": Door("settings.toml", goods.virtual, lambda path, lib: settings_of(lib, path)),
+    "box": Door("box.toml", goods.virtual, lambda path, lib: read_payload(str(path)).pi(lib)),
+    "truth": Door("log.truth.json", goods.truth, read_truth),
+    "payload": Door("payload.json", goods.payload, _payload),
     # Motions.
-    "trajectory": Door(
-        "motion.json", goods.trajectory, lambda f, lib: read_trajectory(f / "motion.json", lib)
-    ),
-    "loop": Door("loop.toml", goods.trajectory, readers.looped),
-    "film": Door(
-        "motion.json", goods.trajectory, lambda f, lib: read_motion(str(f / "motion.json"), lib)
-    ),
-    "predict": Door("motion.json", goods.trajectory, readers.predicted),
-    "simulate": Door("motion.json", goods.trajectory, readers.simulated),
+    "trajectory": Door("motion.json", goods.trajectory, read_trajectory),
+    "loop": Door("loop.toml", goods.trajectory, _controlled),
+    "film": Door("motion.json", goods.trajectory, lambda path, lib: read_motion(str(path), lib)),
+    "predict": Door("motion.json", goods.trajectory, _predicted),
+    "simulate": Door("motion.json", goods.trajectory, _simulated),
     # Results.
-    "evaluate": Door("result.json", goods.result, readers.evaluated),
-    "friction": Door("result.json", goods.result, readers.renewed),
+    "evaluate": Door("result.json", goods.result, _evaluated),
+    "friction": Door("result.json", goods.result, _renewed),
     "export": _exported("urdf"),
     "export-friction": _exported("friction"),
-    "arm": Door("result.json", goods.result, read_arm_model),
-    "report": Door("result.json", goods.result, readers.reported),
-    "predictions": Door("predictions.npz", goods.result, readers.reported),
-    "compare": Door("compare.json", goods.comparison, readers.reported),
-    "statistics": Door(
-        "statistics.npz",
-        goods.statistics,
-        lambda f, lib: load_statistics(f / "statistics.npz", lib),
-    ),
+    "arm": Door("result.json", goods.result, lambda path, lib: read_arm_model(path.parent, lib)),
+    "report": Door("result.json", goods.result, _reported),
+    "predictions": Door("predictions.npz", goods.result, _reported),
+    "compare": Door("compare.json", goods.comparison, _reported),
+    "statistics": Door("statistics.npz", goods.statistics, load_statistics),
     # Options of commands.
     **{f"options-{name}": _optioned(name) for name in goods.OPTIONS},
     # Experiments.
     "study": _study("result.json"),
     "study-config": _study("config.json"),
-    "trials": _study("trials.parquet", readers.renew_digests),
-    "series": _study("series.npz", readers.renew_digests),
-    "chunk": Door("toy/trials.parquet", goods.study, readers.rows),
+    "trials": _study("trials.parquet", _renew_digests),
+    "series": _study("series.npz", _renew_digests),
+    "chunk": Door("toy/trials.parquet", goods.study, lambda path, _: read_rows(path, goods.MARK)),
 }

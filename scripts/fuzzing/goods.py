@@ -3,7 +3,7 @@
 import gzip
 import json
 import shutil
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -95,16 +95,9 @@ def virtual(folder: Path, lib: Library) -> None:
     (folder / "box.toml").write_text(BOX.format(link=lib.link_names[-1]))
 
 
-@dataclass(frozen=True, slots=True)
-class Log:
+def log(file: str, rows: int = 60) -> Callable[[Path, Library], None]:
     """A log in a file of one name."""
-
-    file: str
-    rows: int = 60
-
-    def __call__(self, folder: Path, lib: Library) -> None:
-        """Write it."""
-        write_recording(motion(lib, self.rows), folder / self.file)
+    return lambda folder, lib: write_recording(motion(lib, rows), folder / file)
 
 
 def zipped(folder: Path, lib: Library) -> None:
@@ -125,15 +118,9 @@ def ros1(folder: Path, lib: Library) -> None:
     (folder / "log.bag").write_bytes(bags.ros1(bags.payloads(motion(lib), "ros1")))
 
 
-@dataclass(frozen=True, slots=True)
-class Ros2:
+def ros2(mode: str = "NONE") -> Callable[[Path, Library], None]:
     """A ROS 2 bag; mode is NONE, FILE or MESSAGE."""
-
-    mode: str = "NONE"
-
-    def __call__(self, folder: Path, lib: Library) -> None:
-        """Write it."""
-        bags.furnish_ros2(folder, motion(lib), self.mode)
+    return lambda folder, lib: bags.furnish_ros2(folder, motion(lib), mode)
 
 
 def franka(folder: Path, lib: Library) -> None:

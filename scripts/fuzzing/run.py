@@ -29,30 +29,46 @@ class Fault(NamedTuple):
 Step = Callable[[str, Fault | None], None]
 
 
+class Row(NamedTuple):
+    """How one file ended: read, refused, or the fault of its reader."""
+
+    index: int
+    outcome: str
+    seconds: float = 0.0
+    grown: int = 0
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is neither read nor refused."""
+        usual = self.outcome in {"read", "refused"}
+        return None if usual else Fault(self.index, self.outcome)
+
+
 @dataclass(slots=True)
 class Tally:
-    """Counts of outcomes of one kind of file."""
+    """Outcomes of one kind of file."""
 
-    read: int = 0
-    refused: int = 0
-    seconds: float = 0.0
-    slowest: float = 0.0
-    memory: int = 0
-    faults: list[Fault] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
 
     @property
     def files(self) -> int:
         """Number of files."""
-        return self.read + self.refused + len(self.faults)
+        return len(self.rows)
 
-    def add(self, other: "Tally") -> None:
-        """Add the counts of another kind."""
-        self.read += other.read
-        self.refused += other.refused
-        self.faults += other.faults
-        self.seconds += other.seconds
-        self.slowest = max(self.slowest, other.slowest)
-        self.memory = max(self.memory, other.memory)
+    @property
+    def read(self) -> int:
+        """Number of files that were read."""
+        return sum(row.outcome == "read" for row in self.rows)
+
+    @property
+    def refused(self) -> int:
+        """Number of files that were refused."""
+        return sum(row.outcome == "refused" for row in self.rows)
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Files whose reader is at fault."""
+        return [row.fault for row in self.rows if row.fault is not None]
 
 
 def fuzz(
@@ -95,9 +111,9 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Step) -> No
         assert child.stdout is not None  # noqa: S101  it is a pipe
         try:
             for facts in _lines(child.stdout):
-                begun = facts.get("begin")
+                begun = facts.pop("begin", None)
                 if begun is None:
-                    step(facts["kind"], _count(tallies[facts["kind"]], facts))
+                    _add(tallies, facts.pop("kind"), Row(**facts), step)
         except TimeoutError:
             child.kill()
             end = f"hangs outside Python, silent for {SILENCE:g} s"
@@ -106,9 +122,8 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Step) -> No
         said = complaint.read().decode(errors="replace")[-800:]
     if begun is not None:
         kind, index = begun
-        fault = Fault(index, f"{end or f'kills the process ({code})'}\n{said}")
-        tallies[kind].faults.append(fault)
-        step(kind, fault)
+        outcome = f"{end or f'kills the process ({code})'}\n{said}"
+        _add(tallies, kind, Row(index, outcome), step)
     elif code:
         raise RuntimeError(f"the child of the fuzzer failed by itself:\n{said}")
 
@@ -125,38 +140,21 @@ def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
     raise TimeoutError
 
 
-def _count(tally: Tally, facts: dict[str, Any]) -> Fault | None:
-    outcome, fault = facts["outcome"], None
-    if outcome == "read":
-        tally.read += 1
-    elif outcome == "refused":
-        tally.refused += 1
-    else:
-        fault = Fault(facts["index"], outcome)
-        tally.faults.append(fault)
-    tally.seconds += facts["seconds"]
-    tally.slowest = max(tally.slowest, facts["seconds"])
-    tally.memory = max(tally.memory, facts["grown"])
-    return fault
+def _add(tallies: dict[str, Tally], kind: str, row: Row, step: Step) -> None:
+    tallies[kind].rows.append(row)
+    step(kind, row.fault)
 
 
 def table(tallies: dict[str, Tally]) -> Table:
     """One row per kind."""
-    whole = Tally()
     shown = Table("kind", title="damaged files")
     for head in ("files", "read", "refused", "faults", "CPU s", "slowest ms", "memory MB"):
         shown.add_column(head, justify="right")
+    whole = Tally([row for tally in tallies.values() for row in tally.rows])
     for kind, tally in (*tallies.items(), ("all", whole)):
-        if tally is whole:
-            shown.add_section()
-        else:
-            whole.add(tally)
         counts = (tally.files, tally.read, tally.refused, len(tally.faults))
-        shown.add_row(
-            kind,
-            *map(str, counts),
-            f"{tally.seconds:.1f}",
-            f"{1e3 * tally.slowest:.0f}",
-            f"{tally.memory / 1e6:.0f}",
-        )
+        seconds = [row.seconds for row in tally.rows] or [0.0]
+        grown = max((row.grown for row in tally.rows), default=0)
+        used = (f"{sum(seconds):.1f}", f"{1e3 * max(seconds):.0f}", f"{grown / 1e6:.0f}")
+        shown.add_row(kind, *map(str, counts), *used, end_section=kind == [*tallies][-1])
     return shown

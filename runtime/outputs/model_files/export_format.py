@@ -54,7 +54,7 @@ EXPORT_FORMATS = Registry(
         "actuators": f"{_FORMATS}.actuators:ACTUATORS",
         "ros2": f"{_FORMATS}.ros2:ROS2",
         "gravity": f"{_FORMATS}.gravity:GRAVITY",
-        "friction": f"{_FORMATS}.friction:FRICTION",
+        "friction": f"{_FORMATS}.inertials:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",
     },
 )

@@ -3,7 +3,8 @@
 It was normalised by `symgen build`: revolute, continuous, prismatic and fixed joints, one root.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import takewhile
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, ParseError
 
@@ -195,3 +196,19 @@ def number(text: str, what: str) -> float:
         raise ExportError(
             f"expected a number as {what} of the URDF, got '{text}'; run: python -m symgen build"
         ) from None
+
+
+def link_keys(tree: Tree) -> dict[str, str]:
+    """Keys of the links that move or have an inertial in the URDF, by link name."""
+    return short_names(
+        name for name in tree.links if name in tree.moving or tree.published(name) is not None
+    )
+
+
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """Each name without the common prefix that ends at the last shared underscore."""
+    listed = list(names)
+    letters = takewhile(lambda each: len(set(each)) == 1, zip(*listed, strict=False))
+    shared = "".join(each[0] for each in letters)
+    cut = shared.rfind("_") + 1 if len(listed) > 1 else 0
+    return {name: name[cut:] for name in listed}

@@ -8,9 +8,8 @@ import numpy as np
 from runtime.library import Library
 from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import Unreadable
-from runtime.outputs.model_files.formats.inertials import link_keys, short_names
 from runtime.outputs.model_files.formats.urdf import document_text, set_friction, set_inertial
-from runtime.outputs.model_files.urdf_tree import read_tree
+from runtime.outputs.model_files.urdf_tree import link_keys, read_tree, short_names
 
 INSTALL = "pip install pyyaml"
 ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")

@@ -3,32 +3,13 @@
 link1: {origin: {xyz: x y z, rpy: 0 0 0}, mass: m, inertia: {xx: …, xy: …, …}}
 """
 
-from collections.abc import Iterable
-from itertools import takewhile
-
 from runtime.outputs.model_files.bodies import RigidBody, digits, row
 from runtime.outputs.model_files.engines import pinocchio, yaml
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.urdf import urdf_text
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import compare_reloaded, unchecked
-from runtime.outputs.model_files.urdf_tree import Tree
-
-
-def link_keys(tree: Tree) -> dict[str, str]:
-    """Keys of the links that move or have an inertial in the URDF, by link name."""
-    return short_names(
-        name for name in tree.links if name in tree.moving or tree.published(name) is not None
-    )
-
-
-def short_names(names: Iterable[str]) -> dict[str, str]:
-    """Each name without the common prefix that ends at the last shared underscore."""
-    listed = list(names)
-    letters = takewhile(lambda each: len(set(each)) == 1, zip(*listed, strict=False))
-    shared = "".join(each[0] for each in letters)
-    cut = shared.rfind("_") + 1 if len(listed) > 1 else 0
-    return {name: name[cut:] for name in listed}
+from runtime.outputs.model_files.urdf_tree import link_keys, short_names
 
 
 def yaml_number(value: float) -> str:

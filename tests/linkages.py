@@ -113,7 +113,11 @@ def planar(rng: np.random.Generator, kind: str) -> Linkage:
         "child_xyz": ends[1][1].tolist(),
     }
     independent = ("a1", "b1") if kind == "five-bar" else ("a1",)
-    table = {"loop": [loop], "independent": list(independent), "assembly": q}
+    table = {
+        "loop": [loop],
+        "independent": list(independent),
+        "assembly": {name: float(x) for name, x in q.items()},
+    }
     return Linkage(f'<robot name="p">{"".join(text)}</robot>', table, independent, q, ends)
 
 
@@ -145,7 +149,11 @@ def spatial(rng: np.random.Generator) -> Linkage:
         "child_xyz": other.tolist(),
         "kind": "spherical",
     }
-    table = {"loop": [loop], "independent": ["a"], "assembly": q}
+    table = {
+        "loop": [loop],
+        "independent": ["a"],
+        "assembly": {name: float(x) for name, x in q.items()},
+    }
     return Linkage(urdf, table, ("a",), q, (("R", point), ("B", other)))
 
 

@@ -1,6 +1,6 @@
 """Records of documents: a frozen class is type, schema and reader of a table of TOML or JSON.
 
-    class Spring(Record):
+    class Spring(Record, frozen=True):
         name: str
         stiffness: Annotated[float, Meta(ge=0, description="N·m/rad")] | None = None
 
@@ -14,11 +14,16 @@ import difflib
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
 
 import msgspec
+from msgspec import Meta
 
 T = TypeVar("T")
+Name = Annotated[str, Meta(min_length=1)]
+Factors = Annotated[dict[str, float], Meta(min_length=1)]
+Vector3 = tuple[float, float, float]
+"""Types of fields that stand in several records."""
 
 _FAULT = re.compile(r"(?P<text>.*?)(?: - at `(?P<path>[^`]*)`)?", re.DOTALL)
 _EXPECTED = re.compile(r"Expected (?P<kind>.+?)(?:, got .*)?", re.DOTALL)
@@ -32,6 +37,10 @@ _SHOWN = 60
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A table of a document: its fields are the keys, each with type, bounds and default."""
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a record with other values of some fields."""
+        return msgspec.structs.replace(self, **changes)
 
 
 def record_from_table(kind: type[T], table: Any, where: str, error: type[Exception]) -> T:
@@ -80,11 +89,14 @@ def _without_defaults(record: Any, table: Any) -> Any:
 def _sentence(kind: Any, table: Any, fault: str) -> str:
     match = _FAULT.fullmatch(fault)
     text, path = (match["text"], match["path"] or "$") if match else (fault, "$")
-    steps = [
-        int(step["index"]) if (step["index"] or "").isdigit() else step["key"] or step["index"]
-        for step in _STEP.finditer(path)
-    ]
-    place = path.removeprefix("$").lstrip(".")
+    steps: list[Any] = []
+    for step in _STEP.finditer(path):
+        if step["index"] == "...":  # a value of a table with free keys
+            steps.append(_wrong_key(_kind_at(kind, [*steps, "..."]), _value_at(table, steps)))
+        else:
+            steps.append(int(step["index"]) if step["index"] else step["key"])
+    place = "".join(f"[{each}]" if isinstance(each, int) else f".{each}" for each in steps)
+    place = place.removeprefix(".")
     if field := _FIELD.fullmatch(text):
         keys = _keys(_kind_at(kind, steps))
         inside = f" in {place}" if place else ""
@@ -95,6 +107,8 @@ def _sentence(kind: Any, table: Any, fault: str) -> str:
         return f" has the unknown key '{field['name']}'{inside}; {hint}"
     expected = _EXPECTED.fullmatch(text)
     wanted = _words(expected["kind"]) if expected else text
+    if text.startswith("Invalid enum value"):
+        wanted = f"one of {', '.join(filter(None, _choices(_kind_at(kind, steps))))}"
     value = f"{_value_at(table, steps)!r}"
     shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]} …"
     return f": {place or 'it'} expects {wanted}, got {shown}; correct it"
@@ -107,10 +121,17 @@ def _words(kind: str) -> str:
         return " or ".join(_NAMES.get(each.strip(), each) for each in match[1].split("|"))
 
     text = re.sub(r"`([^`]*)`", named, kind)
+    text = re.sub(r" of length >= 1$", " that is not empty", text)
     text = re.sub(r" >= (\S+)", lambda m: f" of at least {float(m[1]):g}", text)
     text = re.sub(r" <= (\S+)", lambda m: f" of at most {float(m[1]):g}", text)
     text = re.sub(r" > (\S+)", lambda m: f" above {float(m[1]):g}", text)
     return re.sub(r" < (\S+)", lambda m: f" below {float(m[1]):g}", text)
+
+
+def _choices(kind: Any) -> tuple[str, ...]:
+    if get_origin(kind) is Literal:
+        return get_args(kind)
+    return tuple(name for each in get_args(kind) for name in _choices(each))
 
 
 def _keys(kind: Any) -> list[str]:
@@ -119,11 +140,21 @@ def _keys(kind: Any) -> list[str]:
     return [field.encode_name for each in structs for field in msgspec.structs.fields(each)]
 
 
+def _wrong_key(kind: Any, table: Any) -> str:
+    """First key of a table whose value is not of a type."""
+    for key, value in dict(table).items():
+        try:
+            msgspec.convert(value, kind)
+        except msgspec.ValidationError:
+            return str(key)
+    return "..."
+
+
 def _kind_at(kind: Any, steps: list[Any]) -> Any:
     """Type at a place of a record, found by the names of its fields."""
     for step in steps:
         options = [kind, *get_args(kind)]
-        if isinstance(step, str) and step != "...":
+        if isinstance(step, str):
             fields = [
                 field.type
                 for each in options
@@ -131,10 +162,11 @@ def _kind_at(kind: Any, steps: list[Any]) -> Any:
                 for field in msgspec.structs.fields(each)
                 if field.encode_name == step
             ]
-            kind = fields[0] if fields else kind
-        else:
-            inner = [a for o in options for a in get_args(o) if a is not Ellipsis]
-            kind = inner[-1] if inner else kind
+            if fields:
+                kind = fields[0]
+                continue
+        inner = [a for o in options for a in get_args(o) if a is not Ellipsis]
+        kind = inner[-1] if inner else kind
     return kind
 
 
@@ -142,7 +174,7 @@ def _value_at(table: Any, steps: list[Any]) -> Any:
     for step in steps:
         try:
             table = table[step]
-        except (KeyError, IndexError, TypeError):  # "..." of a table with free keys
+        except (KeyError, IndexError, TypeError):
             return table
     return table
 

@@ -5,11 +5,12 @@ dependent themselves; substitution from row to row gives A and b, and a cycle of
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from runtime.common.records import Name, Record
 from symgen.chain.document import MOVING, Document, listing, numbers
 from symgen.errors import UrdfError
 
@@ -20,8 +21,7 @@ _SINGULAR = 1e-9
 """Reciprocal condition below which named independent joints do not determine the others."""
 
 
-@dataclass(frozen=True, slots=True)
-class CouplingRow:
+class CouplingRow(Record, frozen=True):
     """Position of a dependent joint as an affine function of others, x = Σ of[m] x_m + offset.
 
     Attributes:
@@ -30,8 +30,8 @@ class CouplingRow:
         offset: rad or m.
     """
 
-    joint: str
-    of: dict[str, float] = field(default_factory=dict)
+    joint: Name
+    of: dict[str, float]
     offset: float = 0.0
 
 

@@ -10,53 +10,75 @@ Source: Craig, Introduction to Robotics, 3rd ed., Sec. 3.4.
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 import pinocchio
+from msgspec import Meta
 
-from symgen.chain.mechanism import Mechanism, MechanismTable, mechanism_from_table
+from runtime.common.records import Factors, Name, Record, Vector3, record_from_table
+from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import UrdfError
 
-_KEYS = ("name", "parent", "a", "alpha", "d", "theta", "joint", "of", "kind")
-_BODY = ("mass", "com", "inertia")
 _LIMITS = ("lower", "upper", "velocity", "effort")
-_KINDS = ("revolute", "prismatic")
+
+
+class Row(Record, frozen=True):
+    """A link with the modified DH row of its frame, its limits [rad or m] and its body [SI]."""
+
+    name: Name
+    parent: str | None = None
+    a: float = 0.0
+    alpha: float = 0.0
+    d: float = 0.0
+    theta: float = 0.0
+    joint: Name | None = None
+    of: Factors | None = None
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+    mass: float | None = None
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+
+class Robot(Record, frozen=True):
+    """The tables of a robot beside those of its mechanism."""
+
+    link: Annotated[tuple[Row, ...], Meta(min_length=1)]
+    name: str = "robot"
 
 
 def robot_from_rows(table: dict[str, Any], where: str) -> tuple[str, Mechanism]:
     """URDF and mechanism of a robot given by modified DH rows."""
-    rows = table.get("link")
-    if not isinstance(rows, list) or not rows or not all(isinstance(r, dict) for r in rows):
+    if not table.get("link"):
         raise UrdfError(
             f"{where} describes a robot by tables [[link]] with name, parent, a, alpha, d, theta "
             "and joint or of; it has none"
         )
-    name = table.get("name", "robot")
-    if not isinstance(name, str):
-        raise UrdfError(f"{where}: name needs a text, got {name!r}")
-    robot = Element("robot", {"name": name})
-    links: list[str] = []
-    couplings: list[dict[str, Any]] = list(table.get("coupling", []))
-    first = rows[0].get("parent", "base")
-    links.append(str(first))
-    SubElement(robot, "link", {"name": str(first)})
-    for row in rows:
-        couplings += _add(robot, links, row, where)
     rest = {key: value for key, value in table.items() if key not in {"link", "name"}}
+    stated = record_from_table(
+        Robot, {key: value for key, value in table.items() if key not in rest}, where, UrdfError
+    )
+    robot = Element("robot", {"name": stated.name})
+    links = [stated.link[0].parent or "base"]
+    SubElement(robot, "link", {"name": links[0]})
+    couplings: list[dict[str, Any]] = list(table.get("coupling", []))
+    for row in stated.link:
+        couplings += _add(robot, links, row, where)
     if couplings:
         rest["coupling"] = couplings
     indent(robot, space="  ")
     return tostring(robot, "unicode") + "\n", mechanism_from_table(rest, where)
 
 
-def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> list[dict[str, Any]]:
+def _add(robot: Element, links: list[str], row: Row, where: str) -> list[dict[str, Any]]:
     """Add the link of a row and its joint; the coupling that it states, if any."""
-    what = f"{where}: [[link]] {row.get('name', '')!r}"
-    table = MechanismTable(row, what)
-    table.require_keys((*_KEYS, *_BODY, *_LIMITS))
-    link, parent = table.text("name"), row.get("parent", links[0])
+    what = f"{where}: [[link]] {row.name!r}"
+    link, parent = row.name, row.parent or links[0]
     if link in links:
         raise UrdfError(f"{what} occurs twice; give every link its own name")
     if parent not in links:
@@ -65,23 +87,21 @@ def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> l
             f"{', '.join(links)}"
         )
     links.append(link)
-    moves = "joint" in row or "of" in row
-    if "joint" in row and "of" in row:
+    if row.joint is not None and row.of is not None:
         raise UrdfError(f"{what} has joint and of; keep the one that its position follows")
-    kind = row.get("kind", "revolute")
-    if kind not in _KINDS:
-        raise UrdfError(f"{what} needs the kind {' or '.join(_KINDS)}, got {kind!r}")
-    name = table.text("joint") if "joint" in row else f"{link}_joint"
-    limits = {key: f"{table.number(key):.17g}" for key in _LIMITS if key in row}
+    moves = row.joint is not None or row.of is not None
+    stated = {key: getattr(row, key) for key in _LIMITS}
+    limits = {key: f"{value:.17g}" for key, value in stated.items() if value is not None}
     if limits and not moves:
         raise UrdfError(f"{what} is fixed and has {next(iter(limits))}; give it a joint, or none")
+    kind: str = row.kind
     if kind == "revolute" and not {"lower", "upper"} & set(limits):
         kind = "continuous"
+    name = row.joint or f"{link}_joint"
     joint = SubElement(robot, "joint", {"name": name, "type": kind if moves else "fixed"})
-    a, alpha, d, theta = (table.number(key, 0.0) for key in ("a", "alpha", "d", "theta"))
-    tilt = pinocchio.rpy.rpyToMatrix(alpha, 0.0, 0.0)
-    turn = tilt @ pinocchio.rpy.rpyToMatrix(0.0, 0.0, theta)
-    xyz = (a, -d * math.sin(alpha), d * math.cos(alpha))
+    tilt = pinocchio.rpy.rpyToMatrix(row.alpha, 0.0, 0.0)
+    turn = tilt @ pinocchio.rpy.rpyToMatrix(0.0, 0.0, row.theta)
+    xyz = (row.a, -row.d * math.sin(row.alpha), row.d * math.cos(row.alpha))
     SubElement(
         joint, "origin", {"xyz": _words(xyz), "rpy": _words(pinocchio.rpy.matrixToRpy(turn))}
     )
@@ -91,21 +111,19 @@ def _add(robot: Element, links: list[str], row: dict[str, Any], where: str) -> l
         SubElement(joint, "axis", {"xyz": "0 0 1"})
         if limits:
             SubElement(joint, "limit", limits)
-    _add_body(SubElement(robot, "link", {"name": link}), table)
-    return [{"joint": name, "of": row["of"]}] if "of" in row else []
+    _add_body(SubElement(robot, "link", {"name": link}), row)
+    return [{"joint": name, "of": row.of}] if row.of is not None else []
 
 
-def _add_body(link: Element, table: MechanismTable) -> None:
+def _add_body(link: Element, row: Row) -> None:
     """<inertial> of a row with a mass: centre of mass, and inertia about it (xx, yy, zz, xy, …)."""
-    if "mass" not in table.entry:
+    if row.mass is None:
         return
     body = SubElement(link, "inertial")
-    com = table.numbers("com", 3) if "com" in table.entry else (0.0, 0.0, 0.0)
-    entries = table.numbers("inertia", 6) if "inertia" in table.entry else (0.0,) * 6
-    SubElement(body, "origin", {"xyz": _words(com)})
-    SubElement(body, "mass", {"value": f"{table.number('mass'):.17g}"})
+    SubElement(body, "origin", {"xyz": _words(row.com)})
+    SubElement(body, "mass", {"value": f"{row.mass:.17g}"})
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    SubElement(body, "inertia", {k: f"{v:.17g}" for k, v in zip(names, entries, strict=True)})
+    SubElement(body, "inertia", {k: f"{v:.17g}" for k, v in zip(names, row.inertia, strict=True)})
 
 
 def _words(values: Any) -> str:

@@ -81,7 +81,7 @@ def request_from_urdf(
     if left:
         say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")
     stated = tuple(s for s in mechanism.spring if s not in of_file)
-    options = replace(options, mechanism=replace(mechanism, spring=(*stated, *kept)))
+    options = replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()

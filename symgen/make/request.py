@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
+from msgspec import to_builtins
+
 from runtime.common.compiler import find_compiler
 from runtime.common.files import json_of, text_of
 from symgen import __version__
@@ -48,7 +50,8 @@ class BuildRequest:
     @property
     def fingerprint(self) -> str:
         """Hash of the inputs, of this package's source and of the tools that shape the output."""
-        digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
+        inputs = json.dumps(asdict(self), sort_keys=True, default=to_builtins)
+        digest = hashlib.sha256(inputs.encode())
         package = Path(__file__).parents[1]
         for path in sorted(package.rglob("*")):
             if path.suffix in {".py", ".jinja2", ".h"}:

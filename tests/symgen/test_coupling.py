@@ -117,7 +117,7 @@ REFUSED = {
     "torque curve without points": (
         with_mimics(),
         {"known_torque": [{"joint": "left_lift"}]},
-        "needs polynomial = .*, or points x",
+        "needs either polynomial = .*, or points x",
     ),
     "mimic without a joint": (
         with_mimics(("left_roll", 'multiplier="2"')),
@@ -154,10 +154,14 @@ REFUSED = {
     "word as factor": (
         TREE,
         {"coupling": [{"joint": "left_roll", "of": {"left_lift": "1"}}]},
-        "needs of = ",
+        r"coupling\[0\].of.left_lift expects a number, got '1'; correct it",
     ),
     "unknown key": (TREE, {"couplings": []}, "unknown key 'couplings'"),
-    "table, not tables": (TREE, {"coupling": {"joint": "a"}}, r"expected tables \[\[coupling\]\]"),
+    "table, not tables": (
+        TREE,
+        {"coupling": {"joint": "a"}},
+        r"coupling expects a list, got {'joint': 'a'}; correct it",
+    ),
     "singular choice": (
         TREE,
         WRIST | {"independent": ["left_roll", "right_lift"]},
@@ -167,7 +171,7 @@ REFUSED = {
     "curve by polynomial and by points": (
         TREE,
         {"known_torque": [{"joint": "left_lift", "polynomial": [1.0], "x": [0.0, 1.0]}]},
-        "has a polynomial and points",
+        "needs either polynomial = .*, or points x",
     ),
     "independent without coupling": (TREE, {"independent": ["left_lift"]}, "no coupling"),
 }

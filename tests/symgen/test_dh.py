@@ -78,9 +78,12 @@ REFUSED = {
     "two of a name": ({"link": [{"name": "a", "joint": "q"}] * 2}, "occurs twice"),
     "joint and of": ({"link": [{"name": "a", "joint": "q", "of": {"q": 1.0}}]}, "joint and of"),
     "unknown kind": ({"link": [{"name": "a", "joint": "q", "kind": "screw"}]}, "'screw'"),
-    "word": ({"link": [{"name": "a", "joint": "q", "d": "long"}]}, "finite number for d"),
+    "word": (
+        {"link": [{"name": "a", "joint": "q", "d": "long"}]},
+        r"link\[0\].d expects a number, got 'long'; correct it",
+    ),
     "unknown key": ({"link": [{"name": "a", "joint": "q", "length": 1.0}]}, "unknown key 'length'"),
-    "no name": ({"link": [{"joint": "q"}]}, 'needs name = "NAME"'),
+    "no name": ({"link": [{"joint": "q"}]}, r"expects the key name in link\[0\], got none; add it"),
 }
 
 

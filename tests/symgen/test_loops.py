@@ -183,16 +183,28 @@ REFUSED = {
     ),
     "unknown kind": ({"loop": [LOOP | {"kind": "glued"}]}, "kind = 'glued'"),
     "unknown key": ({"loop": [LOOP | {"xyz": [0, 0, 0]}]}, "unknown key 'xyz'"),
-    "no child": ({"loop": [{"parent": "A2"}]}, 'needs child = "NAME"'),
-    "a word": ({"loop": [LOOP | {"parent_xyz": ["a", 0, 0]}]}, "needs 3 finite numbers"),
+    "no child": (
+        {"loop": [{"parent": "A2"}]},
+        r"expects the key child in loop\[0\], got none; add it",
+    ),
+    "a word": (
+        {"loop": [LOOP | {"parent_xyz": ["a", 0, 0]}]},
+        r"loop\[0\].parent_xyz\[0\] expects a number, got 'a'; correct it",
+    ),
     "axis": ({"loop": [LOOP | {"axis": [0, 0, 0]}]}, "axis 0 0 0"),
     "unknown independent": ({"independent": ["z"]}, "independent names 'z'"),
     "too many independent": ({"independent": ["a1", "b1"]}, "do not determine the others"),
     "unknown assembly": ({"assembly": {"z": 1.0}}, r"\[assembly\] names 'z'"),
-    "assembly of words": ({"assembly": {"a1": "up"}}, r"\[assembly\] needs a finite number"),
+    "assembly of words": (
+        {"assembly": {"a1": "up"}},
+        r"assembly.a1 expects a number, got 'up'; correct it",
+    ),
     "assembly far away": ({"assembly": {"b1": 1e308}}, r"b1 = 1e\+308, expected at most 1000"),
-    "assembly as a list": ({"assembly": [1.0]}, r"\[assembly\] needs lines"),
-    "table, not tables": ({"loop": LOOP}, r"expected tables \[\[loop\]\]"),
+    "assembly as a list": (
+        {"assembly": [1.0]},
+        r"assembly expects a table, got \[1.0\]; correct it",
+    ),
+    "table, not tables": ({"loop": LOOP}, "loop expects a list, got {.*; correct it"),
 }
 
 

@@ -13,7 +13,7 @@
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import files
@@ -91,18 +91,18 @@ def read_source(
             text, stated = robot_from_sdf(text, f"'{path}'")
     springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()
     if springs:
-        stated, mechanism = replace(stated, spring=()), replace(mechanism, spring=())
+        stated, mechanism = stated.replace(spring=()), mechanism.replace(spring=())
     choice = Mechanism(independent=mechanism.independent, assembly=mechanism.assembly)
     if stated != Mechanism() and mechanism != choice:
         raise BuildError(
             f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
         )
     if stated == Mechanism():
-        return text, replace(mechanism, spring=springs or mechanism.spring)
+        return text, mechanism.replace(spring=springs or mechanism.spring)
     assembly = stated.assembly | mechanism.assembly
     independent = mechanism.independent or stated.independent
-    changed = replace(stated, independent=independent, assembly=assembly)
-    return text, replace(changed, spring=springs or stated.spring)
+    changed = stated.replace(independent=independent, assembly=assembly)
+    return text, changed.replace(spring=springs or stated.spring)
 
 
 def urdf_text(path: Path) -> str:

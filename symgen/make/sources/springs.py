@@ -7,7 +7,6 @@ A [[spring]] of the same joints in a mechanism file takes the place of that of t
 springs between sites, one of the same name.
 """
 
-from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -68,7 +67,7 @@ def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spr
         while name in names:  # joints and tendons have names of their own in a robot file
             name, number = f"{spring.name}_{number}", number + 1
         names.add(name)
-        springs.append(replace(spring, name=name))
+        springs.append(spring.replace(name=name))
     return tuple(springs)
 
 
@@ -99,7 +98,7 @@ def split_by_use(
             continue
         moved = sum(spring.of[name] * options.locks[name] for name in sorted(locked))
         of = {name: factor for name, factor in spring.of.items() if name in joints}
-        kept.append(replace(spring, of=of, rest=spring.rest - moved))
+        kept.append(spring.replace(of=of, rest=spring.rest - moved))
     return tuple(kept), tuple(left)
 
 

@@ -8,7 +8,7 @@ from msgspec import Meta, field
 from runtime.common.records import Record, record_from_table, table_from_record
 
 
-class Spring(Record):
+class Spring(Record, frozen=True):
     """A toy with every kind of field."""
 
     name: str
@@ -17,7 +17,7 @@ class Spring(Record):
     stiffness: Annotated[float, Meta(ge=0)] | None = None
 
 
-class Mechanism(Record):
+class Mechanism(Record, frozen=True):
     """A toy with a list of tables."""
 
     spring: tuple[Spring, ...] = ()
@@ -53,6 +53,10 @@ def read(table: object) -> Mechanism:
         (
             {"spring": [{"name": "a", "xyz": [1, 2, float("nan")]}]},
             "'m.toml': spring[0].xyz[2] expects a finite number, got inf or nan; correct it",
+        ),
+        (
+            {"spring": [{"name": "a", "of": {"x": 1.0, "y": "z"}}]},
+            "'m.toml': spring[0].of.y expects a number, got 'z'; correct it",
         ),
         ({"spring": {"a": "b" * 90}}, "'m.toml': spring expects a list, got {'a': 'bbb"),
         (3, "'m.toml': it expects a table, got 3; correct it"),

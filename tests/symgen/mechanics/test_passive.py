@@ -18,7 +18,7 @@ Q = np.array([-0.9, -0.2, 0.3, 0.7, 1.6])
 def torque(springs: tuple[Spring, ...] = (), curves: tuple[KnownTorque, ...] = ()) -> np.ndarray:
     """Known torque of the pendulum and columns of its springs, (N, 1 + s)."""
     chain = read_chain(TINY_URDF)
-    mechanism = replace(chain.mechanism, spring=springs, known_torque=curves)
+    mechanism = chain.mechanism.replace(spring=springs, known_torque=curves)
     q = ca.SX.sym("q", 1)
     chain = replace(chain, mechanism=mechanism)
     both = ca.horzcat(known_torque(chain, q), spring_columns(chain, q))
@@ -28,7 +28,7 @@ def torque(springs: tuple[Spring, ...] = (), curves: tuple[KnownTorque, ...] = (
 def test_springs_along_a_joint() -> None:
     """Oracle: x = 2 q, so τ = k (2 q − rest) · 2; a column for the unknown k alone."""
     along = Spring("s", of={"swing": 2.0}, rest=0.4, stiffness=7.0)
-    both = torque((along, replace(along, stiffness=None, rest=-0.1)))
+    both = torque((along, along.replace(stiffness=None, rest=-0.1)))
     np.testing.assert_allclose(both[:, 0], 7.0 * (2 * Q - 0.4) * 2, rtol=1e-14)
     np.testing.assert_allclose(both[:, 1], (2 * Q + 0.1) * 2, rtol=1e-14)
 

@@ -30,7 +30,7 @@ ENGINES = "runtime.outputs.model_files.engines"
 LIBRARIES = {
     "casadi": (),
     "pinocchio": (ENGINES,),
-    "mujoco": (ENGINES, "runtime.simulation.mujoco_engine"),
+    "mujoco": (ENGINES, "runtime.simulation.plant_engine"),
     "pydrake": (ENGINES,),
     "pxr": (ENGINES,),
     "yaml": (ENGINES,),

@@ -112,7 +112,7 @@ def test_public_names_are_those_of_the_code() -> None:
     """Property: the page lists all names of runtime, commands, registries, formats and C."""
     import runtime
     from runtime.campaign.drivers import DRIVERS
-    from runtime.excitation.motion.basis import BASES
+    from runtime.excitation.motion.trajectory import BASES
     from runtime.excitation.motion_export import MOTION_FORMATS
     from runtime.excitation.search.criteria import CRITERIA
     from runtime.outputs.model_files.export_format import EXPORT_FORMATS

@@ -30,10 +30,10 @@ from runtime.campaign.target import Target, known_before, reached, torque_noise
 from runtime.common.files import DRAFT, json_of, replacing
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
-from runtime.excitation.approach.way import way_to
 from runtime.excitation.proof.certified_motion import slowed
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
+from runtime.excitation.way import way_to
 from runtime.identification.result_file import write_result
 from runtime.library import Array, Library
 from runtime.recording import Recording, read_recording, write_recording

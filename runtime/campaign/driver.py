@@ -16,8 +16,7 @@ import numpy as np
 
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
-from runtime.excitation.motion.joined import JoinedMotion
-from runtime.excitation.motion.trajectory import sample_times
+from runtime.excitation.motion.trajectory import JoinedMotion, sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
 

@@ -15,7 +15,7 @@ import numpy as np
 from runtime.campaign.target import Target
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
-from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information

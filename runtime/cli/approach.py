@@ -40,13 +40,13 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.approach.way import Way, way_back, way_to
-from runtime.excitation.limits.unchecked import TABLE, require_consent
-from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
-from runtime.excitation.motion.joined import WAYS, JoinedMotion, joined
+from runtime.excitation.limits.safety import TABLE, require_consent
+from runtime.excitation.limits.safety import unchecked as unchecked_limits
+from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.proof.certified_motion import certified
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
+from runtime.excitation.way import Way, way_back, way_to
 from runtime.library import Array, Library
 from runtime.recording import read_recording
 from runtime.simulation import sample_times

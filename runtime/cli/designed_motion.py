@@ -30,12 +30,12 @@ from runtime.excitation import (
     design,
     predict,
 )
-from runtime.excitation.limits.distances import FIT_PROXIES
+from runtime.excitation.limits.constraints import FIT_PROXIES
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside
+from runtime.excitation.search.design import design_several, torque_sigma, with_motion
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.search.several_motions import design_several, torque_sigma, with_motion
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.search.variations import variation_count

@@ -63,8 +63,8 @@ from runtime.common.files import require_unused
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
-from runtime.excitation.limits.unchecked import TABLE, require_consent
-from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
+from runtime.excitation.limits.safety import TABLE, require_consent
+from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import FRICTION

@@ -42,7 +42,7 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
 from runtime.estimators.choice.default_friction import MEMORY
-from runtime.estimators.descent import PRESET_NAMES
+from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import settings_for
@@ -81,7 +81,7 @@ def identify_command(
     preset: Annotated[
         str | None,
         typer.Option(
-            metavar="|".join(PRESET_NAMES),
+            metavar="|".join(PRESETS),
             help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
             "document, full uses all samples in every step; default full.",
         ),
@@ -265,8 +265,6 @@ def _with_progress(
     method = chosen_method(settings.method, settings.preset, settings.prior)
     total = None
     if METHODS[method].takes_preset:
-        from runtime.estimators.descent.fit import PRESETS
-
         chosen = PRESETS.get(str(settings.preset or "full"))
         total = chosen.rule.max_iterations if chosen else None
     with counting(state) as progress:

@@ -12,7 +12,7 @@ _REGISTRIES = {
     "--to": "runtime.outputs.model_files.export_format:EXPORT_FORMATS",
     "--export": "runtime.excitation.motion_export:MOTION_FORMATS",
     "--criterion": "runtime.excitation.search.criteria:CRITERIA",
-    "--basis": "runtime.excitation.motion.basis:BASES",
+    "--basis": "runtime.excitation.motion.trajectory:BASES",
 }
 """Option → where its names are the keys."""
 

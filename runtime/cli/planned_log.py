@@ -19,8 +19,14 @@ import typer
 from runtime.cli.common import numbers_option
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.excitation.search.information import FRICTION, NOISE, Information, information
-from runtime.excitation.search.noise_spectrum import NoiseSpectrum, spectrum_of
+from runtime.excitation.search.information import (
+    FRICTION,
+    NOISE,
+    Information,
+    NoiseSpectrum,
+    information,
+    spectrum_of,
+)
 from runtime.identification.expected_accuracy.expected import (
     Expected,
     Knowledge,

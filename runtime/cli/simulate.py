@@ -33,7 +33,7 @@ from runtime.simulation import (
     settings_of,
     write_controller,
 )
-from runtime.simulation.mechanism import require_no_springs
+from runtime.simulation.plant import require_no_springs
 
 
 class Engine(StrEnum):

@@ -13,9 +13,14 @@ from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
-from runtime.excitation.limits.unchecked import unchecked
-from runtime.excitation.static.pose_design import RANDOM_SETS, PoseDesign, design_poses
-from runtime.excitation.static.pose_file import pose_json, pose_table
+from runtime.excitation.limits.safety import unchecked
+from runtime.excitation.static_poses import (
+    RANDOM_SETS,
+    PoseDesign,
+    design_poses,
+    pose_json,
+    pose_table,
+)
 from runtime.library import Library
 from runtime.library.torque_units import common_unit, torque_units
 

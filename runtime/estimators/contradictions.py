@@ -1,25 +1,27 @@
 """Contradictions between data, prior and result, in sentences that say which of them is wrong.
 
-Before any statement of trust: do the torques fit the inertial prior (`convex.prior_test`), do the
-torques of the joints fit each other (`regression.gain_test`), does their clock fit that of the
-motion (`regression.delay_test`), does the friction fit its columns (`regression.friction_test`),
-and does the result fit the torques?
+Before any statement of trust: do the torques fit the inertial prior (`convex.prior_agreement`), do
+the torques of the joints fit each other, does their clock fit that of the motion, does the friction
+fit its columns (`regression.deviation_tests`), and does the result fit the torques?
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from runtime.estimators.convex import Prior, Reduced
-from runtime.estimators.convex.prior_test import LEAST_DENSITY, PriorTest, prior_test
-from runtime.estimators.regression.delay_test import DelayTest, delay_column, delay_test
-from runtime.estimators.regression.friction_test import (
+from runtime.estimators.convex.prior_agreement import LEAST_DENSITY, PriorTest, prior_test
+from runtime.estimators.regression.deviation_tests import (
+    DelayTest,
     FrictionTest,
+    GainTest,
+    delay_column,
+    delay_test,
     friction_columns,
     friction_test,
+    gain_test_of,
 )
-from runtime.estimators.regression.gain_test import GainTest, gain_test_of
-from runtime.estimators.regression.score_test import FreeFit, with_columns
+from runtime.estimators.regression.omitted_columns import FreeFit, with_columns
 from runtime.library import Array, Library
 
 SCALE = 3.0
@@ -32,7 +34,8 @@ UNFITTED = 2.0
 the prior, is the cause."""
 
 
-class ModelTests(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelTests:
     """Results of all tests.
 
     Attributes:
@@ -47,7 +50,7 @@ class ModelTests(NamedTuple):
     contradictions: tuple[str, ...] = ()
     model_errors: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
-    gain_limits: Array = np.zeros(0)
+    gain_limits: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def model_tests(

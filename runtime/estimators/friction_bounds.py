@@ -8,7 +8,8 @@ Karush–Kuhn–Tucker conditions hold. Source: Portugal, Júdice & Vicente 1994
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,8 @@ NEGATIVE_CAUSE = (
 Answer = TypeVar("Answer")
 
 
-class Bounds(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounds:
     """Bounds of φ.
 
     Attributes:
@@ -62,7 +64,8 @@ class Bounds(NamedTuple):
     upper: Array
 
 
-class Held(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
     """Coefficients that ended at a bound.
 
     Attributes:

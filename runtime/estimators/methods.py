@@ -1,11 +1,80 @@
 """Every estimator by its name, and what a problem must offer before one is run."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Origin, Problem
+from runtime.library import Library
 from runtime.registry import Registry
+
+DEFAULT = "map"
+"""The method where neither a name nor a preset is given."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Method:
+    """One estimator.
+
+    Attributes:
+        name: word by which a user selects it.
+        sentence: what it is, for `--help`, tables and reports.
+        fit: solves a `Problem`. It gets the keyword `preset` where `takes_preset` and the keyword
+            `prior`, a `PriorFile` or None, where `takes_prior`.
+        label: heading of its column in tables; the name in capitals where empty.
+        from_statistics: compressed statistics are all that it needs of the samples. It then takes
+            streamed logs, several logs, and rows without accelerations.
+        bounds_friction: its viscous, Coulomb and rotor coefficients are ≥ 0.
+        every_joint: needs an equation per joint, not the power of all joints.
+        uses_validation: stops or chooses by the validation part, which it does not train on.
+        takes_log: gets the keyword `log`, the `Origin` of the samples or None.
+        files: name of an input that only this method needs → reader of its file.
+        unfiltered: works on the unfiltered recording, so that no low-pass is missed.
+        columns: friction columns that it can use; None for any.
+        default_columns: friction columns that it is given where none are named.
+        objective: what it does instead of minimising the weighted loss L; empty where it does.
+        when_recommended: half a sentence that follows where a comparison recommends it.
+        takes_preset: has settings to choose from.
+        takes_prior: uses a file of inertial priors.
+        is_most_probable: returns the most probable model under the inertial prior, so that the
+            posterior is centred at its answer.
+        in_batches: whether a preset (a name, settings or None) draws samples one by one; None
+            where no preset does.
+    """
+
+    name: str
+    sentence: str
+    fit: Callable[..., Fit]
+    label: str = ""
+    from_statistics: bool = False
+    bounds_friction: bool = False
+    every_joint: bool = False
+    uses_validation: bool = False
+    takes_log: bool = False
+    files: Mapping[str, Callable[[Path, Library], Any]] = field(default_factory=dict)
+    unfiltered: bool = False
+    columns: tuple[str, ...] | None = None
+    default_columns: tuple[str, ...] = ()
+    objective: str = ""
+    when_recommended: str = ""
+    takes_preset: bool = False
+    takes_prior: bool = False
+    is_most_probable: bool = False
+    in_batches: Callable[[Any], bool] | None = None
+
+    @property
+    def heading(self) -> str:
+        """Heading of its column in tables."""
+        return self.label or self.name.upper()
+
+    def needs_samples(self, preset: Any = None) -> bool:
+        """Whether it needs the samples one by one, with a preset or without."""
+        if not self.from_statistics:
+            return True
+        return self.in_batches is not None and self.in_batches(preset)
+
 
 METHODS: Registry[Method] = Registry(
     "symgen.estimators",
@@ -17,8 +86,8 @@ METHODS: Registry[Method] = Registry(
         "lm": "runtime.estimators.descent.fit:LEVENBERG_MARQUARDT",
         "log-cholesky": "runtime.estimators.descent.fit:LOG_CHOLESKY",
         "pc-ols": "runtime.estimators.classical.pc_ols:PC_OLS",
-        "ols": "runtime.estimators.classical.ols:OLS",
-        "wls": "runtime.estimators.classical.wls:WLS",
+        "ols": "runtime.estimators.classical.least_squares:OLS",
+        "wls": "runtime.estimators.classical.least_squares:WLS",
         "iv": "runtime.estimators.literature.iv_didim:IV",
         "didim": "runtime.estimators.literature.iv_didim:DIDIM",
         "ekf": "runtime.estimators.literature.kalman:EKF",
@@ -26,8 +95,6 @@ METHODS: Registry[Method] = Registry(
         "nn": "runtime.estimators.literature.neural:NEURAL",
     },
 )
-DEFAULT = "map"
-"""The method where neither a name nor a preset is given."""
 
 
 def require_method(name: str) -> Method:

@@ -1,22 +1,33 @@
-"""`Problem` and `Fit`: the input and the result of every estimator."""
+"""`Problem` and `Fit`: the input and the result of every estimator.
+
+A robot has a unit of mass, so that arms of grams and of tons get the steps of arms of kilograms.
+Steps in λ, thresholds of the loss and the noise of the document's weights are in kg, m and N·m, for
+arms of a few kg per link. τ and F φ are linear in masses, so that a problem in another unit s of
+mass has τ/s, φ/s and π/s, and a loss L/s². s is a power of four, which makes the conversion exact,
+and 1 for usual arms.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression import Statistics, compress_all
 from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
-if TYPE_CHECKING:
-    from runtime.estimators.optimizers import Trace
+USUAL = 2.0
+"""Median mass of a link of usual arms, kg."""
+WITHIN = 16.0
+"""Factor on it within which the unit stays 1 kg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +50,8 @@ class Origin:
     inputs: Mapping[str, Any] = field(default_factory=dict)
 
 
-class FrictionPrior(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionPrior:
     """Gaussian prior of friction coefficients.
 
     Attributes:
@@ -60,7 +72,8 @@ class FrictionPrior(NamedTuple):
         return replace(like, factor=rows, target=target, rest=0.0, n_samples=0.0)
 
 
-class NoiseFloor(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFloor:
     """Least noise of rows whose residuals cannot show it: fewer independent ones than unknowns.
 
     Attributes:
@@ -161,7 +174,7 @@ class Fit:
     lam: Array | None
     status: str
     iterations: int | None = None
-    trace: "Trace | None" = None
+    trace: Trace | None = None
     optimum: float | None = None
     notes: tuple[str, ...] = ()
     weights: Array | None = None
@@ -195,3 +208,45 @@ def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> 
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
     solution = np.linalg.lstsq(columns, rest, rcond=None)[0]
     return np.asarray(solution, dtype=float).reshape(shape)
+
+
+def mass_unit(lib: Library, pi: Array) -> float:
+    """Unit of mass s of a robot, kg."""
+    middle = float(np.median(mass(links(pi))))
+    if not middle > 0:
+        middle = float(np.median(mass(links(lib.pi0))))
+    if not 0 < middle < np.inf or USUAL / WITHIN <= middle <= USUAL * WITHIN:
+        return 1.0
+    return float(4.0 ** round(np.log(middle / USUAL) / np.log(4.0)))
+
+
+def in_unit(problem: Problem, unit: float) -> Problem:
+    """The same problem with another unit of mass."""
+    if unit == 1.0:
+        return problem
+    pieces = problem.pieces
+
+    def scaled(samples: Samples) -> Samples:
+        return replace(samples, tau=samples.tau / unit)
+
+    def scaled_pieces(part: str) -> Iterable[Samples]:
+        return (scaled(samples) for samples in problem.samples(part))
+
+    return replace(
+        problem,
+        train=scaled(problem.train),
+        validation=scaled(problem.validation),
+        start=_lam_in_unit(problem.start, unit),
+        pieces=None if pieces is None else scaled_pieces,
+    )
+
+
+def _lam_in_unit(lam: Array, unit: float) -> Array:
+    """λ of π/s, (10 n,): ln m − ln s, and semi-axes over √s; c and ω stay."""
+    bodies = (lam_parts(body) for body in links(lam))
+    return np.concatenate(
+        [
+            lam_from_parts(log_mass - np.log(unit), centre, omega, axes / np.sqrt(unit))
+            for log_mass, centre, omega, axes in bodies
+        ]
+    )

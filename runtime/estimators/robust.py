@@ -14,8 +14,7 @@ Driessen 2006; all of them on blocks: ours.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from runtime.library import Array, Library
 
 LENGTH = 10
 """Rows of a block."""
-FEWEST = 20
+FEWEST_BLOCKS = 20
 """Blocks below which their spread is not known."""
 K = 3.0
 """Threshold of ln u above its median in robust standard deviations."""
@@ -51,7 +50,8 @@ NORMAL = 1.4826
 _LISTED = 5
 
 
-class RowWeights(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class RowWeights:
     """Weights of rows.
 
     Attributes:
@@ -103,9 +103,10 @@ def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
         raise IdentificationError(
             "weights of rows need the whole log in memory, but it is streamed; give --no-stream"
         )
-    if len(train) < FEWEST * LENGTH:
+    if len(train) < FEWEST_BLOCKS * LENGTH:
         raise IdentificationError(
-            f"robust weights need {FEWEST * LENGTH} training rows or more, got {len(train)}; "
+            f"robust weights need {FEWEST_BLOCKS * LENGTH} training rows or more, got "
+            f"{len(train)}; "
             "record for longer, or leave out --robust"
         )
     rows = explicit(problem.lib, train)

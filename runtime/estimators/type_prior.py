@@ -17,9 +17,10 @@
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -39,7 +40,8 @@ ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 
 
-class KnownFriction(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownFriction:
     """Friction coefficients of a type.
 
     Attributes:

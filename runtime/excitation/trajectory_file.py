@@ -1,7 +1,7 @@
 """A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,20 @@ import numpy as np
 
 from runtime.common.files import json_of, replacing
 from runtime.errors import IdentificationError, RecordingError
-from runtime.excitation import COSINE, LONGEST, Design, Prediction, Trajectory, basis_of
-from runtime.excitation.motion.joined import WAYS, JoinedMotion, joined
-from runtime.excitation.search.prediction_facts import facts as facts_of
+from runtime.excitation.motion.trajectory import (
+    COSINE,
+    WAYS,
+    JoinedMotion,
+    Trajectory,
+    basis_of,
+    joined,
+)
+from runtime.excitation.search.design import Design
+from runtime.excitation.search.design_settings import LONGEST
+from runtime.excitation.search.prediction import Prediction
 from runtime.library import Library
 
-LARGEST = 1e6
+LARGEST_NUMBER = 1e6
 """Largest number of a trajectory that is read, in SI units."""
 
 
@@ -38,7 +46,7 @@ def write_trajectory(
         **(further or {}),
     }
     if prediction is not None:
-        known["prediction"] = facts_of(prediction)
+        known["prediction"] = facts(prediction)
     write_motion(designed.trajectory, lib, path, known, ways)
 
 
@@ -126,10 +134,43 @@ def _trajectory(facts: Any, joints: object, path: Path, lib: Library) -> Traject
             "python -m runtime excite"
         )
     numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
-    if not (np.abs(numbers) < LARGEST).all() or not 0 < trajectory.duration <= LONGEST:
+    if not (np.abs(numbers) < LARGEST_NUMBER).all() or not 0 < trajectory.duration <= LONGEST:
         raise RecordingError(
-            f"the trajectory '{path}' holds numbers beyond {LARGEST:g} or not finite, or a "
+            f"the trajectory '{path}' holds numbers beyond {LARGEST_NUMBER:g} or not finite, or a "
             f"duration that is not positive or beyond {LONGEST:g} s; make one with: "
             "python -m runtime excite"
         )
     return trajectory
+
+
+def facts(prediction: Prediction) -> dict[str, object]:
+    """The prediction as a JSON object."""
+
+    def numbers(values: Iterable[float] | None) -> list[float] | None:
+        return None if values is None else [float(value) for value in values]
+
+    return {
+        "torque_noise": numbers(prediction.noise),
+        "rate_hz": prediction.rate,
+        "earlier_logs_count": prediction.has_earlier_logs,
+        "unknowns": "payload" if prediction.payload_only else "base parameters",
+        **({"left_out": list(prediction.left_out)} if prediction.left_out else {}),
+        "criteria": [
+            {
+                "samples": score.samples,
+                "columns": score.columns,
+                "friction": list(score.friction),
+                "condition_number_of_unit_columns": score.condition,
+                "relative_error": score.relative_error,
+                "torque_error": score.torque_error,
+                "half_axis": score.half_axis,
+            }
+            for score in prediction.scores
+        ],
+        "sigma": numbers(prediction.sigma),
+        "sigma_with_friction": numbers(prediction.sigma_with_friction),
+        "sigma_of_torque_per_joint": numbers(prediction.torque),
+        "sigma_of_payload_mass": prediction.payload_mass,
+        "sigma_of_payload_com": numbers(prediction.payload_com),
+        "notes": list(prediction.notes),
+    }

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.estimators.armature_prior import friction_prior_of
-from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem
+from runtime.estimators.prior_file import friction_prior_of
+from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains.scaling import in_torque
 from runtime.identification.settings import Settings, settings_from, shares_of

@@ -19,8 +19,13 @@ from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
-from runtime.simulation.mechanism import require_no_springs
-from runtime.simulation.plant import Controller, Plant, SimulatedMotion, per_joint
+from runtime.simulation.plant import (
+    Controller,
+    Plant,
+    SimulatedMotion,
+    per_joint,
+    require_no_springs,
+)
 
 LONGEST_SUBSTEP = 2e-4
 """Longest integration step of the plant, s; one step leaves an error of order h³."""

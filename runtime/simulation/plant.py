@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runtime.errors import IdentificationError
-from runtime.library import Array
+from runtime.errors import IdentificationError, SimulationError
+from runtime.library import Array, Library
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,3 +104,20 @@ def per_joint(n: int, value: ArrayLike, name: str) -> Array:
             "give that many"
         )
     return np.array(np.broadcast_to(array, (n,)))
+
+
+def has_mechanism(lib: Library) -> bool:
+    """Whether joints follow others, or springs and curves of known stiffness act on them."""
+    manifest = lib.manifest
+    return (
+        manifest.coupling is not None or bool(manifest.loops) or "known_torque" in manifest.kernels
+    )
+
+
+def require_no_springs(lib: Library) -> None:
+    """Raise SimulationError where springs or torque curves act, which compiled simulations lack."""
+    if "known_torque" in lib.manifest.kernels:
+        raise SimulationError(
+            f"springs or torque curves act on '{lib.name}', which the compiled simulation "
+            "does not contain; use --engine mujoco (record), or --ideal (ideal)"
+        )

@@ -1,11 +1,245 @@
-"""Choice of the engine of a virtual robot: MuJoCo, or the kernels where joints follow others."""
+"""Engines of a virtual robot: MuJoCo, or the kernels where joints follow others.
 
+MuJoCo gets the tree of the manifest, as an engine that is independent of the kernels:
+
+    (M(q) + diag J) ddq + h(q, dq) = τ,   implicit in the velocity ("implicitfast")
+
+Bodies have the mass, centre of mass and principal inertia of a given π, joints their armature J and
+their range; there are no shapes, no actuators, no compensation of gravity. MuJoCo sorts joints
+depth first: `Engine.places` maps the joints of the library to it.
+
+Plants whose joints follow others take the compiled kernels in the independent joints:
+
+    (M(q) + diag J + h D) (dq⁺ − dq) = h (τ − h(q, dq) − p(q) − D dq),   q⁺ = q + h dq⁺
+
+M and the bias forces h(q, dq) are those of the mechanism, Gᵀ M_all G and so on; p are torques of
+springs and curves of known stiffness, D the damping of the step. The step is MuJoCo's, the
+equations are those of the kernels, so that such a log does not check them.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.errors import SimulationError
 from runtime.library import Array, Library
-from runtime.simulation.mechanism import has_mechanism
-from runtime.simulation.mujoco_engine import Engine, engine
-from runtime.simulation.reduced_engine import ReducedEngine
+from runtime.library.manifest import JointFacts
+from runtime.library.parameters import lam_parts, links
+from runtime.simulation.plant import has_mechanism
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """MuJoCo's model and state of one robot.
+
+    Attributes:
+        mujoco: the Python package.
+        model, data: of MuJoCo.
+        places: index in MuJoCo's q and dq of each joint of the library, (n,).
+    """
+
+    mujoco: Any
+    model: Any
+    data: Any
+    places: Array
+
+    @property
+    def name(self) -> str:
+        """Name and version."""
+        return f"mujoco {self.mujoco.__version__}"
+
+    @property
+    def q(self) -> Array:
+        """Positions (n,) [rad, m], to be written to."""
+        return np.asarray(self.data.qpos)
+
+    @property
+    def dq(self) -> Array:
+        """Velocities (n,) [rad/s, m/s], to be written to."""
+        return np.asarray(self.data.qvel)
+
+    @property
+    def applied(self) -> Array:
+        """Torques (n,) [N·m, N] of the next step, to be written to."""
+        return np.asarray(self.data.qfrc_applied)
+
+    @property
+    def damping(self) -> Array:
+        """Damping (n,) [N·m·s/rad, N·s/m] of the next step, to be written to."""
+        return np.asarray(self.model.dof_damping)
+
+    @property
+    def step_s(self) -> float:
+        """Step of the integrator [s]."""
+        return float(self.model.opt.timestep)
+
+    def advance(self) -> None:
+        """Move the state by one step under the applied torques and the damping."""
+        self.mujoco.mj_step(self.model, self.data)
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
+
+        q (n,), dq (n,), ddq (n,) → (n,).
+        """
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        self.mujoco.mj_inverse(self.model, data)
+        return np.array(data.qfrc_inverse)
+
+    def mass_diagonal(self, q: Array) -> Array:
+        """Diagonal of M(q) with the rotors, in MuJoCo's order.
+
+        q (n,) → (n,).
+        """
+        data, n = self.data, self.model.nv
+        data.qpos[:], data.qvel[:] = q, 0.0
+        self.mujoco.mj_forward(self.model, data)
+        columns = np.zeros((n, n))
+        for unit, column in zip(np.eye(n), columns, strict=True):
+            self.mujoco.mj_mulM(self.model, data, column, unit)
+        return np.array(np.diagonal(columns))
+
+    def sorted(self, values: Array) -> Array:
+        """Values (…, n) in MuJoCo's order from those of the library."""
+        return np.ascontiguousarray(values[..., np.argsort(self.places)])
+
+    def restored(self, values: Array) -> Array:
+        """Values (…, n) in the order of the library from MuJoCo's."""
+        return np.ascontiguousarray(values[..., self.places])
+
+
+def engine(
+    lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
+) -> Engine:
+    """Build MuJoCo's model of a robot with given parameters."""
+    if lib.manifest.coupling is not None or lib.manifest.loops:
+        raise SimulationError(
+            f"joints of '{lib.name}' follow others, which this model in MuJoCo has no equalities "
+            "for; use runtime.simulation.plant_engine, or lock the joints when you build"
+        )
+    mujoco = _mujoco()
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = step
+    spec.option.gravity = lib.manifest.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Divergence raises an error in this package; MuJoCo would reset the state silently.
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (lib.n_joints,))
+    bodies: list[Any] = []
+    for joint, lam, armature in zip(
+        lib.manifest.joints, links(lib.lam_from_pi(pi)), inertia, strict=True
+    ):
+        parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, np.ravel(joint.rotation))
+        body = parent.add_body(pos=joint.translation, quat=quaternion)
+        bodies.append(body)
+        _add_joint(mujoco, body, joint, float(armature), ranges)
+        _set_inertia(mujoco, body, lam)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise SimulationError(f"MuJoCo refuses the robot '{lib.name}': {reason}") from None
+    places = np.array([model.joint(name).dofadr[0] for name in lib.joint_names])
+    return Engine(mujoco, model, mujoco.MjData(model), places)
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise SimulationError(
+            "the virtual robot needs MuJoCo, which is not installed; "
+            "run: pip install 'symgen[simulation]'"
+        ) from None
+    return mujoco
+
+
+def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, ranges: bool) -> None:
+    prismatic = joint.kind == "prismatic"
+    kind = mujoco.mjtJoint.mjJNT_SLIDE if prismatic else mujoco.mjtJoint.mjJNT_HINGE
+    made = body.add_joint(name=joint.name, type=kind, axis=joint.axis, armature=armature)
+    made.limited = int(ranges and joint.lower is not None and joint.upper is not None)
+    if made.limited:
+        made.range = (joint.lower, joint.upper)
+
+
+def _set_inertia(mujoco: Any, body: Any, lam: Array) -> None:
+    """Set mass, centre and principal inertia from λ: m = e^μ, c, and R diag(…) Rᵀ about c."""
+    log_mass, centre, rotation, axes = lam_parts(lam)
+    a, b, c = axes**2
+    angle = float(np.linalg.norm(rotation))
+    quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+    if angle > 0:
+        mujoco.mju_axisAngle2Quat(quaternion, rotation / angle, angle)
+    body.mass = float(np.exp(log_mass))
+    body.ipos = centre
+    body.iquat = quaternion
+    body.inertia = (b + c, c + a, a + b)
+    body.explicitinertial = True
+
+
+class ReducedEngine:
+    """State and step of a plant in the order of the library; for `mujoco_engine.Engine`."""
+
+    def __init__(self, lib: Library, pi: Array, rotor: ArrayLike, step: float) -> None:
+        """A plant at rest at q = 0."""
+        lib.lam_from_pi(pi)  # raises
+        n = lib.n_joints
+        self.lib, self.pi, self.step_s = lib, pi, step
+        self.rotor = np.broadcast_to(np.asarray(rotor, dtype=float), (n,))
+        self.q, self.dq = np.zeros(n), np.zeros(n)
+        self.damping, self.applied = np.zeros(n), np.zeros(n)
+        self.places: Array = np.array(range(n))
+        self.name = "symgen kernels"
+
+    def sorted(self, values: Array) -> Array:
+        """Values (…, n) as they are."""
+        return np.ascontiguousarray(values)
+
+    def restored(self, values: Array) -> Array:
+        """Values (…, n) as they are."""
+        return np.ascontiguousarray(values)
+
+    def advance(self) -> None:
+        """Move the state by one step under the applied torques and the damping."""
+        lib, h = self.lib, self.step_s
+        lib.require_closed(self.q)
+        inertia = self._mass(self.q) + np.diag(h * self.damping)
+        bias = lib.bias_forces(self.q, self.dq, self.pi) + lib.known_torque(self.q)
+        force = self.applied - bias - self.damping * self.dq
+        try:
+            self.dq += h * np.linalg.solve(inertia, force)
+        except np.linalg.LinAlgError:
+            raise SimulationError(
+                f"the mass matrix of '{lib.name}' is singular, so its motion is not determined; "
+                "give every moving link a mass, or rotor inertias"
+            ) from None
+        self.q += h * self.dq
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torque of one state, rotors, springs and curves included.
+
+        q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n,) [N·m, N].
+        """
+        rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
+        return np.asarray(rigid + self.rotor * ddq + self.lib.known_torque(q))
+
+    def mass_diagonal(self, q: Array) -> Array:
+        """Diagonal of M(q) + J.
+
+        q (n,) [rad, m] → (n,) [kg·m², kg].
+        """
+        return np.array(np.diagonal(self._mass(q)))
+
+    def _mass(self, q: Array) -> Array:
+        n = self.lib.n_joints
+        return np.reshape(self.lib.mass_matrix(q, self.pi), (n, n)) + np.diag(self.rotor)
 
 
 def plant_engine(

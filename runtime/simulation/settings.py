@@ -1,7 +1,7 @@
 """Settings of a virtual robot beside its inertia: rotors, friction, sensors, drive, controller.
 
     [inertia]     spread (of the truth about the model), rotor [kg·m²]
-    [friction]    see `runtime.simulation.joint_friction`
+    [friction]    see `runtime.simulation.virtual_robot`
     [sensors]     quanta, noise, bias, gain; see `runtime.simulation.sensors`
     [drive]       delay_s of the torque, step_s of the engine
     [controller]  law, stiffness K_p [1/s²], damping K_d [1/s], rate_hz
@@ -26,9 +26,22 @@ import numpy as np
 from runtime.common.files import toml_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.simulation.plausible_settings import LAWS, by_limits
 
+LAWS = ("computed_torque", "feedforward")
+"""Control laws; the first one where none is stated."""
 FOLDER = Path(__file__).parent / "robots"
+_PLAIN = {
+    "inertia": ("spread", "rotor"),
+    "drive": ("delay_s", "step_s"),
+    "controller": ("law", "stiffness", "damping", "rate_hz"),
+}
+_SINGLE = ("spread", "delay_s", "step_s", "rate_hz")
+_ABOVE_ZERO = ("stribeck_speed", "dahl_stroke", "velocity_cutoff_hz", "step_s", "rate_hz", "rotor")
+_ANY_SIGN = ("ripple_phase",)
+_MOST_SPREAD = 1.0
+"""Largest spread, exp(±1) on every principal moment: more than manufacturing leaves."""
+_WHOLE = 1e-6
+"""Relative tolerance of a number of steps, for the rounding of decimals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,21 +106,6 @@ class VirtualRobotSettings:
         return hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode()).hexdigest()
 
 
-_GROUPS: dict[str, type] = {"friction": VirtualFriction, "sensors": Sensors}
-_PLAIN = {
-    "inertia": ("spread", "rotor"),
-    "drive": ("delay_s", "step_s"),
-    "controller": ("law", "stiffness", "damping", "rate_hz"),
-}
-_SINGLE = ("spread", "delay_s", "step_s", "rate_hz")
-_ABOVE_ZERO = ("stribeck_speed", "dahl_stroke", "velocity_cutoff_hz", "step_s", "rate_hz", "rotor")
-_ANY_SIGN = ("ripple_phase",)
-_MOST_SPREAD = 1.0
-"""Largest spread, exp(±1) on every principal moment: more than manufacturing leaves."""
-_WHOLE = 1e-6
-"""Relative tolerance of a number of steps, for the rounding of decimals."""
-
-
 def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
     """Settings of a robot: by its limits, then the bundled file, then that of the user.
 
@@ -161,6 +159,9 @@ def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Virt
                 "whole number of times; change one of them"
             )
     return made
+
+
+_GROUPS: dict[str, type] = {"friction": VirtualFriction, "sensors": Sensors}
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -232,3 +233,59 @@ def _law(value: Any) -> str:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def by_limits(lib: Library) -> dict[str, dict[str, Any]]:
+    """Plausible tables for any robot, from effort and velocity limits.
+
+    Shares of the largest torque that geared joints with torque sensors have, rounded. A joint
+    without an effort limit is assumed to lift three times what it carries, and to accelerate it
+    with 20 rad/s²; without a velocity limit to turn with π rad/s.
+    """
+    limits = lib.limits()
+    effort = np.where(np.isfinite(limits["effort"]), limits["effort"], _strength(lib))
+    speed = np.where(np.isfinite(limits["velocity"]), limits["velocity"], np.pi)
+    turning = np.array([joint.unit == "rad" for joint in lib.manifest.joints])
+    coulomb = 0.01 * effort
+    return {
+        "inertia": {"spread": 0.02, "rotor": effort / 250},
+        "friction": {
+            "coulomb": coulomb,
+            "asymmetry": 0.1,
+            "stribeck": 0.25,
+            "stribeck_speed": 0.05 * speed,
+            "viscous": 0.5 * coulomb / speed,
+            "load": 0.005,
+            "ripple": 0.06,
+            "ripple_waves": np.where(turning, 8.0, 80.0),
+            "ripple_phase": np.arange(lib.n_joints),
+            "dahl_stroke": np.where(turning, 2e-3, 2e-4),
+        },
+        "sensors": {
+            "position_quantum": np.where(turning, 1e-5, 1e-6),
+            "position_noise": np.where(turning, 5e-6, 5e-7),
+            "velocity_cutoff_hz": 100.0,
+            "torque_gain": 0.003,
+            "torque_bias": 0.002 * effort,
+            "torque_noise": 0.001 * effort,
+            "torque_quantum": 1e-4 * effort,
+        },
+        "drive": {"delay_s": 0.001, "step_s": 2.5e-4},
+        "controller": {
+            "law": LAWS[0],
+            "stiffness": 225.0,
+            "damping": 30.0,
+            "rate_hz": 1000.0,
+        },
+    }
+
+
+def _strength(lib: Library) -> Array:
+    """Torque of joints without an effort limit, (n,); from 100 fixed poses within reach."""
+    limits = lib.limits()
+    low = np.where(np.isfinite(limits["lower"]), limits["lower"], lib.home - np.pi)
+    high = np.where(np.isfinite(limits["upper"]), limits["upper"], lib.home + np.pi)
+    q = low + (high - low) * np.random.default_rng(0).uniform(size=(100, lib.n_joints))
+    weight = np.abs(lib.bias_forces(q, np.zeros_like(q), lib.pi0)).max(axis=0)
+    inertia = np.diagonal(lib.mass_matrix(q, lib.pi0), axis1=1, axis2=2).max(axis=0)
+    return np.asarray(np.maximum(3 * weight, 20 * inertia))

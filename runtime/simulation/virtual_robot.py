@@ -11,7 +11,17 @@ the truth is drawn, is `pi`, by default that of the URDF:
 
 The controller ticks at its rate on measured q̂, dq̂; its torque arrives after the delay, within the
 motor's limits, and is held. Between ticks MuJoCo integrates the plant, or `ReducedEngine` where
-joints follow others, with `friction` against it. Same seeds, same bits.
+joints follow others, with friction against it. Same seeds, same bits.
+
+Friction of a virtual joint is richer than the models that are fitted, and has a memory:
+
+    f = c(dq) z + f_v dq + r f_c sin(w q + φ)
+    c = f_c (1 ± a) + s f_c exp(−(dq/v_s)²) + k |τ|       + for dq > 0, − for dq < 0
+    dz = (dq − |dq| z) dt / z_c                            Dahl's state, z ∈ [−1, 1]
+
+f_c `coulomb`, a `asymmetry`, s `stribeck`, v_s `stribeck_speed`, f_v `viscous`, k `load` of the
+torque τ behind the joint, r `ripple` with w `ripple_waves` per rad and φ `ripple_phase`, z_c
+`dahl_stroke`. Source: Armstrong-Hélouvry 1994 (Stribeck), Dahl 1976, Hamon et al. 2010 (load).
 """
 
 from collections.abc import Callable
@@ -19,6 +29,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
@@ -26,17 +37,13 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation.box_payload import Box, pi_from_pseudo
-from runtime.simulation.joint_friction import JointFriction
-from runtime.simulation.mujoco_engine import Engine
 from runtime.simulation.plant import SimulatedMotion
-from runtime.simulation.plant_engine import plant_engine
-from runtime.simulation.reduced_engine import ReducedEngine
+from runtime.simulation.plant_engine import Engine, ReducedEngine, plant_engine
 from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque
-from runtime.simulation.settings import VirtualRobotSettings, settings_of
+from runtime.simulation.settings import VirtualFriction, VirtualRobotSettings, settings_of
 
 ASTRAY = 0.5
 """Distance from the reference at which the simulation is stopped, rad or m."""
-
 _THINNEST = 1e-12
 """Least eigenvalue of a drawn pseudo-inertia over the largest."""
 _CHUNK = 500
@@ -162,8 +169,6 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
 
     pi (10 n,) → (10 n,).
     """
-    from scipy.linalg import expm
-
     lib.lam_from_pi(pi)  # raises where a body is not physically consistent: it has no root
     draws = rng.normal(size=(lib.n_links, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
@@ -173,6 +178,43 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
     root = vectors * np.sqrt(values)[:, None] @ np.swapaxes(vectors, 1, 2)
     changed = root @ np.stack([expm(each) for each in S]) @ root
     return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)
+
+
+class JointFriction:
+    """The friction of all joints in time; z is its state."""
+
+    def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
+        """Friction from z = 0, in the order of the engine."""
+        order = np.argsort(places)
+        self.z = np.zeros(len(order))
+        f_c = law.coulomb[order]
+        self._forward, self._backward = (
+            f_c * (1 + side * law.asymmetry[order]) for side in (1, -1)
+        )
+        self._peak = law.stribeck[order] * f_c
+        self._sharpness = -1 / law.stribeck_speed[order] ** 2
+        self._viscous, self._load = law.viscous[order], law.load[order]
+        self._ripple = law.ripple[order] * f_c
+        self._waves, self._phase = law.ripple_waves[order], law.ripple_phase[order]
+        self._bend = step / law.dahl_stroke[order]
+
+    def advance(self, q: Array, dq: Array, tau: Array) -> tuple[Array, Array]:
+        """Friction torque of a step; moves the state z over it.
+
+        z ← (z + h dq/z_c) / (1 + h |dq|/z_c) never leaves [−1, 1], however long the step.
+
+        q (n,), dq (n,), tau (n,) → (n,).
+        """
+        travel = self._bend * dq
+        way = 1 + np.abs(travel)
+        z = (self.z + travel) / way
+        level = np.where(dq > 0, self._forward, self._backward)
+        level += self._peak * np.exp(self._sharpness * dq * dq)
+        level += self._load * np.abs(tau)
+        slope = self._viscous + level * self._bend * (1 - np.abs(z)) / way
+        self.z = z
+        f = level * z + self._viscous * dq + self._ripple * np.sin(self._waves * q + self._phase)
+        return f, slope
 
 
 class _Simulator:

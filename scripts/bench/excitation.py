@@ -11,7 +11,7 @@ from bench.front import BenchError, Sheet
 from bench.machine import processor
 from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.library import Library
 
 DOCUMENT = 5.4178

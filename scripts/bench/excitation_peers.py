@@ -17,8 +17,8 @@ from bench.accuracy import parameter_order
 from bench.peers import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.measures import Measure
-from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 

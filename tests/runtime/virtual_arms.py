@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from runtime.excitation import Trajectory
-from runtime.excitation.motion.basis import basis_of
+from runtime.excitation.motion.trajectory import basis_of
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recipe
 from runtime.recording.recipes.recipe import Signal, Time
 from runtime.simulation import VirtualLog, record
-from runtime.simulation.plausible_settings import by_limits
-from runtime.simulation.settings import VirtualRobotSettings, settings_from
+from runtime.simulation.settings import VirtualRobotSettings, by_limits, settings_from
 
 DURATION, SPLINES, SPAN = 30.0, 24, 2.4
 """Length of the motion [s], number of its splines, and the range of every joint [rad]."""

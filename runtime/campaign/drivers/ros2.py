@@ -16,7 +16,7 @@ import numpy as np
 from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
 from runtime.campaign.drivers import DriverKind, DriverSettings, imported
 from runtime.errors import SimulationError
-from runtime.excitation.motion_formats.ros import RATE
+from runtime.excitation.motion_export import ROS_RATE
 from runtime.library import Library
 
 NAME = "ros2"
@@ -82,7 +82,7 @@ class RosDriver(Driver):
         """Send the motion as one goal."""
         goal = self._action.Goal()
         goal.trajectory.joint_names = list(self.lib.joint_names)
-        count = max(1, int(np.ceil(motion.duration * RATE)))
+        count = max(1, int(np.ceil(motion.duration * ROS_RATE)))
         nanoseconds = np.round(np.linspace(0.0, motion.duration, count + 1) * 1e9).astype(int)
         # The first point is the place where the arm stands, which controllers need not repeat.
         states = motion.at(self.lib, nanoseconds[1:] * 1e-9)[:3]

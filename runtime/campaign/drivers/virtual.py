@@ -15,11 +15,10 @@ from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sa
 from runtime.campaign.drivers import DriverKind, DriverSettings
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
-from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.sensors import Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
-from runtime.simulation.virtual_robot import perturbed
+from runtime.simulation.virtual_robot import JointFriction, perturbed
 
 FAULTS = ("stuck", "collision", "dead", "clock")
 TIMEOUT = 0.003

@@ -9,19 +9,19 @@ Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import clarabel
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.ols import counted_in_links
+from runtime.estimators.classical.least_squares import counted_in_links
 from runtime.estimators.convex import Path, follow_compiled, prior_of, reduce
 from runtime.estimators.convex.path import PATIENCE, SHRINK
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
-from runtime.estimators.method import Method
+from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
@@ -186,7 +186,7 @@ class _Cones:
         top[0, -1] = -1.0
         a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), 1))])])
         b = np.concatenate([[0.0], -self._statistics.target / self._unit])
-        return _Block(a, b, [clarabel.SecondOrderConeT(len(b))])
+        return _Block(a, a != 0, b, [clarabel.SecondOrderConeT(len(b))])
 
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
@@ -197,13 +197,17 @@ class _Cones:
         root2 = np.sqrt(2.0)
         one = np.array([[p[i, j] * (1.0 if i == j else root2) for p in blocks] for i, j in _SVEC])
         a = np.hstack([-block_diag(*[one] * n), np.zeros((size, self.width + extra - size))])
-        return _Block(a, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
+        whole = block_diag(*[np.ones_like(one)] * n)
+        stored = np.hstack([whole, np.zeros((size, a.shape[1] - whole.shape[1]))]) > 0
+        return _Block(a, stored, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
 
 
-class _Block(NamedTuple):
-    """Rows b − A x ∈ K."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """Rows b − A x ∈ K, and which entries of A are stored."""
 
     a: Array
+    stored: NDArray[np.bool_]
     b: Array
     cones: list[object]
 
@@ -213,10 +217,13 @@ def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     settings.max_iter = 200
+    matrix = np.vstack([block.a for block in blocks])
+    # Entries that are zero by chance are stored, too: what is stored decides the last digits.
+    places = np.nonzero(np.vstack([block.stored for block in blocks]))
     solution = clarabel.DefaultSolver(
         csc_matrix((cost.size, cost.size)),
         cost,
-        csc_matrix(np.vstack([block.a for block in blocks])),
+        csc_matrix((matrix[places], places), shape=matrix.shape),
         np.concatenate([block.b for block in blocks]),
         [cone for block in blocks for cone in block.cones],
         settings,

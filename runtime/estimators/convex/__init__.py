@@ -6,11 +6,18 @@ Every minimiser is strictly consistent, P_k ≻ 0. Source: Lee, Wensing & Park 2
 Wensing, Kim & Slotine 2018 (P ⪰ 0); document Sec. 3.1.4.
 """
 
-from runtime.estimators.convex.bodies import Bodies, bodies_of
 from runtime.estimators.convex.compiled import follow_compiled, follow_many, solve, solve_many
-from runtime.estimators.convex.continuation import minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
-from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, NONE, Prior, prior_from, prior_of
+from runtime.estimators.convex.entropic_prior import (
+    CAD,
+    GRIPPER,
+    NONE,
+    Bodies,
+    Prior,
+    bodies_of,
+    prior_from,
+    prior_of,
+)
 from runtime.estimators.convex.newton import (
     ConvexProblem,
     HalfSpaces,
@@ -18,6 +25,7 @@ from runtime.estimators.convex.newton import (
     Subspace,
     convex_problem,
     minimise,
+    minimise_anywhere,
 )
 from runtime.estimators.convex.path import Path, follow
 from runtime.estimators.convex.posterior_spread import Spread, com_sigma, spread_of

@@ -7,10 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.estimators.convex.continuation import better, factors, minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import DECREMENT, MOST_STEPS, ConvexProblem, Minimum
+from runtime.estimators.convex.newton import (
+    DECREMENT,
+    MOST_STEPS,
+    ConvexProblem,
+    Minimum,
+    better,
+    factors,
+    minimise_anywhere,
+)
 from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, follow, gamma_sequence, path_of
 from runtime.library import Array, ConvexAnswer, ConvexTask, Library
 from runtime.library.parameters import N_PARAMETERS

@@ -7,7 +7,6 @@ its multipliers name the priors that contradict each other (Farkas). Then the Ne
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import clarabel
 import numpy as np
@@ -15,10 +14,15 @@ from scipy.linalg import block_diag, null_space
 from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.continuation import minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem
+from runtime.estimators.convex.newton import (
+    HalfSpaces,
+    Minimum,
+    Subspace,
+    convex_problem,
+    minimise_anywhere,
+)
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 
@@ -34,7 +38,8 @@ ACTIVE = 1e-2
 """Slack, relative to its scale, below which a half-space holds with equality."""
 
 
-class Row(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
     """One linear prior, coefficients · π = value or ≤ value.
 
     Attributes:

@@ -5,7 +5,6 @@ are what Q₂ᵀ leaves of R K and r (a Schur complement without normal equation
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -46,7 +45,8 @@ class Reduced:
         return self.rest / self.freedom
 
 
-class Elimination(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Elimination:
     """Triangular system that gives the best φ at a given π.
 
     Attributes:

@@ -7,12 +7,12 @@ uses `coloured_noise`, includes them.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, reduce, solve
+from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.friction_bounds import (
     Bounds,
     Held,
@@ -20,7 +20,8 @@ from runtime.estimators.friction_bounds import (
     notes_of,
     within_bounds,
 )
-from runtime.estimators.method import Method
+from runtime.estimators.methods import Method
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
@@ -28,10 +29,6 @@ from runtime.estimators.regression.residuals import inflation, noise, residuals,
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
-
-if TYPE_CHECKING:
-    from runtime.estimators.convex.constraints import Constraints
-    from runtime.estimators.prior_file import PriorFile
 
 PASSES = 3
 """Re-estimations of the weights."""
@@ -45,7 +42,7 @@ rounding, and the prior decides only what the motion does not excite."""
 def fit_map(
     problem: Problem,
     kappa: float = CAD,
-    constraints: "Constraints | None" = None,
+    constraints: Constraints | None = None,
     centre: Array | None = None,
 ) -> Fit:
     """Maximum a posteriori of π, strictly consistent, with the best friction coefficients."""
@@ -106,7 +103,7 @@ def fit_map(
     )
 
 
-def fit_with_prior(problem: Problem, prior: "PriorFile | None" = None) -> Fit:
+def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
     """Maximum a posteriori with κ and the linear priors of a file."""
     kappa = prior.kappa if prior and prior.kappa else CAD
     if prior is None:
@@ -130,7 +127,7 @@ def _solved(
     kappa: float,
     least: float,
     inflation: float = 1.0,
-    constraints: "Constraints | None" = None,
+    constraints: Constraints | None = None,
 ) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
     """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff.
 
@@ -144,8 +141,6 @@ def _solved(
         if constraints is None:
             minimum = solve(lib, convex_problem(data, prior, gamma))
         else:
-            from runtime.estimators.convex.constraints import constrained
-
             minimum, notes = constrained(constraints, data, prior, gamma)
         return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
 

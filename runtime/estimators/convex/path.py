@@ -7,7 +7,7 @@ term of the prior the logarithm alone would have no minimiser. No cone solver is
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,7 +27,8 @@ EXPLAINED = 1e-9
 """Losses below this share of that of τ̂ = 0 count as rounding."""
 
 
-class Path(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
     """Minimisers at falling weights γ, towards the optimum of all consistent models.
 
     Attributes:

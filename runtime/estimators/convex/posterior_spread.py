@@ -5,12 +5,12 @@ units of the prior the information is 1 + (Ã R)ᵀ(Ã R), R Rᵀ = (κ B)⁻¹,
 Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from runtime.estimators.convex.bodies import Bodies
+from runtime.estimators.convex.entropic_prior import Bodies
 from runtime.library import Array
 from runtime.library.parameters import (
     FIRST_MOMENT,
@@ -25,7 +25,8 @@ DETERMINED = 0.1
 """Posterior over prior variance below which a parameter counts as determined by the data."""
 
 
-class Spread(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
     """Covariance of π.
 
     Attributes:

@@ -7,7 +7,6 @@ problems are one call.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from runtime.estimators.optimizers import (
     descend_validated,
 )
 from runtime.estimators.regression import CompressedObjective
-from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import AdamProblem, Array, CompiledAdam
 
 CHUNK = 500
@@ -44,7 +43,8 @@ class Preset:
     batch: int | None
 
 
-class Watch(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Watch:
     """Observer of running descents.
 
     Attributes:

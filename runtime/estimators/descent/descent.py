@@ -1,16 +1,48 @@
-"""A descent: problem, compressed samples, and a start; the same for every optimiser."""
+"""A descent: problem, compressed samples, and a start; and those by second-order methods.
+
+Levenberg–Marquardt in λ or θ is a compiled loop, with NumPy steps as its reference. Newton's method
+in log-Cholesky coordinates θ takes the last steps to the boundary of consistency:
+
+    H = JᵀJ + Σ_k ∂(∂π_k/∂θ_kᵀ g_k)/∂θ_k,   g = ∂L/∂π
+
+Levenberg–Marquardt drops the second term, which is the whole curvature next to the boundary, where
+semi-axes tend to 0: hundreds of its steps do not converge. With the term every step lowers the
+distance by a factor. λ is not used there: where two semi-axes are 0, the angle between them has no
+effect, and such points hold back a descent.
+Source: Nocedal & Wright 2006, Ch. 3 (modified Newton) and Ch. 10 (large residuals).
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.optimizers import Status
+from runtime.estimators.optimizers import (
+    LevenbergMarquardt,
+    LevenbergOptions,
+    Outcome,
+    Status,
+    descend_traced,
+    trace_of,
+)
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics
-from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, LeastSquares
 from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
 
+NEWTON_STEPS = 600
+"""Limit of Newton steps; 10 to 60 are usual, 400 where several links end on the boundary."""
+DECREASE = 1e-8
+"""Predicted decrease of L, relative, below which the descent has converged. The loss is then within
+some 1e-6 of its minimum, while noise moves it by 1/√N."""
+DIFFERENCE = 1e-5
+"""Step of central differences, relative to the coordinate, which counts as 1e-3 at least. The error
+of J is then 1e-10."""
+ARMIJO = 1e-4
+"""Share of the predicted decrease that a step must reach."""
+_LEAST = 1e-14
+"""Smallest curvature, relative to the largest."""
+_HALVINGS = 30
 STATUS = {
     0: Status.MAX_ITERATIONS,
     PATIENCE: Status.PATIENCE,
@@ -70,3 +102,149 @@ def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
     rows = np.column_stack([columns, statistics.target])
     triangle = np.asarray(np.linalg.qr(rows, mode="r"))
     return LeastSquares(triangle[:, :width], triangle[:, width], statistics.rest, scale)
+
+
+def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
+    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else in Python."""
+    if not descent.problem.lib.descends:
+        return levenberg_by_steps(descent, options)
+    problem, objective = descent.problem, descent.objective
+    settings = {
+        "first_damping": options.first_damping,
+        "step_tolerance": options.step_tolerance,
+        "decrease_tolerance": options.decrease_tolerance,
+    }
+    squares = least_squares(descent.statistics, objective.unit)
+    jobs = problem.lib.levenberg(
+        [descent.x0], [squares], settings, options.max_iterations, descent.cholesky
+    )
+    job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
+    try:
+        while job.finished == 0 and job.step < options.max_iterations:
+            accepted = job.traced
+            jobs.run(1)
+            if job.traced > accepted:
+                trace.append((job.step, job.loss, descent.validation_loss(jobs.x(0))))
+            if problem.progress is not None:
+                problem.progress(job.step, job.loss)
+    except KeyboardInterrupt:
+        interrupted = True
+    x = jobs.x(0)
+    status = Status.INTERRUPTED if interrupted else STATUS[job.finished]
+    validated = descent.validation_loss(x) if np.isfinite(job.loss) else np.inf
+    return Outcome(x, validated, job.step, status, trace_of(trace))
+
+
+def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
+    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time."""
+    problem, objective = descent.problem, descent.objective
+    lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
+    size = problem.start.size
+
+    def residual_jacobian(x: Array) -> tuple[Array, Array]:
+        # r = R y − r₀ with y = [K π(x); ψ], and J = R [K ∂π/∂x, 1] link by link.
+        y = np.concatenate([lib.base_matrix @ descent.bodies(x), x[size:]])
+        jacobian_of = lib.cholesky_jacobian if descent.cholesky else lib.pi_jacobian
+        blocks = jacobian_of(x[:size])
+        links, width = blocks.shape[:2]
+        by_pi = lib.base_matrix.reshape(-1, links, width)
+        by_lam = np.einsum("bki,kij->bkj", by_pi, blocks).reshape(len(by_pi), size)
+        base = len(by_lam)
+        jacobian = np.hstack([squares.factor[:, :base] @ by_lam, squares.factor[:, base:]])
+        return squares.factor @ y - squares.target, jacobian
+
+    optimiser = LevenbergMarquardt(residual_jacobian, options, squares.rest, squares.scale)
+    return descend_traced(
+        optimiser, descent.x0, descent.validation_loss, options.max_iterations, problem.progress
+    )
+
+
+def newton_descend(descent: Descent, start: Outcome, most_steps: int = NEWTON_STEPS) -> Outcome:
+    """Go on from the end of another descent by Newton's method."""
+    objective, x = _Loss(descent), start.x
+    loss, status, step = objective.value(x), Status.MAX_ITERATIONS, 0
+    rows = list(
+        zip(start.trace.iteration, start.trace.training, start.trace.validation, strict=True)
+    )
+    try:
+        while step < most_steps:
+            move, predicted = _step(*objective.slope(x))
+            if predicted <= DECREASE * loss:
+                status = Status.CONVERGED
+                break
+            # Halve until the loss falls by a share of what the slope predicts (Armijo).
+            sizes = 0.5 ** np.arange(_HALVINGS)
+            tried = ((float(size), objective.value(x + size * move)) for size in sizes)
+            better = next((s for s in tried if s[1] < loss - 2 * ARMIJO * s[0] * predicted), None)
+            if better is None:
+                status = Status.STALLED
+                break
+            x, loss, step = x + better[0] * move, better[1], step + 1
+            rows.append((start.iterations + step, loss, descent.validation_loss(x)))
+            if descent.problem.progress is not None:
+                descent.problem.progress(start.iterations + step, loss)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    validation = rows[-1][2] if step else start.validation
+    return Outcome(x, validation, start.iterations + step, status, trace_of(rows))
+
+
+def _step(gradient: Array, hessian: Array) -> tuple[Array, float]:
+    """−|H|⁻¹ g and the decrease ½ gᵀ|H|⁻¹g: negative curvature is descended as positive is."""
+    values, vectors = np.linalg.eigh(hessian)
+    sizes = np.maximum(np.abs(values), _LEAST * max(float(np.abs(values).max()), 1e-300))
+    along = vectors.T @ gradient
+    return -vectors @ (along / sizes), float(np.sum(along**2 / sizes)) / 2
+
+
+class _Loss:
+    """L of compressed samples with gradient and Hessian in x = [θ, ψ]."""
+
+    def __init__(self, descent: Descent) -> None:
+        lib = descent.problem.lib
+        self._descent, self._squares = (
+            descent,
+            least_squares(descent.statistics, descent.objective.unit),
+        )
+        self._size = descent.problem.start.size
+        self._jacobian = lib.cholesky_jacobian
+        base = len(lib.base_matrix)
+        self._over_pi = self._squares.factor[:, :base] @ lib.base_matrix
+        self._over_psi = self._squares.factor[:, base:]
+
+    def _residual(self, x: Array) -> Array:
+        pi, psi = self._descent.bodies(x), x[self._size :]
+        return np.asarray(self._over_pi @ pi + self._over_psi @ psi - self._squares.target)
+
+    def value(self, x: Array) -> float:
+        """L at x; infinite where it is not finite."""
+        with np.errstate(all="ignore"):
+            residual = self._residual(x)
+            value = float(residual @ residual + self._squares.rest) * self._squares.scale
+        return value if np.isfinite(value) else np.inf
+
+    def slope(self, x: Array) -> tuple[Array, Array]:
+        """Gradient and Hessian of L at x."""
+        residual, size = self._residual(x), self._size
+        bodies = x[:size]
+        blocks = self._jacobian(bodies)
+        links, width = blocks.shape[:2]
+        over_pi = self._over_pi.reshape(-1, links, width)
+        by_theta = np.einsum("rki,kij->rkj", over_pi, blocks).reshape(-1, size)
+        jacobian = np.hstack([by_theta, self._over_psi])
+        # Second term: ∂(∂π/∂θᵀ g)/∂θ of all links at once, one coordinate of each at a time; the
+        # points ahead and behind in all coordinates are one batch.
+        pull = (self._over_pi.T @ residual).reshape(links, width)
+        hessian = jacobian.T @ jacobian
+        theta = bodies.reshape(links, width)
+        change = DIFFERENCE * np.maximum(np.abs(theta), 1e-3)
+        moves = np.eye(width)[:, None] * change  # (coordinate, link, width)
+        points = np.concatenate([theta + moves, theta - moves]).reshape(-1, size)
+        pulled = np.einsum("nkij,ki->nkj", self._jacobian(points), pull)
+        columns = (pulled[:width] - pulled[width:]) / (2 * change.T[:, :, None])
+        for k in range(links):
+            block = slice(k * width, (k + 1) * width)
+            hessian[block, block] += columns[:, k].T
+        hessian = (hessian + hessian.T) / 2
+        factor = 2 * self._squares.scale
+        return factor * (jacobian.T @ residual), factor * hessian

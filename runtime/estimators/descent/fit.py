@@ -1,6 +1,7 @@
 """Methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
@@ -8,13 +9,14 @@ import numpy as np
 
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.descent import PRESET_NAMES
 from runtime.estimators.descent.adam import Preset, Watch, descend, descend_many
-from runtime.estimators.descent.descent import Descent, descent_of
-from runtime.estimators.descent.levenberg_marquardt import levenberg_descend
-from runtime.estimators.descent.newton import newton_descend
-from runtime.estimators.mass_unit import in_unit, mass_unit
-from runtime.estimators.method import Method
+from runtime.estimators.descent.descent import (
+    Descent,
+    descent_of,
+    levenberg_descend,
+    newton_descend,
+)
+from runtime.estimators.methods import Method
 from runtime.estimators.optimizers import (
     AdamOptions,
     LevenbergOptions,
@@ -23,21 +25,15 @@ from runtime.estimators.optimizers import (
     StoppingRule,
     Trace,
 )
-from runtime.estimators.problem import Fit, Problem, best_friction
-from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.estimators.problem import Fit, Problem, best_friction, in_unit, mass_unit
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, Library
 
-PRESETS = dict(
-    zip(
-        PRESET_NAMES,
-        (
-            Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
-            Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
-            Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
-        ),
-        strict=True,
-    )
-)
+PRESETS = {
+    "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
+    "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
+    "full": Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
+}
 
 THINNEST_AXIS = 1e-6
 """Σ_com eigenvalues below this fraction of the trace are raised to it after a descent in λ:
@@ -106,8 +102,6 @@ def fit_many(
         return []
     if not problems[0].lib.descends:
         return [fit_adam(problem, preset) for problem in problems]
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(count) as pool:
         descents = list(pool.map(start_of, problems))
     outcomes = descend_many(descents, preset, count, progress, watch)

@@ -28,15 +28,18 @@ import numpy as np
 
 from runtime.common.files import toml_of
 from runtime.errors import IdentificationError, NeedsError, SimulationError
-from runtime.estimators.classical.ols import (
+from runtime.estimators.classical.least_squares import (
     RANK_TOLERANCE,
     Solution,
     fit_of_base,
     pi_of_beta,
+    residual,
+    reweighted,
     solve,
+    weights_of,
+    with_torque,
 )
-from runtime.estimators.classical.wls import residual, reweighted, weights_of, with_torque
-from runtime.estimators.method import Method
+from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples

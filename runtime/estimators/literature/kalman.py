@@ -16,7 +16,7 @@ together (`filter_input` gives the reason). Source: Julier & Uhlmann 1997; van d
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.ols import fit_of_base, fit_of_pi
+from runtime.estimators.classical.least_squares import fit_of_base, fit_of_pi
 from runtime.estimators.literature.filter_input import (
     SPEED_VARIANCE,
     STATE_COLUMNS,
@@ -25,7 +25,7 @@ from runtime.estimators.literature.filter_input import (
     prior_covariance,
     process_noise,
 )
-from runtime.estimators.method import Method
+from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.library import Array, Library
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import NeedsError
-from runtime.estimators.classical.wls import with_torque
+from runtime.estimators.classical.least_squares import with_torque
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.method import Method
+from runtime.estimators.methods import Method
 from runtime.estimators.optimizers import Status, run
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples

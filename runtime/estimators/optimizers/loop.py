@@ -8,14 +8,30 @@ stopping on validation samples (`descend_validated`) and a trace down to the end
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from enum import Enum
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.optimizers.status import Status
-
 Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """Why the loop ended, as advice."""
+
+    PATIENCE = "converged: the validation loss stopped improving"
+    MAX_ITERATIONS = (
+        "stopped at the iteration limit while still improving; "
+        "allow more iterations, or take a larger step"
+    )
+    INTERRUPTED = "interrupted by the user; the best point so far is kept"
+    CONVERGED = "converged: no step lowers the loss noticeably any more"
+    STALLED = (
+        "stalled: no step lowers the loss, however small; the optimum may lie at the edge of "
+        "consistency, compare with pc-ols"
+    )
+    DIVERGED = "the loss became infinite or NaN; the best point before is kept, take a smaller step"
 
 
 class Iterate(Protocol):
@@ -67,7 +83,8 @@ class StoppingRule:
     threshold: float = 2e-6
 
 
-class Trace(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Trace:
     """Losses at the iterations that were validated."""
 
     iteration: tuple[int, ...]

@@ -15,7 +15,7 @@ Source: Bartlett 1950 for smoothed periodograms, Müller 2007 for cosines; the w
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dct, next_fast_len
@@ -34,7 +34,8 @@ _LEAST = 0.02
 """Share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated."""
 
 
-class ColouredNoise(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ColouredNoise:
     """Noise of rows that are divided by their standard deviation.
 
     Attributes:

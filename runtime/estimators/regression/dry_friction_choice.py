@@ -17,7 +17,7 @@ import numpy as np
 
 from runtime.estimators.regression.recorded_delay import (
     EARLIEST_S,
-    FEWEST,
+    FEWEST_ROWS,
     LATEST_S,
     ROWS,
     filtered,
@@ -78,7 +78,7 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
         first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
         delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
     rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST_ROWS:
         return None
     rows = rows[:: -(-len(rows) // ROWS)]
     samples = samples.rows(rows)

@@ -1,19 +1,36 @@
-"""A body in the hand of a robot: its share of the torques, and a box around it.
+"""A body in the hand of a robot: its share of the torques, and the distances of a box around it.
 
 The body is rigid in a moving link. It adds its ten parameters to those of the link; its box keeps
 a distance from the capsules of the other links and from a table. Files are read elsewhere.
+
+| constraint | row | g |
+|---|---|---|
+| self-collision | capsule of another link | (margin − distance) / 0.1 m |
+| table | the box | (margin − height of the lowest corner) / 0.1 m |
+
+The distance of a capsule is that of its axis p(s) = p₀ + s d, 0 ≤ s ≤ 1, from the box |x_i| ≤ h_i,
+less its radius. With e(s) = p − clip(p, −h, h) the square |e|² is convex in s, and its half slope
+e · d is piecewise linear with kinks where p_i = ±h_i: its zero is exact. The slope of the distance
+is that of |P − Q| with both closest points fixed in their links. Source: Danskin's theorem.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.library import Array
+from runtime.excitation.limits.distance_limits import Clearance, body_of
+from runtime.excitation.limits.nonlinear_limits import Body, IntervalBounds
+from runtime.library import Array, Library, ProxyFacts
 from runtime.library.parameters import link_columns
 
 EMPTY_HAND = "empty hand"
 """What a certificate states of the load where no body is carried."""
+LABEL = "carried body"
+_INSIDE = 1e-12
+"""Distance of an axis from the box, m, below which it has no direction: the axis is inside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,3 +91,166 @@ def with_load(pi: Array, body: CarriedBody | None) -> Array:
     loaded = pi.copy()
     loaded[link_columns(body.link)] += body.pi
     return loaded
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses of the joints at N samples.
+
+    Attributes:
+        rotation: (N, n, 3, 3).
+        origin: (N, n, 3) m.
+        axis: axes of the joints in the base frame, (N, n, 3).
+        slides: joints that slide, (n,).
+        movers: movers[i, j] where joint j moves link i, (n, n).
+    """
+
+    rotation: Array
+    origin: Array
+    axis: Array
+    slides: NDArray[np.bool_]
+    movers: NDArray[np.bool_]
+
+    @classmethod
+    def at(cls, lib: Library, q: Array) -> "Poses":
+        """Compute the poses of a robot.
+
+        q (N, n) [rad, m].
+        """
+        joints = lib.manifest.joints
+        poses = lib.link_poses(q)
+        movers = np.eye(len(joints), dtype=bool)
+        for j, joint in enumerate(joints):
+            if joint.parent >= 0:
+                movers[j] |= movers[joint.parent]
+        axes = np.einsum("tnij,nj->tni", poses[..., :3, :3], [joint.axis for joint in joints])
+        slides = np.array([joint.kind == "prismatic" for joint in joints])
+        return cls(poses[..., :3, :3], poses[..., :3, 3], axes, slides, movers)
+
+    def placed(self, joint: int, point: Array) -> Array:
+        """Place of a point of a link in the base frame.
+
+        point (3,) → (N, 3).
+        """
+        if joint < 0:
+            return np.broadcast_to(point, (len(self.origin), 3))
+        return np.asarray(self.rotation[:, joint] @ point + self.origin[:, joint])
+
+    def moved_by(self, joint: int) -> NDArray[np.bool_]:
+        """Joints that move a link, (n,)."""
+        return self.movers[joint] if joint >= 0 else np.zeros(len(self.slides), dtype=bool)
+
+    def slopes(self, point: Array, normal: Array) -> Array:
+        """Slopes n · ∂P/∂q_j of a point for every joint, as if each of them moved it.
+
+        point (N, 3), normal (N, 3) → (N, n).
+        """
+        turned = np.cross(self.axis, point[:, None] - self.origin)
+        return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
+
+
+def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
+    """Points of segments nearest to the box |x_i| ≤ h_i, and the way there from the box.
+
+    start (N, 3), direction (N, 3), half (3,) → (N, 3).
+    """
+
+    def way(s: Array) -> Array:
+        p = start[:, None] + s[..., None] * direction[:, None]
+        return np.asarray(p - np.clip(p, -half, half))
+
+    # Kinks of the slope, in order, with both ends of the segment: 8 values of s per segment.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        kinks = np.concatenate([(half - start) / direction, (-half - start) / direction], axis=1)
+    kinks = np.clip(np.nan_to_num(kinks, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    s = np.sort(np.pad(kinks, ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1))), axis=1)
+    slope = np.einsum("tki,ti->tk", way(s), direction)
+    # The slope grows with s. Its zero lies before the first kink where it is not negative.
+    after = np.where(slope[:, -1] < 0, s.shape[1] - 1, np.argmax(slope >= 0, axis=1))
+    before = np.maximum(after - 1, 0)
+    row = np.arange(len(s))
+    low, high = slope[row, before], slope[row, after]
+    share = np.where((low < 0) & (high > 0), -low / np.where(high > low, high - low, 1.0), 1.0)
+    best = s[row, before] + share * (s[row, after] - s[row, before])
+    return start + best[:, None] * direction, way(best[:, None])[:, 0]
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedClearance(Clearance):
+    """Distances of a box in the hand from the capsules of other links."""
+
+    kind: ClassVar[str] = "self-collision"
+    lib: Library
+    margin: float
+    link: int
+    box: CarriedBox
+    proxies: tuple[ProxyFacts, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The body and the capsule of every row."""
+        return tuple(f"{LABEL} and {proxy.name}" for proxy in self.proxies)
+
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Distance of the box from every capsule, (N, R) m, and its slopes by q, (N, R, n)."""
+        poses = Poses.at(self.lib, q)
+        # Frame of the box in the base frame.
+        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
+        center = poses.placed(self.link, np.array(self.box.center))
+        half = np.array(self.box.size) / 2
+        carried = poses.moved_by(self.link)
+        distances, slopes = [], []
+        for proxy in self.proxies:
+            ends = [poses.placed(proxy.joint, np.array(p)) for p in (proxy.start, proxy.end)]
+            first, last = (np.einsum("tji,tj->ti", axes, end - center) for end in ends)
+            point, way = closest(first, last - first, half)
+            length = np.linalg.norm(way, axis=1)
+            # Inside the box there is no direction: no slope, and the value is −radius.
+            unit = way / np.where(length > _INSIDE, length, np.inf)[:, None]
+            normal = np.einsum("tij,tj->ti", axes, unit)
+            place = np.einsum("tij,tj->ti", axes, point) + center
+            # Joints that move both or neither leave the distance; the line P Q has one moment.
+            sign = poses.moved_by(proxy.joint).astype(float) - carried
+            distances.append(length - proxy.radius)
+            slopes.append(sign * poses.slopes(place, normal))
+        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the distances, (K, R) m/s."""
+        box = _body_of(self.link, self.box)
+        others = (bounds.approach(box, body_of(proxy)) for proxy in self.proxies)
+        return np.stack(list(others), axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedHeight(Clearance):
+    """Height of the lowest corner of a box in the hand above a horizontal plane."""
+
+    kind: ClassVar[str] = "table"
+    labels: ClassVar[tuple[str, ...]] = (LABEL,)
+    lib: Library
+    margin: float
+    link: int
+    box: CarriedBox
+    height: float
+
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Height of the lowest corner, (N, 1) m, and its slopes by q, (N, 1, n)."""
+        poses = Poses.at(self.lib, q)
+        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
+        center = poses.placed(self.link, np.array(self.box.center))
+        # Of every edge the end that lies lower.
+        corner = -np.where(axes[:, 2] < 0, -1.0, 1.0) * np.array(self.box.size) / 2
+        lowest = center + np.einsum("tij,tj->ti", axes, corner)
+        up = np.broadcast_to([0.0, 0.0, 1.0], lowest.shape)
+        slope = poses.slopes(lowest, up) * poses.moved_by(self.link)
+        return lowest[:, 2:] - self.height, slope[:, None]
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bound of the rate of the height, (K, 1) m/s."""
+        return bounds.approach(_body_of(self.link, self.box))[:, None]
+
+
+def _body_of(link: int, box: CarriedBox) -> Body:
+    """The box as a body: no corner is farther than its centre and half a diagonal."""
+    return Body(link, float(np.linalg.norm(box.center) + np.linalg.norm(box.size) / 2))

@@ -1,27 +1,41 @@
 """Constraints of a design that are not linear in its coefficients, from `Safety` and manifest."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.carried_body import with_load
+from runtime.excitation.limits.carried_body import CarriedClearance, CarriedHeight, with_load
 from runtime.excitation.limits.dependent_joints import dependent_joints
-from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
-from runtime.excitation.limits.distances import distances
-from runtime.excitation.limits.known_torque import known_torque_of
-from runtime.excitation.limits.model_band import ModelBand
+from runtime.excitation.limits.distance_limits import (
+    LinkClearance,
+    TableClearance,
+    TipBox,
+    TipSpeed,
+)
 from runtime.excitation.limits.nonlinear_limits import (
     Braking,
     Constraint,
     Side,
     TimedConstraint,
 )
+from runtime.excitation.limits.obstacles import ObstacleClearance, capsule_around
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
+from runtime.excitation.limits.torque_limits import ModelBand, Torque, TorqueRate, known_torque_of
 from runtime.library import Array, Library
 from runtime.library.torque_units import torque_units
 
+TABLE_MARGIN = 0.03
+"""Margin between every moving proxy and the table or an obstacle, m."""
+CARRIED_MARGIN = 0.02
+"""Margin between a carried box and the links of a robot that states no margins, m."""
+FIT_PROXIES = (
+    "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
+)
+_PROBES = 32
+"""Number of random poses; between them every proxy that can move has moved."""
 AT_LIMIT = 1e-9
 """Largest g of a robot that rests on a limit: rounding of its position, 1e-10 m of places."""
+_FRICTION = ("viscous", "coulomb")
 
 
 def constraints(
@@ -70,9 +84,6 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
         rate = np.broadcast_to(limits["torque_rate"], (n,))
         chosen.append(TorqueRate(lib, pi, rate, *rest))
     return tuple(chosen)
-
-
-_FRICTION = ("viscous", "coulomb")
 
 
 def _band(lib: Library, safety: Safety, viscous: Array) -> ModelBand | None:
@@ -133,3 +144,74 @@ def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
             f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
             f"{abs(value - limit):.3g} {unit} too far; choose another --home or limit"
         )
+
+
+def distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    """Constraints on distances."""
+    if safety.clearance is not None and not lib.pairs:
+        raise _no_proxies(lib, "a clearance between its links")
+    if safety.table is not None and not lib.moving_proxies:
+        raise _no_proxies(lib, "a table")
+    chosen: list[TimedConstraint] = []
+    if lib.pairs:
+        names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
+        chosen.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
+    if safety.table is not None:
+        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+        rows = _lifted(lib)
+        proxies = tuple(lib.moving_proxies[row] for row in rows)
+        chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
+    return (*chosen, *_obstacle_distances(lib, safety), *_carried_distances(lib, safety))
+
+
+def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    """Distances of the moving capsules and of the carried box from obstacles."""
+    if not safety.obstacles:
+        return ()
+    proxies = [proxy for proxy in lib.proxies if proxy.joint >= 0]
+    if not proxies:
+        raise _no_proxies(lib, "the distance from obstacles")
+    body = safety.carried
+    if body is not None and body.box is not None:
+        proxies.append(capsule_around(body.box, body.link))
+    margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+    return (ObstacleClearance(lib, margin, safety.obstacles, tuple(proxies)),)
+
+
+def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    """Distances of the carried box from links that it is not fixed to, and from the table."""
+    body = safety.carried
+    if body is None or body.box is None:
+        return ()
+    chosen: list[TimedConstraint] = []
+    others = tuple(proxy for proxy in lib.proxies if proxy.joint != body.link)
+    if others:
+        stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
+        margin = stated if safety.clearance is None else safety.clearance
+        chosen.append(CarriedClearance(lib, margin, body.link, body.box, others))
+    if safety.table is not None:
+        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+        chosen.append(CarriedHeight(lib, margin, body.link, body.box, safety.table))
+    return tuple(chosen)
+
+
+def _margins(lib: Library, clearance: float | None) -> Array:
+    """Margin of every pair, (R,) m; pairs that are allowed closer than the others stay so."""
+    stated = np.array([pair.margin for pair in lib.pairs])
+    if clearance is None:
+        return stated
+    return np.where(stated < stated.max(), np.minimum(stated, clearance), clearance)
+
+
+def _lifted(lib: Library) -> NDArray[np.intp]:
+    """Indices of proxies whose height depends on some joint; the height of the others is fixed."""
+    q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
+    heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]
+    # A pose is known to rounding, 1e-15 of a metre.
+    return np.flatnonzero(np.ptp(heights, axis=0) > 1e-9)
+
+
+def _no_proxies(lib: Library, what: str) -> IdentificationError:
+    return IdentificationError(
+        f"'{lib.name}' has no collision proxies, so {what} cannot be checked; {FIT_PROXIES}"
+    )

@@ -16,9 +16,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from runtime.excitation.limits.interval_bounds import ROUNDING, IntervalBounds
-from runtime.excitation.limits.nonlinear_limits import SMOOTH
-from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.limits.nonlinear_limits import (
+    ROUNDING,
+    SMOOTH,
+    IntervalBounds,
+    SampledMotion,
+)
 from runtime.library import Array, Library
 
 

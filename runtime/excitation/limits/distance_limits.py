@@ -15,9 +15,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.excitation.limits.interval_bounds import ROUNDING, Body, IntervalBounds
-from runtime.excitation.limits.nonlinear_limits import SMOOTH, Constraint
-from runtime.excitation.limits.sampled_motion import SampledMotion, times
+from runtime.excitation.limits.nonlinear_limits import (
+    ROUNDING,
+    SMOOTH,
+    Body,
+    Constraint,
+    IntervalBounds,
+    SampledMotion,
+    times,
+)
 from runtime.library import Array, Library, ProxyFacts
 
 LENGTH = 0.1

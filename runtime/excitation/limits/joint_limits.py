@@ -3,8 +3,8 @@
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.motion.basis import COSINE
 from runtime.excitation.motion.family import Basis
+from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Array, Library
 
 LIMIT_STEP = 0.1

@@ -9,6 +9,10 @@ on the limit and is −1 or less far from it. The physics comes from the robot's
 | braking | joint and side | (max(0, ±dq + c)² − k (q̂ ∓ q)) / (k · room at rest at home) |
 
 Constraints of torques are in `torque_limits`, those of places and distances in `distance_limits`.
+
+Between samples, a distance of two rigid bodies changes no faster than their points move against
+each other. Joints that move both bodies leave the distance, and each of the others moves a point at
+|dq| times its distance from the axis, at most.
 """
 
 from dataclasses import dataclass
@@ -16,9 +20,115 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from runtime.excitation.limits.interval_bounds import IntervalBounds
-from runtime.excitation.limits.sampled_motion import SampledMotion
-from runtime.library import Array
+from runtime.library import Array, Library
+
+ROUNDING = 1e-12
+"""Of a value, relative to its bound: 64 ε of the motion, and some thousand operations."""
+SMOOTH = 1e-6, 1e-2
+"""Tolerances of proven bounds of smooth functions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body in a link: index of the joint that moves it, −1 for the base, and its reach.
+
+    Attributes:
+        joint: index.
+        reach: largest distance of its points from the origin of the link, m.
+    """
+
+    joint: int
+    reach: float
+
+
+BASE = Body(-1, 0.0)
+"""What stands still."""
+
+
+class IntervalBounds:
+    """Bounds on K intervals of one length; each kind is computed once for all constraints."""
+
+    def __init__(self, lib: Library, motion: Array, step: float) -> None:
+        """Bounds from those of the joints."""
+        self.motion, self.step = motion, step
+        self._lib, self._rows = lib, np.ascontiguousarray(motion.swapaxes(0, 1))
+        self._torques: dict[bytes, Array] = {}
+        self._tip: Array | None = None
+        self._speeds: tuple[Array, Array] | None = None
+
+    def bend(self, second: Array) -> Array:
+        """Rise of a function above the larger end of an interval, δ²/8 sup |g''|.
+
+        second (K, R) → (K, R).
+        """
+        return self.step**2 / 8 * second
+
+    def torques(self, pi: Array) -> Array:
+        """Bounds of |τ| and three derivatives in time, (4, K, n), of parameters (10 L,)."""
+        key = pi.tobytes()
+        if key not in self._torques:
+            self._torques[key] = self._lib.torque_bounds(self._rows, pi).swapaxes(0, 1)
+        return self._torques[key]
+
+    def tip(self) -> Array:
+        """Bounds of |p| of the tip and three derivatives in time, (4, K)."""
+        if self._tip is None:
+            self._tip = self._lib.tip_bounds(np.ascontiguousarray(self._rows[:, :4])).T
+        return self._tip
+
+    def approach(self, first: Body, second: Body = BASE) -> Array:
+        """Bound of the rate of the distance of two bodies, (K,) m/s."""
+        if self._speeds is None:
+            self._speeds = self._lib.speed_bounds(np.ascontiguousarray(self._rows[:, :2]))
+        origin, turn = self._speeds
+        one, other = _path(self._lib, first.joint), _path(self._lib, second.joint)
+        total = np.zeros(len(turn))
+        for body, joints in ((first, one - other), (second, other - one)):
+            for j in joints:
+                total += origin[:, body.joint, j] + body.reach * turn[:, j]
+        return total
+
+
+def _path(lib: Library, joint: int) -> set[int]:
+    """Joints between a link and the base."""
+    joints = set()
+    while joint >= 0:
+        joints.add(joint)
+        joint = lib.manifest.all_joints[joint].parent
+    return joints
+
+
+class SampledMotion:
+    """A motion with five derivatives, q first, at N samples, (5, N, n)."""
+
+    def __init__(self, lib: Library, motion: Array) -> None:
+        self.lib, self.motion = lib, motion
+        self._torques: dict[bytes, tuple[Array, Array, Array]] = {}
+        self._tip: tuple[Array, Array, Array] | None = None
+
+    def torques(self, pi: Array) -> tuple[Array, Array, Array]:
+        """Torques τ and their rates dτ/dt and d²τ/dt², (N, n), under parameters π (10 n,)."""
+        key = pi.tobytes()
+        if key not in self._torques:
+            q, dq, ddq, dddq, ddddq = self.motion
+            self._torques[key] = self.lib.torque_with_rates(q, dq, ddq, dddq, ddddq, pi)
+        return self._torques[key]
+
+    def tip(self) -> tuple[Array, Array, Array]:
+        """Place, velocity and acceleration of the tip, (N, 3) m, m/s and m/s²."""
+        if self._tip is None:
+            q, dq, ddq = self.motion[:3]
+            p, v, dp_dq, dv_dq = self.lib.tip_motion(q, dq)
+            self._tip = p, v, times(dv_dq, dq) + times(dp_dq, ddq)
+        return self._tip
+
+
+def times(jacobian: Array, speed: Array) -> Array:
+    """Product J ẋ at every sample.
+
+    jacobian (N, R, n), speed (N, n) → (N, R).
+    """
+    return np.asarray(np.matmul(jacobian, speed[:, :, None])[:, :, 0])
 
 
 class Constraint(Protocol):
@@ -65,10 +175,6 @@ class TimedConstraint(Constraint, Protocol):
 
     def rise(self, bounds: IntervalBounds) -> Array:
         """Largest rise of g within K intervals above the larger end of each, proven, (K, R)."""
-
-
-SMOOTH = 1e-6, 1e-2
-"""Tolerances of proven bounds of smooth functions."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,17 +16,16 @@ import numpy as np
 
 from runtime.common.files import toml_of
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.carried_body import CarriedBox
-from runtime.excitation.limits.carried_limits import LABEL, Poses, closest
+from runtime.excitation.limits.carried_body import LABEL, CarriedBox, Poses, closest
 from runtime.excitation.limits.distance_limits import Clearance, body_of
-from runtime.excitation.limits.interval_bounds import IntervalBounds
+from runtime.excitation.limits.nonlinear_limits import IntervalBounds
 from runtime.library import Array, Library, ProxyFacts
 
 OBSTACLE = "obstacle"
 """Kind of the limit in certificates."""
 KEYS = ("name", "center", "size", "rpy", "radius")
 """Entries of an obstacle in a file."""
-LARGEST = 100.0
+LARGEST_LENGTH = 100.0
 """Largest coordinate, edge or radius [m]."""
 
 
@@ -55,10 +54,12 @@ class Obstacle:
         vectors = self.center, self.size, self.rpy
         numbers = np.array([x for vector in vectors for x in vector] + [self.radius])
         shaped = all(len(vector) == 3 for vector in vectors)
-        if not (shaped and np.isfinite(numbers).all() and (np.abs(numbers) <= LARGEST).all()):
+        if not (
+            shaped and np.isfinite(numbers).all() and (np.abs(numbers) <= LARGEST_LENGTH).all()
+        ):
             raise IdentificationError(
                 f"the obstacle '{self.name}' needs center, size and rpy of three finite numbers "
-                f"and a radius, up to {LARGEST:g} m; correct them"
+                f"and a radius, up to {LARGEST_LENGTH:g} m; correct them"
             )
         if min(*self.size, self.radius) < 0 or max(*self.size, self.radius) == 0:
             raise IdentificationError(

@@ -2,15 +2,12 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from runtime.excitation.motion.family import BasisFamily, ClosedForm
 from runtime.library import Array
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 DEGREE = 5
 """Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
@@ -92,13 +89,11 @@ class Transfer(Spline):
 
 
 @lru_cache(maxsize=48)
-def _spline(size: int, gone: int, order: int, arrives: bool) -> "BSpline":
+def _spline(size: int, gone: int, order: int, arrives: bool) -> BSpline:
     """Derivative d^k/ds^k of all splines but the outermost `gone` at each end.
 
     With `arrives` the sum of those at the upper end is the last function.
     """
-    from scipy.interpolate import BSpline
-
     total = size + 2 * gone - arrives
     inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import use_of
-from runtime.excitation.limits.unchecked import unchecked, unstated
+from runtime.excitation.limits.safety import Safety, unchecked, unstated
+from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.proof.joint_bounds import KINDS, interval_count, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library

@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from runtime.errors import ExportError, IdentificationError
-from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.dependent_joints import DependentPosition
-from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use, certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.library import Library

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Trajectory
 from runtime.excitation.motion.family import Basis
+from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Library
 
 INTERVALS = 4000

@@ -4,9 +4,9 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
 
 - braking: PROVEN. h = max(0, s dq + c)²/k + s q has h'' ≤ 2 (ddq² + max(0, s dq + c) |dddq|)/k
   + |ddq|, and each factor is bounded on the interval by its ends and the next derivative.
-- torque, torque rate, tip box and speed, self-collision, table: PROVEN by `division`, where the
+- torque, torque rate, tip box and speed, self-collision, table: PROVEN by division, where the
   robot has kernels of bounds.
-- position and velocity of joints that follow several others: PROVEN by `division`, as linear
+- position and velocity of joints that follow several others: PROVEN by division, as linear
   combinations of the motion; of joints that a closed loop moves: MEASURED.
 - the same limits of robots with closed loops, and torque and torque rate of robots with springs of
   known stiffness or torque curves: MEASURED, not proven. ġ is exact at every sample (by kernels
@@ -14,27 +14,161 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
   as `SAFETY` times the largest change of ġ over δ there and on both neighbouring intervals. The
   fastest wave of a motion, M / t_f, has hundreds of samples per period, so that neighbours suffice.
   Where the closest points of two links jump, ġ jumps too and the bound grows, never shrinks.
+
+A proof divides intervals: on an interval g lies below its larger end by a proven `rise` at most:
+δ²/8 sup |g''| of torques, torque rates and the tip, δ/2 sup |g'| of distances. Intervals whose
+bound exceeds the largest value at an end by more than a tolerance are divided. The tolerance of a
+row is a share of its margin.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
-from runtime.excitation import Trajectory
 from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
-from runtime.excitation.limits.nonlinear_limits import Braking, TimedConstraint
-from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.limits.nonlinear_limits import (
+    Braking,
+    Constraint,
+    IntervalBounds,
+    SampledMotion,
+    TimedConstraint,
+)
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
-from runtime.excitation.proof.division import see_proven
-from runtime.excitation.proof.motion_grid import ORDERS, ROUNDING, MotionGrid
-from runtime.excitation.proof.peaks import ConstraintBound, Peaks
+from runtime.excitation.motion.family import Basis
+from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Library
 
+SHARE = 0.01
+"""Tolerance of a bound as a share of the margin of its row."""
+PARTS = 4
+"""Parts of an interval that is divided."""
+MOST_INTERVALS = 1_000_000
+"""Of one constraint; what is not decided by then keeps its bound, which is proven but not tight."""
+STEP = 1e-3
+"""Longest interval, s."""
+INTERVALS = 2000
+"""Fewest intervals, however short the motion."""
+ORDERS = 5
+"""Number of derivatives of the motion that are evaluated, q included."""
+ROUNDING = 64 * np.finfo(float).eps
+"""Relative to the largest value: the arguments 2πms carry a few ε, and M products are added."""
 SAFETY = 2.0
 _CHUNK = 2048
 """Intervals at once: their Jacobians stay in the cache."""
 _DIVIDED = 20
 """Short intervals in a long one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintBound:
+    """Largest g of one row.
+
+    Attributes:
+        constraint: the constraint.
+        row: index of its row.
+        bound: largest g over all t; inf where it is not a number.
+        time: its time, s; to one interval.
+        is_proven: the bound is a theorem, not a measured second derivative.
+        intervals: number of intervals that were evaluated.
+    """
+
+    constraint: Constraint
+    row: int
+    bound: float
+    time: float
+    is_proven: bool
+    intervals: int
+
+
+class Peaks:
+    """Largest bounds of a constraint so far.
+
+    Attributes:
+        constraint: the constraint.
+        is_proven: the bounds are proven.
+        intervals: number of intervals that were evaluated.
+    """
+
+    def __init__(self, constraint: Braking | TimedConstraint, is_proven: bool) -> None:
+        self.constraint, self.is_proven, self.intervals = constraint, is_proven, 0
+        self._best, self._time = np.full((2, len(constraint.labels)), -np.inf)
+
+    def see(self, bounds: Array, times: Array) -> None:
+        """Take in bounds."""
+        if not len(bounds):
+            return
+        rows = np.ascontiguousarray(bounds.T)
+        np.copyto(rows, np.inf, where=np.isnan(rows))
+        where = rows.argmax(axis=1)
+        best = rows[np.arange(len(rows)), where]
+        self._time = np.where(best > self._best, times[where], self._time)
+        self._best = np.maximum(best, self._best)
+
+    def bounds(self) -> list[ConstraintBound]:
+        """One bound per row."""
+        return [
+            ConstraintBound(
+                self.constraint, row, float(best), float(time), self.is_proven, self.intervals
+            )
+            for row, (best, time) in enumerate(zip(self._best, self._time, strict=True))
+        ]
+
+
+class MotionGrid:
+    """A motion on a grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory, a = trajectory, trajectory.coefficients
+        basis, duration = trajectory.basis, trajectory.duration
+        count = max(INTERVALS, int(np.ceil(duration / STEP)))
+        self.count = count + count % 2
+        self.step = duration / self.count
+        powers = duration ** -np.arange(ORDERS + 1.0)
+        bounds = np.array([basis.bound(k, a.shape[1]) for k in range(ORDERS + 1)])
+        self.sup = bounds @ np.abs(a).T * powers[:, None]
+        self._weights = a.T * powers[:-1, None, None]
+
+    def between(self, first: int, last: int) -> Array:
+        """States q and derivatives at neighbouring samples."""
+        basis, size = self._trajectory.basis, self._weights.shape[1]
+        return self._moved(_phi(basis, size, first, last, self.count))
+
+    def at(self, samples: NDArray[np.intp], parts: int = 1) -> Array:
+        """States q and derivatives at any instants.
+
+        samples (N,) → (5, N, n).
+        """
+        s = samples / (self.count * parts)
+        return self._moved(self._trajectory.basis.derivatives(ORDERS, self._weights.shape[1], s))
+
+    def suprema(self, first: Array, last: Array, step: float) -> Array:
+        """Bounds of |q| and five derivatives on intervals: the larger end, and half a step of more.
+
+        first (5, K, n) → (6, K, n).
+        """
+        bounds = np.empty((ORDERS + 1, *first.shape[1:]))
+        np.maximum(np.abs(first), np.abs(last), out=bounds[:ORDERS])
+        bounds[ORDERS] = self.sup[ORDERS]
+        for order in reversed(range(ORDERS)):
+            bounds[order] += step / 2 * bounds[order + 1] + ROUNDING * self.sup[order]
+        # A long interval of a fast motion: no derivative exceeds its bound over all t.
+        np.minimum(bounds[1:], self.sup[1:, None], out=bounds[1:])
+        return bounds
+
+    def _moved(self, phi: Array) -> Array:
+        motion = phi @ self._weights
+        motion[0] += self._trajectory.home
+        return motion
+
+
+@lru_cache(maxsize=24)
+def _phi(basis: Basis, size: int, first: int, last: int, count: int) -> Array:
+    """Derivatives d^k φ_m/ds^k at neighbouring samples, shared by motions of this duration."""
+    s = np.arange(first, last + 1) / count
+    return basis.derivatives(ORDERS, size, s)
 
 
 def constraint_bounds(
@@ -141,3 +275,79 @@ def _of_braking(
         rounding = ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])
         rises.append((half_square * bend + rounding) / constraint.room(side))
     return np.asarray(np.maximum(g[1:], g[:-1]) + np.concatenate(rises, axis=1))
+
+
+class Division:
+    """Bounds of one constraint on intervals, and those intervals that must be divided."""
+
+    def __init__(self, peaks: Peaks, constraint: TimedConstraint) -> None:
+        """Nothing is seen yet."""
+        self.peaks, self.constraint = peaks, constraint
+        self._largest = np.full(len(constraint.labels), -np.inf)
+        self._kept: list[tuple[NDArray[np.intp], Array]] = []
+
+    def see(self, first: Array, last: Array, rise: Array, intervals: NDArray[np.intp]) -> None:
+        """Keep bounds of intervals until `settle`."""
+        ends = np.maximum(first, last)
+        self._largest = np.fmax(self._largest, ends.max(axis=0))
+        self._kept.append((intervals, ends + rise))
+        self.peaks.intervals += len(intervals)
+
+    def undecided(self, step: float) -> NDArray[np.intp]:
+        """Hand all bounds that are tight to the peaks."""
+        if not self._kept:
+            return np.zeros(0, dtype=np.intp)
+        intervals = np.concatenate([kept[0] for kept in self._kept])
+        bounds = np.concatenate([kept[1] for kept in self._kept])
+        self._kept = []
+        least, most = self.constraint.precision
+        tolerance = np.clip(SHARE * np.abs(self._largest), least, most)
+        # What is not a number is not divided: its bound is infinite.
+        loose = ((bounds > self._largest + tolerance) & np.isfinite(bounds)).any(axis=1)
+        if self.peaks.intervals > MOST_INTERVALS:
+            loose[:] = False
+        self.peaks.see(bounds[~loose], (intervals[~loose] + 0.5) * step)
+        return intervals[loose]
+
+
+def see_proven(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) -> None:
+    """Take in proven bounds of all intervals of the grid up to one."""
+    divisions = [
+        Division(peak, constraint)
+        for peak in peaks
+        if not isinstance(constraint := peak.constraint, Braking)
+    ]
+    for first, last in _chunks(end if divisions else 0, _CHUNK):
+        motion = grid.between(first, last)
+        bounds = IntervalBounds(
+            lib, grid.suprema(motion[:, :-1], motion[:, 1:], grid.step), grid.step
+        )
+        for each in divisions:
+            g = each.constraint.values(motion[:4])
+            each.see(g[:-1], g[1:], each.constraint.rise(bounds), np.arange(first, last))
+    for each in divisions:
+        _divide(each, lib, grid)
+
+
+def _divide(division: Division, lib: Library, grid: MotionGrid) -> None:
+    """Divide intervals until all bounds of a constraint are tight."""
+    constraint, parts = division.constraint, 1
+    intervals = division.undecided(grid.step)
+    while len(intervals):
+        parts *= PARTS
+        step = grid.step / parts
+        for first, last in _chunks(len(intervals), _CHUNK // PARTS):
+            inner = PARTS * intervals[first:last, None] + np.arange(PARTS + 1)  # (K, 5) ends
+            motion = grid.at(inner.ravel(), parts)
+            g = constraint.values(motion[:4])
+            # Ends of different intervals do not follow each other.
+            begins = np.arange(inner.size).reshape(inner.shape)[:, :-1].ravel()
+            sup = grid.suprema(motion[:, begins], motion[:, begins + 1], step)
+            rise = constraint.rise(IntervalBounds(lib, sup, step))
+            division.see(g[begins], g[begins + 1], rise, inner[:, :-1].ravel())
+        intervals = division.undecided(step)
+
+
+def _chunks(count: int, size: int) -> Iterator[tuple[int, int]]:
+    for first in range(0, count, size):
+        yield first, min(first + size, count)

@@ -1,29 +1,45 @@
-"""The best of several starts and of their variations, inside the limits at 1 kHz."""
+"""The best of several starts and of their variations, inside the limits at 1 kHz.
+
+Ended starts are tried in an order: among nearly equal ones the most balanced comes first,
+
+    max over i of (log f_i − min over the nearly equal starts of log f_i),   f = v, a, cond
+
+A weighted criterion is nearly the same for starts of which one is good in v alone, one in cond
+alone. The start whose worst quantity is closest to the best of its kind loses least in any of them.
+
+Several motions that share a time are designed one by one, each with what those before it determine:
+min over motion k of f(G₀ + G_1 + … + G_k), G_i the information of motion i over β, f the criterion,
+G_0 that of earlier logs. A later motion excites what the first ones left open. Friction and offsets
+are estimated for every log apart, which counts them more often than a fit of all logs does.
+"""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.unchecked import unchecked
+from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.search.choice import in_order
-from runtime.excitation.search.condition_cost import ConditionCost
-from runtime.excitation.search.dask_workers import on_workers
-from runtime.excitation.search.design_settings import DesignSettings, settings_from
+from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
+from runtime.excitation.search.design_settings import DesignSettings, problem_of, settings_from
 from runtime.excitation.search.finish import Finished, finished
-from runtime.excitation.search.processes import Rounds, Started, in_turn, side_by_side
-from runtime.excitation.search.search_problem import problem_of
+from runtime.excitation.search.information import Information
+from runtime.excitation.search.measures import covariance
+from runtime.excitation.search.nuisance import in_time, projected
+from runtime.excitation.search.processes import Rounds, Started, in_turn, on_workers, side_by_side
 from runtime.excitation.search.single_start import Search
+from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.search.variations import behind_count, rounds
 from runtime.library import Array, Library
 
+NEARLY = 0.01
+"""Log target above the best below which a start is nearly as good: the last polish on the fine grid
+changes it as much."""
 Ended = dict[int, tuple[float, Array]]
 """Target and coefficients (n, M) of every start and variation that ended, by number."""
 
@@ -177,3 +193,71 @@ def _design(
         ),
         behind=behind_count(settings.criterion, settings.starts, ended),
     )
+
+
+def in_order(search: Search, ended: Sequence[tuple[float, Array]]) -> list[Array]:
+    """Coefficients of starts in the order in which they are to be tried.
+
+    ended (n, M) → (n, M).
+    """
+    by_target = sorted(ended, key=lambda one: one[0])
+    if not by_target:
+        return []
+    near = [a for value, a in by_target if value <= by_target[0][0] + NEARLY]
+    logs = np.array([search.balanced(a) for a in near])
+    worst = (logs - logs.min(axis=0)).max(axis=1)
+    balanced = [near[k] for k in np.argsort(worst, kind="stable")]
+    return balanced + [a for _, a in by_target[len(near) :]]
+
+
+def design_several(
+    lib: Library, settings: DesignSettings, count: int, **search: Any
+) -> tuple[Design, ...]:
+    """Design motions in a row, all of the same duration."""
+    known = settings.information
+    if count < 1:
+        raise IdentificationError(f"expected one motion or more, got {count}")
+    if known is None:
+        raise IdentificationError(
+            f"criterion {settings.criterion} counts no information, by which several motions "
+            "complement each other; choose another one, such as v"
+        )
+    designs: list[Design] = []
+    for k in range(count):
+        one = replace(
+            settings,
+            duration=settings.duration / count,
+            seed=settings.seed + k,
+            information=known,
+        )
+        designs.append(design(lib, one, **search))
+        known = with_motion(lib, designs[-1].trajectory, known)
+    return tuple(designs)
+
+
+def torque_sigma(lib: Library, home: Array, known: Information) -> float:
+    """σ of the torque of motions never seen, all joints together, by what is known [N·m, N].
+
+    home (n,) [rad, m].
+    """
+    seen = np.sum(unseen_joints(lib, home), axis=0)
+    gram = np.zeros_like(seen) if known.earlier is None else known.earlier
+    if known.columns is not None:
+        seen, gram = (known.columns.T @ one @ known.columns for one in (seen, gram))
+    spread = covariance(gram)
+    return np.inf if spread is None else float(np.sqrt(np.sum(seen * spread)))
+
+
+def with_motion(lib: Library, motion: Trajectory, known: Information) -> Information:
+    """Information after the log of a motion."""
+    t = np.linspace(0.0, motion.duration, INFORMED_SAMPLES)
+    q, dq, ddq, _ = motion.at(lib, t)
+    rows, filtered = lib.base_regressor(q, dq, ddq)[None], None
+    if known.spectrum is not None:
+        filtered = known.spectrum.weighted_cosines(len(t), float(t[1]))
+        rows = in_time(filtered, rows)
+    if known.friction:
+        rows = projected(rows, dq[None], known.friction, filtered).rows
+    flat = (rows[0] / known.noise[:, None]).reshape(-1, rows.shape[-1])
+    gram: Array = flat.T @ flat * (known.rate * motion.duration / len(t))
+    return replace(known, earlier=gram if known.earlier is None else known.earlier + gram)

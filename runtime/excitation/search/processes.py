@@ -1,4 +1,4 @@
-"""The tasks of a search one after another, or on several processes with the same results."""
+"""Tasks of a search in turn, on several processes or on a dask cluster, with the same results."""
 
 import os
 import signal
@@ -7,6 +7,7 @@ from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing import parent_process
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -15,16 +16,18 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import Task
 from runtime.library import Array
+from runtime.parallel import on_cluster
 
+_here_of_cluster = threading.local()
+"""Last search of the thread of a worker, and its key: a library is loaded once per thread."""
 Started = tuple[int, float, Array]
 """Number of the task, its target, its coefficients."""
 Rounds = Iterable[list[Task]]
 """Tasks of one round after another; a round is made when all tasks of the last have ended."""
-
 SAFE_PATH = "PYTHONSAFEPATH"
 """Environment variable of `python -P`."""
 _here: list[Search] = []
@@ -95,7 +98,7 @@ def _end_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         wait_for([parent.sentinel])
-        os._exit(1)  # from a thread nothing else ends the interpreter; a result has no reader left
+        os.kill(os.getpid(), signal.SIGTERM)  # this is not the main thread of the worker
 
 
 def _start(task: Task) -> Started:
@@ -159,3 +162,25 @@ def _without_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, handler)
         if received and callable(handler):
             handler(received[0], None)
+
+
+def on_workers(
+    problem: SearchProblem, rounds: Rounds, scheduler: str
+) -> Generator[Started, None, None]:
+    """Do the tasks of every round on a dask cluster, in the order in which they end."""
+    # On a worker the working directory is another one.
+    sent = replace(problem, folder=problem.folder.resolve())
+    return on_cluster(_start_on_cluster, sent, rounds, scheduler, "a start of the search")
+
+
+def _start_on_cluster(problem: SearchProblem, key: str, task: Task) -> Started:
+    """Do one task, on a worker."""
+    return task.number, *task.done(_search_on_cluster(problem, key))
+
+
+def _search_on_cluster(problem: SearchProblem, key: str) -> Search:
+    known: tuple[str, Search] | None = getattr(_here_of_cluster, "search", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        known = _here_of_cluster.search = key, Search.of(problem)
+    return known[1]

@@ -13,13 +13,18 @@ from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, w
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
-from runtime.excitation.search.coordinates import Coordinates, Correlations, ElasticLimits
+from runtime.excitation.search.coordinates import (
+    Coordinates,
+    Correlations,
+    ElasticLimits,
+    varied,
+    varied_far,
+)
 from runtime.excitation.search.criteria import criterion_of
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.measures import Measure, rank, too_many
-from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
-from runtime.excitation.search.varied import varied, varied_far
 from runtime.library import Array, Library, load
 
 START = 0.5

@@ -5,8 +5,7 @@ import numpy as np
 from runtime.excitation.limits.dependent_joints import dependent_joints
 from runtime.excitation.limits.joint_limits import Limits, whitening
 from runtime.excitation.limits.limit_rows import LimitRows
-from runtime.excitation.motion.basis import COSINE
-from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.motion.trajectory import COSINE, Trajectory
 from runtime.excitation.search.measures import mean_gram
 from runtime.library import Array, Library
 

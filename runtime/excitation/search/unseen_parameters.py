@@ -14,10 +14,9 @@ from scipy.linalg import qr
 
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
-from runtime.excitation.search.design_settings import MOST_HARMONICS, DesignSettings
+from runtime.excitation.search.design_settings import MOST_HARMONICS, DesignSettings, problem_of
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import rank
-from runtime.excitation.search.search_problem import problem_of
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES

@@ -2,9 +2,9 @@
 
 Where a smooth criterion decides, random starts come in rounds of `FIRST`, as many again, twice as
 many and so on. From the second round a start that is behind the best of the rounds before is given
-up, see `TRIED`. With `FEWEST` starts or more, `DRAWN` of them are random, at least `FEWEST_DRAWN`,
-and the others are warm: they begin near one of the best so far and skip D-optimality. Warm starts
-and `SMOOTH_SHARE` variations per start come in `WARM_ROUNDS` rounds.
+up, see `TRIED`. With `FEWEST_STARTS` starts or more, `DRAWN` of them are random, at least
+`FEWEST_DRAWN`, and the others are warm: they begin near one of the best so far and skip
+D-optimality. Warm starts and `SMOOTH_SHARE` variations per start come in `WARM_ROUNDS` rounds.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
 common. Where log cond decides, as many variations as starts follow in `ROUNDS`. Each inherits from
@@ -33,7 +33,7 @@ WARM_ROUNDS = 10
 SHARE, SMOOTH_SHARE = 1.0, 2.0
 """Variations per start where log cond decides, and where a smooth criterion does; one takes a third
 of the time of a random start."""
-FEWEST = 8
+FEWEST_STARTS = 8
 """Smallest number of starts after which variations follow, or among which some are warm."""
 ROUNDS = 6
 """Number of rounds of variations."""
@@ -70,12 +70,12 @@ class Task:
 def variation_count(criterion: str, starts: int) -> int:
     """Number of variations that follow the starts."""
     share = SHARE if CRITERIA[criterion].is_kinked else SMOOTH_SHARE
-    return int(share * starts) if starts >= FEWEST else 0
+    return int(share * starts) if starts >= FEWEST_STARTS else 0
 
 
 def random_count(criterion: str, starts: int) -> int:
     """Number of starts that are random."""
-    if CRITERIA[criterion].is_kinked or starts < FEWEST:
+    if CRITERIA[criterion].is_kinked or starts < FEWEST_STARTS:
         return starts
     return max(FEWEST_DRAWN, int(DRAWN * starts))
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from runtime.estimators.regression.samples import samples_of
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.finish import repaired
-from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import TORQUE, Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.montecarlo import (

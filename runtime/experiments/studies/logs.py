@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from runtime.excitation import Trajectory
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.finish import repaired
-from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
 from runtime.experiments.study import motion as motion_view

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.motions import designed, document_robot
 from runtime.library import Array, Library

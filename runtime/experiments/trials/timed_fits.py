@@ -11,7 +11,7 @@ from runtime.estimators.descent.adam import Preset, Watch
 from runtime.estimators.descent.fit import fit_many, fit_of, start_of
 from runtime.estimators.optimizers import Adam, Status, descend_validated
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, Library
 
 LINK = 6

@@ -13,7 +13,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, prior_of, reduce
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.estimate_error import vague_posterior
+from runtime.estimators.laplace import vague_posterior
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.residuals import residuals

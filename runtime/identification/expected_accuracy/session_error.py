@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.convex import spread_of
-from runtime.excitation.motion.joined import JoinedMotion
-from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.search.criteria import PAYLOAD
 from runtime.excitation.search.information import Information
 from runtime.identification.expected_accuracy.expected import Knowledge

@@ -15,13 +15,12 @@ from runtime.common.files import replacing
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
-from runtime.estimators.estimate_error import vague_posterior
+from runtime.estimators.laplace import IDENTIFIED, PRIOR_DOMINATED, vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.estimators.regression.samples import thesis_weights
-from runtime.estimators.verdicts import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,

@@ -22,14 +22,13 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.adam import Preset
-from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.methods import (
     METHODS,
     chosen_method,
     methods_from_statistics,
     require_method,
 )
-from runtime.estimators.problem import Problem
+from runtime.estimators.problem import Problem, mass_unit
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import (
     Samples,

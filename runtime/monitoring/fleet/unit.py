@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from runtime.estimators.convex import Elimination, reduce
-from runtime.estimators.convex.prior_test import LEAST_DENSITY
+from runtime.estimators.convex.prior_agreement import LEAST_DENSITY
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
 from runtime.recording.settings import WIDTHS, widths_of

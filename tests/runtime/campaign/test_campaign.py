@@ -17,7 +17,7 @@ from runtime.campaign.target import target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.obstacles import Obstacle
-from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory, write_motion

@@ -17,8 +17,8 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Recording
-from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.settings import VirtualFriction
+from runtime.simulation.virtual_robot import JointFriction
 
 STROKE, PEAK_SPEED, WAVES, DELAY, NOISE = 1.4e-3, 0.15, 9.0, 8e-4, 0.02
 FINE, STEP = 4, 2.5e-4

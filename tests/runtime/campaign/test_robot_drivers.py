@@ -15,8 +15,8 @@ from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.guards import usual_guards
 from runtime.errors import SimulationError
 from runtime.excitation import Safety
-from runtime.excitation.approach.way import way_to
-from runtime.excitation.motion.joined import JoinedMotion, end_of, joined
+from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
+from runtime.excitation.way import way_to
 from runtime.library import Library, load
 from tests.runtime import robot_servers, ros2_server
 from tests.runtime.conftest import Command

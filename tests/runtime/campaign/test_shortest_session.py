@@ -12,7 +12,7 @@ from runtime.campaign.target import target_of
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, prior_of
 from runtime.excitation import DesignSettings, Safety, Trajectory, basis_of, information
-from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.information import FRICTION as FRICTION_COLUMNS
 from runtime.identification.expected_accuracy.session_error import (

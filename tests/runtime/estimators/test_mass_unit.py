@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.descent.fit import fit_adam
-from runtime.estimators.mass_unit import in_unit, mass_unit
-from runtime.estimators.problem import Problem
+from runtime.estimators.problem import Problem, in_unit, mass_unit
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.library import load
 

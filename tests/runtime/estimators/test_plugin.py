@@ -20,8 +20,8 @@ RIDGE = '''
 
 import numpy as np
 
-from runtime.estimators.classical.ols import fit_of_base
-from runtime.estimators.method import Method
+from runtime.estimators.classical.least_squares import fit_of_base
+from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
 
 ALPHA = 1e-3

@@ -12,10 +12,10 @@ from runtime.campaign.driver import Reference, Sample
 from runtime.campaign.guards import LimitsGuard
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
-from runtime.excitation.approach.way import way_to
 from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.search.unseen_motions import unseen_motions
+from runtime.excitation.way import way_to
 from runtime.library import Library, load
 from symgen.make.config import RobotConfig, home_of
 from tests.coupled_chains import WRIST, coupled

@@ -1,8 +1,7 @@
 """Searches with a small share of the limits."""
 
 from runtime.excitation import information
-from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.search_problem import problem_of
+from runtime.excitation.search.design_settings import DesignSettings, problem_of
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.library import Library

@@ -5,9 +5,8 @@ import pytest
 
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.known_torque import KnownTorque
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
-from runtime.excitation.limits.unchecked import SPRINGS, unchecked
+from runtime.excitation.limits.safety import SPRINGS, unchecked
+from runtime.excitation.limits.torque_limits import KnownTorque, Torque, TorqueRate
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
 from tests.runtime.library.test_coupled_library import motion

@@ -12,11 +12,10 @@ import scipy.linalg
 from runtime.errors import IdentificationError, SimulationError
 from runtime.library import Library, load
 from runtime.simulation import settings_of
-from runtime.simulation.joint_friction import JointFriction
-from runtime.simulation.mujoco_engine import engine
+from runtime.simulation.plant_engine import engine
 from runtime.simulation.sensors import Calibration, Encoders, measured_torque, quantised
 from runtime.simulation.settings import Sensors, VirtualFriction
-from runtime.simulation.virtual_robot import perturbed
+from runtime.simulation.virtual_robot import JointFriction, perturbed
 from tests.oracle import random_states
 
 ROBOTS = ("fr3", "tree", "gantry", "iiwa14")

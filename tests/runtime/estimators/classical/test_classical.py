@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from runtime import Identification, Recording, identify
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.ols import fit_ols
+from runtime.estimators.classical.least_squares import fit_ols
 from runtime.estimators.classical.pc_ols import SLACK, ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.estimators.problem import Problem, best_friction
 from runtime.estimators.regression import Statistics, compress
@@ -133,8 +133,8 @@ def independent_optimum(lib: Library, samples: Samples, weights: np.ndarray) -> 
                 [mx, my, mz, m],
             ]
         )
-        # A congruence with diag(10, 10, 10, 1) brings m², m·c and I to one size.
-        d = np.diag([10.0, 10.0, 10.0, 1.0])
+        # A congruence with diag(5, 5, 5, 1) brings m², m·c and I to one size.
+        d = np.diag([5.0, 5.0, 5.0, 1.0])
         constraints.append(d @ p @ d >> 0)
     residual = (upper[:, :-1] / size) @ x - upper[:, -1] / unit
     problem = cp.Problem(cp.Minimize(cp.norm(residual)), constraints)

@@ -111,7 +111,7 @@ def test_weights_tell_the_noise_of_the_joints(lib: Library, clean: Recording) ->
 
 def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
     """Oracle: over 20 draws the mean weight is 1/σ² to 10 %."""
-    from runtime.estimators.classical.wls import reweighted
+    from runtime.estimators.classical.least_squares import reweighted
 
     sigma = np.array([0.01, 0.5, 0.01, 0.5, 0.01, 0.5, 0.01])
     rng = np.random.default_rng(1)
@@ -120,7 +120,7 @@ def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
     weights = []
     for _ in range(20):
         noisy = rigid + sigma * rng.normal(size=rigid.shape)
-        from runtime.estimators.classical.wls import with_torque
+        from runtime.estimators.classical.least_squares import with_torque
 
         weights.append(reweighted(lib, with_torque(samples, noisy), ())[1])
     # One draw of 1000 samples: 4.5 % in 1/σ², 57 unknowns in 7007 rows take 1 % of it away.

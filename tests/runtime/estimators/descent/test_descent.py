@@ -13,13 +13,17 @@ from runtime.estimators.descent.adam import (
     descend_by_steps,
     descend_many,
 )
-from runtime.estimators.descent.descent import Descent, descent_of
+from runtime.estimators.descent.descent import (
+    Descent,
+    descent_of,
+    levenberg_by_steps,
+    levenberg_descend,
+)
 from runtime.estimators.descent.fit import fit_adam, fit_many
-from runtime.estimators.descent.levenberg_marquardt import levenberg_by_steps, levenberg_descend
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import Samples, thesis_weights
-from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Library, load
 from runtime.recording.friction.coupled_motors import Coupling
 from tests.robots import levels_here

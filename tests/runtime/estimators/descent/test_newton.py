@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from runtime.estimators.classical.pc_ols import convex_optimum
-from runtime.estimators.descent.descent import Descent
+from runtime.estimators.descent.descent import Descent, _Loss, _step, newton_descend
 from runtime.estimators.descent.fit import fit_levenberg, start_of
-from runtime.estimators.descent.newton import _Loss, _step, newton_descend
 from runtime.estimators.methods import METHODS
 from runtime.estimators.optimizers import Outcome, Status, Trace
 from runtime.estimators.problem import Problem
@@ -82,7 +81,7 @@ def test_a_step_that_does_not_lower_the_loss_is_halved(lib, ideal_runs, monkeypa
         def slope(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return 2 * x[:1], np.ones((1, 1))
 
-    monkeypatch.setattr("runtime.estimators.descent.newton._Loss", Parabola)
+    monkeypatch.setattr("runtime.estimators.descent.descent._Loss", Parabola)
     seen: list[tuple[int, float]] = []
     problem = noisy_problem(lib, ideal_runs[0], 0)
     problem = replace(problem, progress=lambda step, loss: seen.append((step, loss)))

@@ -5,8 +5,8 @@ import pytest
 
 from runtime import Recording
 from runtime.estimators.regression import CompressedObjective, compress, joined
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import samples_of, thesis_weights
-from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.recording.friction import add_columns

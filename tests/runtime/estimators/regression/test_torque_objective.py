@@ -5,8 +5,8 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.compression import TorqueObjective, friction_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.estimators.regression.torque_objective import TorqueObjective, friction_unit
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.recording.friction import add_columns

@@ -14,8 +14,7 @@ from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.constraints import constraints, require_rest
-from runtime.excitation.limits.nonlinear_limits import Constraint
-from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
 from tests.oracle import pinocchio_model

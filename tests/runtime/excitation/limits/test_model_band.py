@@ -8,7 +8,7 @@ import pytest
 from runtime.cli.motion_limits import band_of, band_of_payload, band_of_prior
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.limits.nonlinear_limits import SampledMotion
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
@@ -143,5 +143,5 @@ def test_all_columns_and_the_regressor_agree(lib: Library, monkeypatch: pytest.M
     limit = limit_of(lib, Safety(band=tuple(band_of_prior(lib, "cad"))), Torque)
     states = states_of(motion_of(lib), np.linspace(0.1, 2.9, 5))[:4]
     g = limit.values(states)
-    monkeypatch.setattr("runtime.excitation.limits.model_band._MANY", 100)
+    monkeypatch.setattr("runtime.excitation.limits.torque_limits._MANY", 100)
     assert g == pytest.approx(limit.values(states), abs=1e-12)  # rounding of 70 products

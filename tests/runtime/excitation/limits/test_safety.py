@@ -15,10 +15,10 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, design
-from runtime.excitation.limits.unchecked import CARRIED, UNCHECKED
+from runtime.excitation.limits.safety import CARRIED, UNCHECKED
 from runtime.excitation.proof.certificate import DISTANCES, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.library import Library, ProxyFacts
 from tests.oracle import pinocchio_model

@@ -11,10 +11,10 @@ from scipy.interpolate import make_interp_spline
 from runtime import to_pinocchio_order
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Design, Trajectory, basis_of, design
-from runtime.excitation.motion.basis import BASES
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.fourier import Cosine, Fourier
 from runtime.excitation.motion.spline import Spline
+from runtime.excitation.motion.trajectory import BASES
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.library import Library

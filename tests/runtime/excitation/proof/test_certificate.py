@@ -8,7 +8,7 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import COSINE, Trajectory, fourier_basis
-from runtime.excitation.limits.unchecked import CARRIED, UNCHECKED
+from runtime.excitation.limits.safety import CARRIED, UNCHECKED
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside, slowed
 from runtime.library import Library

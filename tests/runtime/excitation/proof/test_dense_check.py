@@ -14,7 +14,7 @@ import pytest
 from runtime import load
 from runtime.cli.motion_limits import carried_body
 from runtime.excitation import Safety, Trajectory, design
-from runtime.excitation.limits.distances import TABLE_MARGIN
+from runtime.excitation.limits.constraints import TABLE_MARGIN
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.library import Library

@@ -7,10 +7,9 @@ import pytest
 
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.interval_bounds import IntervalBounds
+from runtime.excitation.limits.nonlinear_limits import IntervalBounds
 from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.motion_grid import MotionGrid
-from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
+from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
 from runtime.library import Library
 from tests.runtime.excitation.proof.spiked import Spiked
 

@@ -14,8 +14,7 @@ from runtime.excitation.proof import certified_motion
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside
 from runtime.excitation.proof.joint_bounds import joint_bounds
-from runtime.excitation.proof.motion_grid import MotionGrid
-from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
+from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
 from runtime.library import Library
 
 SAFETY = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))

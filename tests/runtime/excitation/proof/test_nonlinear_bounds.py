@@ -9,9 +9,8 @@ from runtime.excitation import COSINE, Limits, Safety, Trajectory, basis_of
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.joint_limits import inside
 from runtime.excitation.limits.limit_rows import LimitRows
-from runtime.excitation.limits.nonlinear_limits import Constraint
-from runtime.excitation.limits.sampled_motion import SampledMotion
-from runtime.excitation.limits.unchecked import CARRIED, UNCHECKED
+from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
+from runtime.excitation.limits.safety import CARRIED, UNCHECKED
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds

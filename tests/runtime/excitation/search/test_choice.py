@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from runtime.excitation.search.choice import NEARLY, in_order
 from runtime.excitation.search.criteria import LAST_SHARE, LAST_SMOOTH
+from runtime.excitation.search.design import NEARLY, in_order
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.information import information
-from runtime.excitation.search.search_problem import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 

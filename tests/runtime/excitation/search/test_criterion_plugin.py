@@ -32,7 +32,7 @@ TRACE = Criterion(
 )
 """
 KNOTS = """
-from runtime.excitation.motion_formats.format import MotionFormat
+from runtime.excitation.motion_export import MotionFormat
 
 
 def write(motion, rate, path):

@@ -13,7 +13,7 @@ import pytest
 from runtime import parallel as room
 from runtime.errors import IdentificationError
 from runtime.excitation import design
-from runtime.excitation.search import dask_workers
+from runtime.excitation.search import processes
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -82,7 +82,9 @@ def test_errors_of_a_cluster_are_one_sentence(
     for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
         with pytest.raises(IdentificationError, match="there is no dask scheduler at"):
             design(lib, **SMALL, scheduler=address)
-    monkeypatch.setattr(dask_workers, "_start", os.listdir)  # on a worker: too many arguments
+    monkeypatch.setattr(
+        processes, "_start_on_cluster", os.listdir
+    )  # on a worker: too many arguments
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
         design(lib, **SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)

@@ -5,8 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from runtime.excitation.search.conic import LinearRows
-from runtime.excitation.search.elastic import Curved, corrected
+from runtime.excitation.search.conic import Curved, LinearRows, corrected
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import descend
 

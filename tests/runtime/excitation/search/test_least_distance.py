@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.excitation.search.conic import Block, solve
-from runtime.excitation.search.least_distance import QuadraticProgramme
+from runtime.excitation.search.sqp import QuadraticProgramme
 
 
 def random_programme(seed: int, p: int = 20, m: int = 90) -> tuple[np.ndarray, np.ndarray, Block]:

@@ -8,8 +8,8 @@ import pytest
 
 from runtime import load
 from runtime.excitation import ConditionCost, Trajectory, basis_of, information
+from runtime.excitation.search.information import ORDER, NoiseSpectrum, spectrum_of
 from runtime.excitation.search.measures import log_volume
-from runtime.excitation.search.noise_spectrum import ORDER, NoiseSpectrum, spectrum_of
 from runtime.excitation.search.prediction import covariance_of
 from runtime.library import Library
 from runtime.recording import Friction

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.library import load
 from tests.conftest import REPOSITORY
 from tests.runtime.processes import QUIET

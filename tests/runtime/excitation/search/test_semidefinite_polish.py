@@ -5,8 +5,7 @@ import pytest
 
 from runtime.excitation.search import conic
 from runtime.excitation.search.conic import SLACK, LinearRows
-from runtime.excitation.search.eigenvalue_clusters import Spectrum, weight_of
-from runtime.excitation.search.semidefinite_polish import _Model, polish
+from runtime.excitation.search.semidefinite_polish import Spectrum, _Model, polish, weight_of
 
 
 class Affine:

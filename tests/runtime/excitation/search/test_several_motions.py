@@ -11,9 +11,9 @@ from scipy import stats
 
 from runtime import load
 from runtime.excitation import DesignSettings, Trajectory, information
-from runtime.excitation.search.noise_spectrum import NoiseSpectrum
+from runtime.excitation.search.design import design_several, torque_sigma, with_motion
+from runtime.excitation.search.information import NoiseSpectrum
 from runtime.excitation.search.prediction import covariance_of
-from runtime.excitation.search.several_motions import design_several, torque_sigma, with_motion
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from tests.runtime.conftest import Command

@@ -8,8 +8,7 @@ from scipy.optimize import minimize, rosen, rosen_der
 
 from runtime.excitation.search import conic
 from runtime.excitation.search.conic import SLACK, Block, LinearRows, solve
-from runtime.excitation.search.least_distance import QuadraticProgramme
-from runtime.excitation.search.sqp import descend
+from runtime.excitation.search.sqp import QuadraticProgramme, descend
 
 
 def rosenbrock(x: np.ndarray) -> tuple[float, np.ndarray]:

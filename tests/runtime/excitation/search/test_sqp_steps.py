@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.excitation.motion.polynomial import _supremum
+from runtime.excitation.motion.fourier import _supremum
 from runtime.excitation.search import sqp
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Design, design
-from runtime.excitation.search.search_problem import SearchProblem
+from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import Search
-from runtime.excitation.search.variations import FEWEST, PARENTS, ROUNDS, rounds
+from runtime.excitation.search.variations import FEWEST_STARTS, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 
 SMALL = {"duration": 6.0, "harmonics": 3, "seed": 2}
@@ -85,7 +85,7 @@ def test_rounds() -> None:
         result[task.number] = (0.9 - 0.1 * k, np.array([[0.9 - 0.1 * k]]))
     assert k == ROUNDS - 1
     assert numbers == list(range(20, 40))
-    assert len(list(rounds("cond", FEWEST - 1, result))) == 1
+    assert len(list(rounds("cond", FEWEST_STARTS - 1, result))) == 1
 
 
 def test_variations_of_a_start(lib: Library) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from runtime import Recording, identify
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.wls import variance_of
+from runtime.estimators.classical.least_squares import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.identification.identified import torque_errors

@@ -7,10 +7,10 @@ import pytest
 
 from runtime import Recording, identify
 from runtime.errors import RecordingError
-from runtime.estimators.classical.ols import counted_in_links
+from runtime.estimators.classical.least_squares import counted_in_links
 from runtime.estimators.regression import CompressedObjective, compress
+from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.identification import metrics
 from runtime.recording import Friction, Recipe, read_recording
 from runtime.recording.friction import (

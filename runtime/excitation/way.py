@@ -11,17 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.approach.free_poses import FreePoses
-from runtime.excitation.approach.path import along, free_path, places
+from runtime.excitation.free_path import FreePoses, along, free_path, places
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.joint_limits import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Constraint
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.joined import GAP, end_of
 from runtime.excitation.motion.spline import Transfer
-from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
 from runtime.excitation.proof.joint_bounds import KINDS
 from runtime.excitation.search.design_settings import LONGEST

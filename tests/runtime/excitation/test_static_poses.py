@@ -13,10 +13,14 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.static.exchange import a_optimal
-from runtime.excitation.static.feasible_poses import feasible_poses, pose_range
-from runtime.excitation.static.gravity_regressor import gravity_columns, gravity_regressor
-from runtime.excitation.static.pose_design import design_poses
+from runtime.excitation.static_poses import (
+    a_optimal,
+    design_poses,
+    feasible_poses,
+    gravity_columns,
+    gravity_regressor,
+    pose_range,
+)
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Array, Library
 from runtime.recording import Recording, write_recording

@@ -9,7 +9,6 @@ Source: Breusch & Pagan 1980 for score tests.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -62,7 +61,8 @@ class FreeFit:
         return tuple(a + b for a, b in zip(self.shares, added, strict=True))
 
 
-class ScoreTest(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreTest:
     """Result of the test of columns Z.
 
     Attributes:

@@ -12,7 +12,7 @@ and more in 96 of 100 logs.
 Source: Box 1980 for the prior predictive test; the release of single links is this project's.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
@@ -21,7 +21,7 @@ from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import convex_problem
-from runtime.estimators.regression.score_test import MARGIN, SIGNIFICANCE
+from runtime.estimators.regression.omitted_columns import MARGIN, SIGNIFICANCE
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
 
@@ -40,7 +40,8 @@ LEAST_DENSITY = 1e-4
 the weighted unit, as in the maximum a posteriori."""
 
 
-class PriorTest(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class PriorTest:
     """Result of the test.
 
     Attributes:

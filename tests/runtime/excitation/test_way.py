@@ -12,13 +12,13 @@ import pytest
 from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, Trajectory
-from runtime.excitation.approach.way import way_back, way_to
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.obstacles import Obstacle, read_obstacles
-from runtime.excitation.motion.joined import JoinedMotion, end_of, joined
+from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.certified_motion import certified
 from runtime.excitation.trajectory_file import read_session, write_trajectory
+from runtime.excitation.way import way_back, way_to
 from runtime.library import Library, load
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
@@ -134,7 +134,7 @@ def test_a_way_around_a_post(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Oracle: the straight way meets the post, the planned one keeps the margin, both by coal."""
-    monkeypatch.setattr("runtime.excitation.approach.way.PATHS", 1)  # the first is good enough
+    monkeypatch.setattr("runtime.excitation.way.PATHS", 1)  # the first is good enough
     straight = way_to(lib, *ends, Safety(table=0.0)).trajectory
     safety = Safety(table=0.0, obstacles=(POST,))
     way = way_to(lib, *ends, safety)
@@ -179,7 +179,7 @@ def test_a_start_without_a_way(lib: Library, joint: int, value: float, match: st
 
 def test_no_way_at_all(tiny_built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: a hinge whose range is cut in two by a limit of its torque has no way."""
-    monkeypatch.setattr("runtime.excitation.approach.path.MOST_POSES", 50)
+    monkeypatch.setattr("runtime.excitation.free_path.MOST_POSES", 50)
     lib = load(tiny_built)
     # Gravity needs up to 3.3 N·m inside the range, 25 % of 10 N·m are allowed.
     poses = np.linspace(-0.9, 1.9, 57)[:, None]

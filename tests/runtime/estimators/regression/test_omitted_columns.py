@@ -8,10 +8,9 @@ import pytest
 
 from runtime.estimators.regression import coloured_noise
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.friction_test import friction_test
-from runtime.estimators.regression.gain_test import gain_test
+from runtime.estimators.regression.deviation_tests import friction_test, gain_test
+from runtime.estimators.regression.omitted_columns import free_fit, score_test, with_columns
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.regression.score_test import free_fit, score_test, with_columns
 from runtime.library import Library
 from runtime.recording import Recording
 

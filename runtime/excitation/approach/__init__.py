@@ -1,1 +1,0 @@
-"""The way from one pose to another: collision-free, under the limits of a motion, certified."""

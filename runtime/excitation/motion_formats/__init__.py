@@ -1,1 +1,0 @@
-"""File formats of a certified motion, one module each."""

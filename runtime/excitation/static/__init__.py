@@ -1,1 +1,0 @@
-"""Poses at rest that determine the gravity parameters of a robot."""

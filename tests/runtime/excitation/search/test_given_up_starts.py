@@ -15,7 +15,7 @@ from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
 from runtime.excitation.search.sqp import TOLERANCE
 from runtime.excitation.search.variations import (
-    FEWEST,
+    FEWEST_STARTS,
     FEWEST_DRAWN,
     FIRST,
     PARENTS,
@@ -65,8 +65,8 @@ def test_rounds_of_a_smooth_criterion() -> None:
     assert {task.best for one in tasks[1:] for task in one} == {ended[95][0]}
     assert [bool(one[0].parents) for one in tasks] == [False] * 3 + [True] * WARM_ROUNDS
     assert [np.log2(a[0, 0]) for a in tasks[-1][0].parents] == [*range(95, 95 - PARENTS, -1)]
-    few = list(rounds("mixed", FEWEST - 1, ended))
-    assert [len(one) for one in few] == [FIRST, FIRST, FEWEST - 1 - 2 * FIRST]
+    few = list(rounds("mixed", FEWEST_STARTS - 1, ended))
+    assert [len(one) for one in few] == [FIRST, FIRST, FEWEST_STARTS - 1 - 2 * FIRST]
     assert not any(task.parents for one in few for task in one)
 
 
@@ -79,7 +79,7 @@ def test_ends_of_one_optimum_are_one_parent() -> None:
             end = base + share * np.linalg.norm(base) * np.eye(2, 4) / np.sqrt(2)
             ended[3 * number + which] = 1.0 + 0.01 * number + 0.1 * which, end
     parents = {
-        criterion: list(rounds(criterion, FEWEST, ended))[-1][0].parents
+        criterion: list(rounds(criterion, FEWEST_STARTS, ended))[-1][0].parents
         for criterion in ("mixed", "cond")
     }
     kept = [ended[number][1] for number in (0, 6, 1, 7, 2, 8)]
@@ -89,7 +89,7 @@ def test_ends_of_one_optimum_are_one_parent() -> None:
 
 
 @pytest.mark.parametrize("criterion", ["mixed", "cond"])
-@pytest.mark.parametrize("starts", [1, 3, FEWEST - 1, FEWEST, 9, 24, 100])
+@pytest.mark.parametrize("starts", [1, 3, FEWEST_STARTS - 1, FEWEST_STARTS, 9, 24, 100])
 def test_every_start_and_variation_is_in_one_round(criterion: str, starts: int) -> None:
     """Property: rounds follow each other without gaps, none is empty, random starts come first."""
     limits = task_rounds(criterion, starts)

@@ -15,8 +15,8 @@ from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
 from runtime.excitation.search.sqp import TOLERANCE
 from runtime.excitation.search.variations import (
-    FEWEST_STARTS,
     FEWEST_DRAWN,
+    FEWEST_STARTS,
     FIRST,
     PARENTS,
     SAME,

@@ -9,7 +9,6 @@ used within `UNUSED_S`. So nothing goes that a process is about to open; a libra
 outlives its file.
 """
 
-import fcntl
 import hashlib
 import json
 import os
@@ -23,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from filelock import FileLock
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
@@ -197,12 +197,9 @@ def _lock(folder: Path) -> Iterator[None]:
     """One process per entry at a time; the kernel drops the lock of a killed one."""
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        mode = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
-        with os.fdopen(os.open(folder / ".lock", mode, 0o600), "r+") as handle:
-            with suppress(OSError):  # a file system without locks: both compile, one rename wins
-                fcntl.flock(handle, fcntl.LOCK_EX)
-                for stale in folder.glob(".new.*/"):
-                    shutil.rmtree(stale, ignore_errors=True)  # of a killed process
+        with FileLock(folder / ".lock", mode=0o600):  # follows no link
+            for stale in folder.glob(".new.*/"):
+                shutil.rmtree(stale, ignore_errors=True)  # of a killed process
             yield
     except OSError as error:
         raise LibraryError(

@@ -5,7 +5,6 @@ and a full disk leave either the old library or the new one.
 """
 
 import ctypes
-import fcntl
 import filecmp
 import hashlib
 import json
@@ -19,6 +18,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock
 
 from runtime.common.files import json_of, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
@@ -248,10 +249,7 @@ def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) 
 @contextmanager
 def _lock(root: Path, name: str) -> Iterator[None]:
     """One build per robot at a time; the operating system drops the lock of a killed build."""
-    # A link in the place of the lock would be followed by open(), and its target emptied.
-    mode = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
-    with os.fdopen(os.open(root / f".{name}.lock", mode, 0o644), "r+") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+    with FileLock(root / f".{name}.lock"):  # follows no link
         for stale in root.glob(f".{name}.*/"):
             shutil.rmtree(stale, ignore_errors=True)  # left by a killed build
         yield

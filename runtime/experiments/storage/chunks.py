@@ -11,6 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
 from runtime.common.files import replacing
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import Row
@@ -21,46 +23,25 @@ NAME = "run.lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder within the block."""
+    """Lock a folder within the block; the operating system drops the lock of a killed process."""
     path = folder / NAME
+    lock = FileLock(path, blocking=False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
+        lock.acquire()
+    except Timeout:
+        holder = path.read_text(encoding="utf-8", errors="replace")[:20].strip() or "unknown"
+        raise RuntimeFault(
+            f"process {holder} is using '{folder}'; wait for it, or choose another place with --out"
+        ) from None
     except OSError as error:
         raise RuntimeFault(
             f"cannot write '{folder}' ({error.strerror}); choose another place with --out"
         ) from None
-    try:
-        if not _take(file):
-            holder = os.read(file, 20).decode(errors="replace").strip() or "unknown"
-            raise RuntimeFault(
-                f"process {holder} is using '{folder}'; wait for it, or choose "
-                "another place with --out"
-            )
+    with lock:
         with suppress(OSError):  # the process id is optional, and the disk may be full
-            os.ftruncate(file, 0)
-            os.pwrite(file, f"{os.getpid()}\n".encode(), 0)
+            path.write_text(f"{os.getpid()}\n", encoding="utf-8")
         yield
-    finally:
-        os.close(file)
-
-
-def _take(file: int) -> bool:
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        import msvcrt
-
-        try:
-            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        except OSError:
-            return False
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 HASH = b"config_hash"

@@ -27,7 +27,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET, dahl_state
+from runtime.recording.friction import OFFSET, dahl_state, spread
 from runtime.recording.preprocessing import differentiate, prepare
 from runtime.recording.preprocessing.filters import low_pass
 
@@ -230,7 +230,7 @@ def _step(
     friction = np.concatenate([each[0] for each in parts])
     count, n, k = friction.shape
     apart = np.broadcast_to(offsets[:, None], (count, n, len(parts)))
-    rows = np.concatenate([base, _spread(np.concatenate([friction, apart], axis=2))], axis=2)
+    rows = np.concatenate([base, spread(np.concatenate([friction, apart], axis=2), None)], axis=2)
     weight, phi, rest = np.ones(n), np.zeros((n, k)), tau
     basis = np.zeros((count * n, 0))
     known = np.zeros((n, rows.shape[2]))  # the prior of friction that grows with the load
@@ -243,21 +243,12 @@ def _step(
         weight = 1 / np.maximum(rest.std(axis=0), 1e-12)
     # Columns of the parameters without what the other columns explain, over σ of their prior.
     scale = np.tile(SPREAD, n)
-    added = (_spread(errors_of(slopes, phi)) * weight[:, None]).reshape(count * n, -1) * scale
+    added = (spread(errors_of(slopes, phi), None) * weight[:, None]).reshape(count * n, -1) * scale
     added = added - basis @ (basis.T @ added)
     target = added.T @ (rest * weight).ravel()
     theta = scale * np.linalg.solve(np.eye(len(scale)) + added.T @ added, target)
     waves = _waves(q, rest * weight, basis) if searches_waves else np.zeros(n)
     return theta.reshape(n, len(SPREAD)), waves, phi
-
-
-def _spread(columns: Array) -> Array:
-    """Columns of joints (N, n, k) as rows over all coefficients, (N, n, n k)."""
-    count, n, k = columns.shape
-    rows = np.zeros((count, n, n, k))
-    for j in range(n):
-        rows[:, j, j] = columns[:, j]
-    return rows.reshape(count, n, n * k)
 
 
 def _least_squares(rows: Array, target: Array, known: Array) -> tuple[Array, Array]:

@@ -7,7 +7,8 @@ blocks predicts block b. Contiguous blocks keep the correlation of neighbouring 
 import numpy as np
 
 from runtime.estimators.regression import Statistics
-from runtime.library import Array
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
 
 BLOCKS = 5
 LEAST_GAIN = 0.005
@@ -23,3 +24,17 @@ def solved(stats: list[Statistics]) -> tuple[Array, int]:
     lengths = np.where(lengths > 0, lengths, 1.0)
     x, _, rank, _ = np.linalg.lstsq(factor / lengths, target, rcond=_RANK)
     return x / lengths, int(rank)
+
+
+def predicted(lib: Library, block: Samples, x: Array) -> Array:
+    """Torque of x = [β; φ] on the rows of a block, (N, n) [N·m, N]."""
+    n_base = len(lib.base_columns)
+    rigid = block.base_rigid(lib, x[:n_base])
+    phi = x[n_base:].reshape(block.columns.shape[1:])
+    return np.asarray(rigid + block.friction(phi) if phi.size else rigid)
+
+
+def misfit(block: Statistics, x: Array) -> float:
+    """Weighted sum of squared residuals of x on one block."""
+    rest = block.factor @ x - block.target
+    return float(rest @ rest + block.rest)

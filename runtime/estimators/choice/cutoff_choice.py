@@ -25,7 +25,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, solved
+from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, predicted, solved
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -227,7 +227,7 @@ class _Trials:
         for _ in range(_PASSES):
             weighted, stats = weights, [compress(self._lib, block, weights) for block in blocks]
             x, _rank = solved(stats)
-            rest = np.concatenate([block.tau - self._predicted(block, x) for block in blocks])
+            rest = np.concatenate([block.tau - predicted(self._lib, block, x) for block in blocks])
             power = rest.var(axis=0)
             weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-30)
         left_out = tuple(
@@ -255,7 +255,7 @@ class _Trials:
         pairs = zip(blocks, estimates, self._blocks, strict=True)
         return np.array(
             [
-                np.mean((self._tau[rows] - self._predicted(b, x)) ** 2, axis=0)
+                np.mean((self._tau[rows] - predicted(self._lib, b, x)) ** 2, axis=0)
                 for b, x, rows in pairs
             ]
         )
@@ -270,9 +270,3 @@ class _Trials:
             rest_speed=None,
         )
         return prepare(self._recording, filtered, self._terms, lib=self._lib)
-
-    def _predicted(self, block: Samples, x: Array) -> Array:
-        n_base = len(self._lib.base_columns)
-        rigid = block.base_rigid(self._lib, x[:n_base])
-        phi = x[n_base:].reshape(block.columns.shape[1:])
-        return np.asarray(rigid + block.friction(phi) if phi.size else rigid)

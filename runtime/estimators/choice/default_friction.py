@@ -32,12 +32,12 @@ from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, solved
+from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfit, predicted, solved
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
 from runtime.estimators.regression.residuals import inflation
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -297,15 +297,9 @@ class Trial:
         count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
         left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
         return np.array([
-            _error(block, rest, left_out) / (block.n_samples * self.joints)
+            misfit(block, rest.solution(left_out)) / (block.n_samples * self.joints)
             for block, rest in zip(self.blocks, self.others, strict=True)
         ])  # fmt: skip
-
-
-def _error(block: Statistics, others: ColumnSolver, left_out: NDArray[np.bool_]) -> float:
-    """Weighted sum of squared residuals on a block of the estimate from the others."""
-    rest = block.factor @ others.solution(left_out) - block.target
-    return float(rest @ rest + block.rest)
 
 
 def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
@@ -330,7 +324,7 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
     for _ in range(_PASSES):
         stats = [compress(lib, block, weights) for block in blocks]
         x, _rank = solved([stats[0].merged(*stats[1:])])
-        rests = _residuals(lib, blocks, x)
+        rests = [b.tau - predicted(lib, b, x) for b in blocks]
         variance = np.mean(np.concatenate(rests) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
     stats = [compress(lib, block, weights) for block in blocks]
@@ -358,9 +352,3 @@ def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> St
     whole[: len(rows), : len(rows)] = rows
     target[: len(rows)] = rows @ (matrix @ pi)
     return replace(like, factor=whole, target=target, rest=0.0, n_samples=0.0)
-
-
-def _residuals(lib: Library, blocks: list[Samples], x: Array) -> list[Array]:
-    """Residuals of [β; φ] on every block."""
-    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :].reshape(lib.n_joints, -1)
-    return [b.tau - b.base_rigid(lib, beta) - b.friction(phi) for b in blocks]

@@ -22,8 +22,8 @@ from scipy.optimize import minimize_scalar
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, solved
-from runtime.estimators.regression import Statistics, compress
+from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfit, predicted, solved
+from runtime.estimators.regression import compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
@@ -242,11 +242,11 @@ class _Trial:
         scores = []
         for k, block in enumerate(stats):
             x, _ = solved([s for i, s in enumerate(stats) if i != k])
-            scores.append(_misfit(block, x) / (block.n_samples * n))
+            scores.append(misfit(block, x) / (block.n_samples * n))
         x, rank = solved(stats)
         count = sum(s.n_samples for s in stats) * n
-        misfit = sum(_misfit(s, x) for s in stats)
-        aic = count / self._inflation * np.log(misfit / count) + 2 * rank
+        squares = sum(misfit(s, x) for s in stats)
+        aic = count / self._inflation * np.log(squares / count) + 2 * rank
         return np.array(scores), float(aic), rank
 
 
@@ -255,28 +255,13 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     weights = np.ones(lib.n_joints)
     for _ in range(_PASSES):
         x, _rank = solved([compress(lib, block, weights) for block in blocks])
-        beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :]
-        residuals = [_residual(lib, block, beta, phi) for block in blocks]
+        residuals = [predicted(lib, block, x) - block.tau for block in blocks]
         variance = np.mean(np.concatenate(residuals) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
     first, *others = (compress(lib, block, weights) for block in blocks)
     return weights, coloured_noise_of(lib, blocks, first.merged(*others), weights).inflation
 
 
-def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
-    rigid = block.base_rigid(lib, beta)
-    phi = phi.reshape(block.columns.shape[1:])
-    if block.coupling is not None:
-        return rigid + block.friction(phi) - block.tau
-    return rigid + np.einsum("ijk,jk->ij", block.columns, phi) - block.tau
-
-
 def _with(terms: Friction, key: str, log_width: float) -> Friction:
     width: dict[str, Any] = {key: float(np.exp(log_width))}
     return replace(terms, **width)
-
-
-def _misfit(block: Statistics, x: Array) -> float:
-    """Weighted sum of squared residuals of x on one block."""
-    rest = block.factor @ x - block.target
-    return float(rest @ rest + block.rest)

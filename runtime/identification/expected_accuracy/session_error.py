@@ -23,7 +23,7 @@ from runtime.identification.expected_accuracy.expected import Knowledge
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction
-from runtime.recording.friction import OFFSET, JointMotion, columns
+from runtime.recording.friction import OFFSET, JointMotion, columns, spread
 
 MOST_ROWS = 1500
 """Largest number of instants that stand for a session."""
@@ -97,7 +97,7 @@ def error_parts_of(
         rows, names, noise = rows[:, :, -N_PARAMETERS:], (OFFSET.name,), np.sqrt(2.0) * noise
     weight = np.sqrt(known.rate * session.duration / count) / noise[:, None]
     scaled = [part * weight for part in (rows, *missed.values())]
-    nuisance = _by_joint(columns(JointMotion(dq), Friction(names))) * weight
+    nuisance = spread(columns(JointMotion(dq), Friction(names)), None) * weight
     # Rows without their part along the friction columns.
     flat = [part.reshape(-1, part.shape[2]) for part in (nuisance, *scaled)]
     basis = np.linalg.qr(flat[0])[0] if flat[0].shape[1] else flat[0]
@@ -126,19 +126,10 @@ def _missed(
     # Both directions have their own coefficients: a motion out and back does not cancel them.
     both = [one * side for one in shapes for side in (dq > 0, dq < 0)]
     return {
-        GAINS: _by_joint((error.gain * tau)[:, :, None]),
-        FRICTION: np.concatenate([_by_joint(one[:, :, None]) for one in both], axis=2),
-        DELAY: _by_joint((error.delay_s * rate)[:, :, None]),
+        GAINS: spread((error.gain * tau)[:, :, None], None),
+        FRICTION: np.concatenate([spread(one[:, :, None], None) for one in both], axis=2),
+        DELAY: spread((error.delay_s * rate)[:, :, None], None),
     }
-
-
-def _by_joint(values: Array) -> Array:
-    """Columns of single joints, (N, n, k), as columns of all, (N, n, n k)."""
-    count, n, k = values.shape
-    result = np.zeros((count, n, n, k))
-    for j in range(n):
-        result[:, j, j] = values[:, j]
-    return result.reshape(count, n, n * k)
 
 
 def _arm_root(lib: Library, a: Array, known: Information) -> Array:

@@ -19,7 +19,7 @@ from scipy.ndimage import median_filter
 from runtime.inspection.finding import WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
-from runtime.recording.preprocessing.segments import holes
+from runtime.recording.preprocessing.segments import holes, runs
 from runtime.recording.rest_speeds import rest_speeds
 
 WINDOW = 5
@@ -207,7 +207,7 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
     same = {key: _repeats(values) for key, values in signals.items()}
     intervals: list[tuple[int, int, tuple[str, ...]]] = []
     for key, repeats in same.items():
-        for first, last in _runs(repeats, recording.rate_hz):
+        for first, last in _long_runs(repeats, recording.rate_hz):
             keys = tuple(k for k in same if same[k][first : last - 1].all())
             if keys[0] == key and _moves(recording, first, last, keys, slowest):
                 intervals.append((first, last, keys))
@@ -240,12 +240,10 @@ def _repeats(values: Array) -> NDArray[np.bool_]:
     return np.asarray(np.all(np.diff(values, axis=0) == 0.0, axis=1))
 
 
-def _runs(repeats: NDArray[np.bool_], rate_hz: float) -> list[tuple[int, int]]:
+def _long_runs(repeats: NDArray[np.bool_], rate_hz: float) -> list[tuple[int, int]]:
     """First and one past the last row of the long runs of equal rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeats, [False]]).astype(int)))
     least = max(FROZEN_ROWS, FROZEN_S * rate_hz)
-    pairs = zip(edges[::2], edges[1::2], strict=True)
-    return [(int(a), int(b) + 1) for a, b in pairs if b - a >= least]
+    return [(a, b + 1) for a, b in runs(repeats) if b - a >= least]
 
 
 def _moves(

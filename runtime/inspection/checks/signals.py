@@ -5,6 +5,7 @@ import numpy as np
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
+from runtime.recording.preprocessing.segments import runs
 from runtime.recording.rest_speeds import (
     as_rest_speed,
     rest_speeds,
@@ -145,9 +146,8 @@ def rest_spans(
     Returns (from, to) [s].
     """
     still = ~moving_joints(recording, lib).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     t = recording.t
-    spans = [(float(t[a]), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    spans = [(float(t[a]), float(t[b - 1])) for a, b in runs(np.asarray(still))]
     return [(a, b) for a, b in spans if b - a >= least_s]
 
 
@@ -197,7 +197,5 @@ def _flat_rows(values: Array, moving: Array) -> int:
         return 0
     for extreme in (values.max(), values.min()):
         top = (np.abs(values - extreme) <= 1e-9 * size) & busy
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(int)))
-        lengths = edges[1::2] - edges[::2]
-        total += int(lengths[lengths >= FLAT_ROWS].sum())
+        total += sum(b - a for a, b in runs(top) if b - a >= FLAT_ROWS)
     return total

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording
+from runtime.recording.preprocessing.segments import runs
 from runtime.recording.recording import FloatArray
 
 SLOW = 0.1
@@ -71,16 +72,10 @@ def _ticks(
     still = square <= slow * slow
     estimate = np.sum(v * np.diff(q, axis=0), axis=1) / np.where(still, 1.0, tick * square)
     ticks = np.maximum(np.round(estimate), 1.0).astype(np.int64)
-    for first, last in _runs(still):
+    for first, last in runs(still):
         ends = np.round((t[first + 1 : last + 1] - t[first]) / tick).astype(np.int64)
         spent = 0
         for i, end in enumerate(ends, start=first):
             ticks[i] = max(int(end) - spent, 1)
             spent += int(ticks[i])
     return ticks
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Runs of True as (first, one past the last)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -31,6 +31,12 @@ def segments(t: FloatArray) -> list[slice]:
     return _between(holes(t))
 
 
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Runs of True as (first, one past the last)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def uniform_step(recording: Recording, purpose: str) -> float:
     """Time step of a recording whose segments are uniform to 1 %."""
     step = 1.0 / recording.rate_hz

@@ -1,6 +1,6 @@
 """A campaign: design, run in stages, identify, until a target is reached; every step is a file.
 
-    motion-K.json   design with what is known counted as information of earlier logs
+    motion-K.json   design, with the information of the logs so far
     rehearsal-K.json  the motion on the virtual robot with planted faults
     gate-K-S.json   decision on the stage at S % of the speed
     log-K-S.npz     samples of the stage
@@ -100,7 +100,7 @@ class Outcome:
 
     Attributes:
         is_reached: whether the target is reached.
-        sigma: standard deviation that the target speaks of [N·m, 1, kg].
+        sigma: standard deviation of the quantity of the target [N·m, 1, kg].
         motions: number of motions.
         seconds: motion time of all stages [s].
         sentence: why it ended.
@@ -191,7 +191,7 @@ def _designed(
     model: ArmModel | None,
     safety: Safety,
 ) -> Trajectory:
-    """Motion K: read, or designed with what is known."""
+    """Read motion K, or design it with the information of all logs so far."""
     if path.exists():
         return read_trajectory(path, lib)
     known: Information = information(lib, payload=target.kind == "payload")
@@ -237,7 +237,7 @@ def _recorded(
     safety: Safety,
     say: Callable[[str], None],
 ) -> None:
-    """Run one stage from its start; a stopped one leaves its log beside, and is not done."""
+    """Run one stage from its start; a stopped stage is repeated, its log is written beside it."""
     move_to(driver, motion.home, safety, say=say)
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is None:
@@ -312,7 +312,7 @@ def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
 
 
 def _remove_drafts(folder: Path) -> None:
-    """Remove what a killed process was writing."""
+    """Remove unfinished files of a process that was killed."""
     for draft in folder.rglob(f"{DRAFT}*"):
         draft.unlink(missing_ok=True)
 

@@ -70,7 +70,7 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GearFriction:
-    """What the columns depend on, (n,) each.
+    """Parameters of the friction columns, (n,) each.
 
     Attributes:
         delay: the log stamps τ this much later than q [s].

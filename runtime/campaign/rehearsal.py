@@ -48,7 +48,7 @@ LATE = 3e-3
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a planted fault.
+    """Result of the rehearsal of one planted fault.
 
     Attributes:
         kind: of `KINDS`, or "none".

@@ -134,7 +134,7 @@ def shortest_session(
 def size_of(
     lib: Library, target: Target, home: Array, error: ModelError
 ) -> Callable[[str, Array], float]:
-    """Root of the mean square of what a target speaks of, from the error of the unknowns.
+    """Return the function that maps errors of the unknowns to the RMS error of a target's quantity.
 
     v is the error of the measured torque: a gain changes measurement and model alike, and only
     what no parameters imitate is an error, g_j τ_j − Y_b δβ.

@@ -68,7 +68,7 @@ def target_of(text: str) -> Target:
 
 
 def reached(target: Target, result: Identification, motion: Trajectory) -> float:
-    """Standard deviation that a target speaks of, from the posterior of a result."""
+    """Standard deviation of the quantity of a target, by the posterior of a result."""
     lib, spread = result.lib, base_covariance(result)
     if target.kind == "v":
         seen = np.sum(unseen_joints(lib, motion.home), axis=0)

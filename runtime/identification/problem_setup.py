@@ -292,7 +292,7 @@ def settings_for(lib: Library, settings: Settings) -> Settings:
 
 
 def note_for(lib: Library) -> tuple[str, ...]:
-    """Sentence on what a result for a robot of placeholders determines; none for other robots."""
+    """Sentence on what is determined for a robot whose masses are placeholders; else empty."""
     if not lib.placeholders:
         return ()
     return (

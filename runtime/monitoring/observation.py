@@ -143,7 +143,7 @@ def detector_for(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """What contacts are decided from, without a stated rate.
+    """External torque of a log with the terms of its thresholds, before a rate is stated.
 
     Attributes:
         t: (N,) [s].

@@ -19,7 +19,7 @@ from runtime.registry import Registry
 
 @dataclass(frozen=True, slots=True)
 class DriverSettings:
-    """What opens a driver.
+    """Settings with which a driver is opened.
 
     Attributes:
         address: text after the colon of --driver; empty for the default.

@@ -1,4 +1,4 @@
-"""The virtual robot behind the door of a real one: plant, friction, sensors, drive, controller.
+"""The virtual robot as a driver: plant, friction, sensors, drive and controller.
 
 The same robot as `runtime.simulation.record` for the same `truth_seed`; time passes as the samples
 do. `PlantedFault` is what goes wrong at an instant: a stuck joint, a collision, a dead connection,
@@ -33,7 +33,7 @@ _SHOWN = 32
 
 @dataclass(frozen=True, slots=True)
 class PlantedFault:
-    """What goes wrong.
+    """A fault at an instant of a motion.
 
     Attributes:
         kind: of `FAULTS`.

@@ -250,7 +250,7 @@ class Weighed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Channels:
-    """Channels with friction taken out.
+    """Rows of the channels with friction eliminated.
 
     Attributes:
         base: A_j, (N, n, n_b).

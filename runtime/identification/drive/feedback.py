@@ -270,7 +270,7 @@ def feedback_torque(
 def response(
     t: Array, noise: Array, inertia: Array, slope: Array, gains: tuple[Array, Array], delay: Array
 ) -> Array:
-    """Motion δ of joints that torque noise moves through a PD law that acts late.
+    """Motion δ of the joints by torque noise, under a PD law with a delay.
 
     Second order: every step is taken with the values at its middle, the slope by the trapezoidal
     rule; a delay of less than half a step is none.

@@ -76,7 +76,7 @@ class MotionSamples:
         return compress(lib, self.samples, weights, repeats)
 
     def require_columns(self, columns: tuple[str, ...]) -> None:
-        """Refuse to follow a motion with other friction columns."""
+        """Refuse two motions with different friction columns."""
         if self.columns != columns:
             raise IdentificationError(
                 f"'{self.name}' has the friction columns {', '.join(self.columns) or 'none'}, the "

@@ -40,7 +40,7 @@ NOISE, GAINS, FRICTION, DELAY = (
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """Standard deviations of what an identification does not estimate.
+    """Standard deviations of errors of the model that an identification does not estimate.
 
     Attributes:
         gain: of every torque gain, relative to one.
@@ -85,7 +85,7 @@ def error_parts_of(
     error: ModelError,
     payload: bool = False,
 ) -> ErrorParts:
-    """Errors to expect from the log of a session."""
+    """Expected errors of an identification from the log of a session, by part."""
     count = int(np.clip(known.rate * session.duration, 50, MOST_ROWS))
     t = np.linspace(0.0, session.duration, count)
     q, dq, ddq, _ = session.at(lib, t)
@@ -144,6 +144,6 @@ def _arm_root(lib: Library, a: Array, known: Information) -> Array:
 
 
 def _payload_root(a: Array) -> Array:
-    """Root of the covariance of the ten parameters; huge where the motion does not show them."""
+    """Root of the covariance of the ten parameters; very large where they are not determined."""
     _, s, turn = np.linalg.svd(a, full_matrices=False)
     return np.asarray(turn.T / np.maximum(s, 1e-12 * s[0]))

@@ -31,7 +31,7 @@ LATE = 4.0
 
 
 def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
-    """The torque is that of a control law."""
+    """Finding that the torque is computed by a control law."""
     law = plan.law
     if law is None:
         return []

@@ -88,7 +88,7 @@ def velocity_pairs(
 
 
 def constant_velocity(recording: Recording, lib: Library) -> list[Finding]:
-    """Velocities that keep one value although their joint moves: nobody measured them."""
+    """Velocities that are constant although their joint moves, so that they are not measured."""
     if recording.dq is None:
         return []
     travel = np.ptp(unwrap(recording.q)[0], axis=0)

@@ -203,7 +203,7 @@ class _View:
         """κ of a new unit: the mean of 1/(1/κ + e) over directions of β, e the error of P0 there.
 
         Directions that no unit excites keep the error of the URDF; the mean of the precisions
-        weakens the prior for them without losing what the fleet knows of the others.
+        weakens the prior there and keeps the information of the fleet in the other directions.
         """
         rows = self._rows(counted, kappa)[:, :-1]
         around = self.urdf.bodies.spread(self.urdf.centre)

@@ -42,7 +42,7 @@ from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
-from runtime.library.torque_units import common_unit, torque_units
+from runtime.library.manifest import common_unit, torque_units
 from runtime.outputs.report.motion_figures import write_pictures
 
 Budget = Annotated[

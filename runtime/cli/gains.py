@@ -19,7 +19,7 @@ from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.sensor_gains.estimate import Gains, identify_gains
 from runtime.library import Library
-from runtime.library.torque_units import common_unit, torque_units
+from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
 from runtime.recording.coupled_joints import independent_joints

@@ -6,7 +6,7 @@ import typer
 
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError, RuntimeFault
-from runtime.library.find import find
+from runtime.library.library import find
 from runtime.recording.datasets import known_names, locate
 
 

@@ -18,7 +18,7 @@ from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Array, Library
-from runtime.library.torque_units import file_units
+from runtime.library.manifest import file_units
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated, tails_of, verified
 from runtime.monitoring.contacts import wrench_at
 from runtime.monitoring.false_alarms import alarm_rate

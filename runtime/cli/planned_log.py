@@ -42,7 +42,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
 )
 from runtime.library import Array, Library
-from runtime.library.torque_units import common_unit, torque_units
+from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Friction, read_recording
 
 NOISE_HELP = (

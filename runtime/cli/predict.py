@@ -44,8 +44,8 @@ from runtime.identification.expected_accuracy.planned_samples import (
 )
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Array, Library
+from runtime.library.manifest import listed_torques, torque_units
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
-from runtime.library.torque_units import listed_torques, torque_units
 from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction
 from runtime.simulation import sample_times

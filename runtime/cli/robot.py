@@ -9,7 +9,7 @@ import typer
 from runtime.cli.common import program
 from runtime.errors import LibraryError
 from runtime.library import Library, load
-from runtime.library.find import ForeignRobotError, find
+from runtime.library.library import ForeignRobotError, find
 
 Yes = Annotated[
     bool,

@@ -22,7 +22,7 @@ from runtime.excitation.static_poses import (
     pose_table,
 )
 from runtime.library import Library
-from runtime.library.torque_units import common_unit, torque_units
+from runtime.library.manifest import common_unit, torque_units
 
 POSES = 12
 """Default number of poses."""

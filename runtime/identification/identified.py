@@ -13,8 +13,8 @@ from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.identification.drive.result import DriveFit
 from runtime.library import Array, Library
+from runtime.library.manifest import torque_units
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
-from runtime.library.torque_units import torque_units
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
 

@@ -24,8 +24,8 @@ from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST_VALUE, model_facts
 from runtime.library import Array
+from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
-from runtime.library.torque_units import file_units
 from runtime.recording import Preparation
 from runtime.recording.recipes.recipe import NUMBERS
 

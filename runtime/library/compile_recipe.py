@@ -7,8 +7,9 @@ the compiler do nothing but compile.
 import hashlib
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from runtime.common.files import bytes_of, json_of, require_file
 from runtime.errors import LibraryError
@@ -28,7 +29,8 @@ _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
 _WORD = re.compile(r"[a-z0-9_]{0,16}")
 
 
-class Group(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Group:
     """Files that are compiled alike, the level they make and the machine they are for ("": all).
 
     `gcc` are flags for a compiler that supports all of them; they shorten compilation. `beside` are
@@ -43,7 +45,8 @@ class Group(NamedTuple):
     beside: tuple[str, ...]
 
 
-class CompileRecipe(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CompileRecipe:
     """Content of `compile.json`; `digest` is that of its bytes, `files` are name → sha256."""
 
     digest: str

@@ -6,15 +6,15 @@ on how many threads there are.
 
 import ctypes
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.binding import padded, padded_size, zeros
 from runtime.library.parameters import N_PARAMETERS
-from runtime.library.tile_arrays import padded, padded_size, zeros
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,8 @@ class ConvexTask:
     start: Array
 
 
-class ConvexAnswer(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexAnswer:
     """Minimiser, loss, decrement and steps for each γ up to the first that failed."""
 
     points: Array
@@ -112,8 +113,6 @@ class CompiledConvex:
         if count == 1:
             part((0, len(self._jobs)))
         else:
-            from concurrent.futures import ThreadPoolExecutor
-
             with ThreadPoolExecutor(count) as pool:
                 list(pool.map(part, pairwise(edges)))
         return [

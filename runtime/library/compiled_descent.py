@@ -6,13 +6,15 @@ and since jobs share nothing the answers do not depend on how many.
 
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.tile_arrays import LANES, padded, padded_size, zeros
+from runtime.library.binding import LANES, padded, padded_size, zeros
 
 Array = NDArray[np.float64]
 
@@ -22,7 +24,8 @@ _GROWTH = 2.0
 _POINTER = ctypes.POINTER(ctypes.c_double)
 
 
-class LeastSquares(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class LeastSquares:
     """L = (‖R y − r‖² + ρ) · scale in y = [K π(λ); ψ]; R is upper triangular."""
 
     factor: Array
@@ -31,7 +34,8 @@ class LeastSquares(NamedTuple):
     scale: float
 
 
-class AdamProblem(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class AdamProblem:
     """One descent by Adam.
 
     Attributes:
@@ -129,8 +133,6 @@ class _Jobs:
         if count == 1:
             part(parts[0])
             return
-        from concurrent.futures import ThreadPoolExecutor
-
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(part, parts))
 

@@ -3,12 +3,12 @@
 import ctypes
 import threading
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.tile_arrays import LANES, padded_size, zeros
+from runtime.library.binding import LANES, padded_size, zeros
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,8 @@ class _Job(ctypes.Structure):
     ]
 
 
-class ExcitationFunctions(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class ExcitationFunctions:
     """`excitation_cost` and `excitation_work` of one level."""
 
     cost: Callable[..., float]

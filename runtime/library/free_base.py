@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from runtime.errors import ShapeError
 from runtime.library.manifest import Manifest
@@ -44,8 +45,6 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
 
     pose (4, 4) → (6,) [m, rad].
     """
-    from scipy.spatial.transform import Rotation
-
     array = np.asarray(pose, dtype=float)
     is_matrix = array.ndim in {2, 3} and array.shape[-2:] == (4, 4)
     if not is_matrix and not (array.ndim in {1, 2} and array.shape[-1] == 7):

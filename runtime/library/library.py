@@ -1,43 +1,111 @@
 """One typed NumPy method per kernel of a generated robot."""
 
 import ctypes
+import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from runtime.common.files import sha256_of
+from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.body_kernels import BodyKernels
+from runtime.library.compiled_closed_loop import (
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+)
 from runtime.library.compiled_convex import CompiledConvex, ConvexTask
+from runtime.library.compiled_descent import (
+    AdamProblem,
+    CompiledAdam,
+    CompiledLevenberg,
+    LeastSquares,
+)
+from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.compiled_statistics import CompiledStatistics
 from runtime.library.control_kernels import ControlKernels
 from runtime.library.fixed_base_kernels import FixedBaseKernels
 from runtime.library.free_base import FREEDOM, ROWS
-from runtime.library.joint_motion import JointMotion
+from runtime.library.joint_kernels import JointKernels
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
-from runtime.library.proof_kernels import ProofKernels
-from runtime.library.safety_kernels import SafetyKernels
+from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 
-if TYPE_CHECKING:
-    from runtime.library.compiled_closed_loop import (
-        ClosedLoopController,
-        ClosedLoopPlant,
-        CompiledClosedLoop,
+
+class ForeignRobotError(LibraryError):
+    """A robot of this name lies in the working directory only, and was not built by this user.
+
+    Attributes:
+        folder: its generated folder.
+    """
+
+    def __init__(self, robot: str, folder: Path) -> None:
+        self.folder = folder
+        super().__init__(
+            f"expected '{robot}' to come with the package or to be built by you, got it only in "
+            f"'{folder}'; to run the code of that folder, give --robot {folder} or --yes"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RobotFolder:
+    """Generated folder of a robot.
+
+    Attributes:
+        folder: the folder.
+        origin: whose it is, a phrase.
+    """
+
+    folder: Path
+    origin: str
+
+
+def find(robot: str | os.PathLike[str]) -> RobotFolder:
+    """Generated folder of a robot.
+
+    A name, [a-z][a-z0-9_]*, is looked up in the package, then among the folders that this user has
+    built, of which ./generated/<name> comes first. Anything else is a path.
+    """
+    if isinstance(robot, os.PathLike) or not NAME.fullmatch(robot):
+        return RobotFolder(Path(robot), "the folder that was given")
+    package = Path(__file__).parents[1]  # generated/ lies in it if installed, else beside it
+    roots = [folder / "generated" for folder in (package, package.parent)]
+    for root in roots:
+        if (root / robot / "manifest.json").exists():
+            return RobotFolder(root / robot, "the package")
+    here = Path("generated") / robot
+    if _is_built_here(here, robot):
+        return RobotFolder(here, "your build")
+    for folder in built_folders(robot):
+        return RobotFolder(folder, "your build")
+    if (here / "manifest.json").exists():
+        raise ForeignRobotError(robot, here)
+    bundled = (package.parent / "symgen" / "robots" / f"{robot}.urdf").exists()
+    options = f"--robot {robot}" if bundled else f"--urdf FILE --name {robot}"
+    raise LibraryError(
+        f"no generated robot is called '{robot}' (looked in "
+        f"{', '.join(str(root) for root in roots)}, your builds and {Path.cwd() / 'generated'}); "
+        f"give the path of its folder, or run: python -m symgen build {options}"
     )
-    from runtime.library.compiled_descent import (
-        AdamProblem,
-        CompiledAdam,
-        CompiledLevenberg,
-        LeastSquares,
-    )
-    from runtime.library.compiled_excitation import CompiledExcitation
+
+
+def _is_built_here(folder: Path, robot: str) -> bool:
+    """Whether the library in a folder of the working directory was built by this user."""
+    library = folder / f"lib{robot}.so"
+    try:
+        digest = sha256_of(library)
+    except OSError:
+        return False
+    return (folder / "manifest.json").is_file() and is_user_build(library, digest)
 
 
 class Library(
-    JointMotion,
+    JointKernels,
     MotionKernels,
     FixedBaseKernels,
     SafetyKernels,
@@ -149,8 +217,8 @@ class Library(
         return self._adam is not None
 
     def adam(
-        self, problems: "Sequence[AdamProblem]", options: dict[str, float], traces: int, batch: int
-    ) -> "CompiledAdam":
+        self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
+    ) -> CompiledAdam:
         """Compiled descents by Adam.
 
         Args:
@@ -165,18 +233,16 @@ class Library(
         Raises:
             LibraryError: this level has no compiled descent.
         """
-        from runtime.library.compiled_descent import CompiledAdam
-
         return CompiledAdam(self._needed(self._adam), problems, options, traces, batch)
 
     def levenberg(
         self,
         starts: Sequence[Array],
-        problems: "Sequence[LeastSquares]",
+        problems: Sequence[LeastSquares],
         options: dict[str, float],
         traces: int,
         cholesky: bool = False,
-    ) -> "CompiledLevenberg":
+    ) -> CompiledLevenberg:
         """Compiled Levenberg–Marquardt descents, in λ or log-Cholesky θ.
 
         Args:
@@ -192,8 +258,6 @@ class Library(
         Raises:
             LibraryError: this level has no compiled descent.
         """
-        from runtime.library.compiled_descent import CompiledLevenberg
-
         run = self._needed(self._levenberg)
         return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
 
@@ -225,7 +289,7 @@ class Library(
             raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
         return function
 
-    def excitation_cost(self, home: Array, basis: Array) -> "CompiledExcitation | None":
+    def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
         """Compiled log cond W̄_b of a trajectory and its gradient.
 
         Args:
@@ -235,8 +299,6 @@ class Library(
         Returns:
             None where this level has none.
         """
-        from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
-
         functions = self._binding.excitation()
         if functions is None:
             return None
@@ -244,12 +306,12 @@ class Library(
 
     def closed_loop(
         self,
-        body: "ClosedLoopPlant",
-        law: "ClosedLoopController",
+        body: ClosedLoopPlant,
+        law: ClosedLoopController,
         reference: Array,
         period: float,
         **options: Any,
-    ) -> "CompiledClosedLoop":
+    ) -> CompiledClosedLoop:
         """Compiled simulation of the robot under a computed-torque controller.
 
         Args:
@@ -263,7 +325,33 @@ class Library(
         Returns:
             Simulation that `run` continues.
         """
-        from runtime.library.compiled_closed_loop import CompiledClosedLoop
-
         function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
         return CompiledClosedLoop(function, body, law, reference, period, **options)
+
+
+def load(
+    robot: str | os.PathLike[str], level: str | None = None, threads: int | None = None
+) -> Library:
+    """Library of a robot by name, or by the folder that symgen wrote.
+
+    A name, [a-z][a-z0-9_]*, is looked up among the robots that come with the package, then among
+    those that you have built. A folder is loaded by its path, which contains a slash or is a Path:
+    its code runs in this process. A compiled library that you did not build is never opened; the C
+    code of its folder is compiled instead, as where there is no library, at the first use; a line
+    on stderr says so. The library is kept in the user's cache folder ($SYMGEN_CACHE).
+
+    Args:
+        robot: name, or path of a generated folder.
+        level: instruction set of the batch functions, by default the best that runs here: v4
+            (AVX-512), v3 (AVX2), v2, neon or portable; casadi is CasADi's C, the reference.
+            $SYMGEN_LEVELS restricts which are compiled.
+        threads: number of threads for batches that take milliseconds; by default one per core.
+            Results do not depend on it, to the last bit.
+
+    Returns:
+        The robot's kernels as NumPy methods.
+
+    Raises:
+        LibraryError: missing, stale, foreign or damaged; the message states the command to run.
+    """
+    return Library(find(robot).folder, level, threads)

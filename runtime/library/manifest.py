@@ -1,6 +1,7 @@
 """`manifest.json`: the contract between what was generated and what runs."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.common.files import json_of
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError
-from runtime.library.parameters import PI_NAMES
+from runtime.library.parameters import PI_NAMES, Array
 
 FORMAT = 4
 
@@ -290,3 +291,26 @@ def _proxy(entry: dict[str, Any], joints: list[dict[str, Any]]) -> ProxyFacts:
         end=tuple(entry["end"]),
         radius=entry["radius"],
     )
+
+
+def torque_units(manifest: Manifest) -> tuple[str, ...]:
+    """Unit of the torque of every joint, "N·m" or "N", (n,)."""
+    return tuple("N" if joint.kind == "prismatic" else "N·m" for joint in manifest.joints)
+
+
+def file_units(manifest: Manifest) -> list[str]:
+    """The same as written in files, "N*m" or "N"."""
+    return [unit.replace("·", "*") for unit in torque_units(manifest)]
+
+
+def common_unit(units: Sequence[str], prefix: str = "") -> str:
+    """Unit of a number over several joints."""
+    return "|".join(prefix + unit for unit in dict.fromkeys(units))
+
+
+def listed_torques(values: Array, units: Sequence[str], digits: str, prefix: str = "") -> str:
+    """Torques of several joints as text."""
+    numbers = [f"{value:{digits}}" for value in values]
+    if len(set(units)) == 1:
+        return f"{', '.join(numbers)} {prefix}{units[0]}"
+    return ", ".join(f"{n} {prefix}{unit}" for n, unit in zip(numbers, units, strict=True))

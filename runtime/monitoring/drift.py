@@ -33,8 +33,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
+from runtime.library.manifest import torque_units
 from runtime.library.parameters import link_columns
-from runtime.library.torque_units import torque_units
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.recording import Recording
 from runtime.recording.preprocessing import segments

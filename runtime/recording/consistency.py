@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Library
-from runtime.library.torque_units import common_unit, torque_units
+from runtime.library.manifest import common_unit, torque_units
 from runtime.recording.recipes.default_convention import states_unread
 from runtime.recording.recording import FloatArray, Recording
 

@@ -3,7 +3,8 @@
 τ_j = k_j i_j        k in N·m/A or N/A
 """
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ UNSEEN = "not identifiable from this motion"
 VERDICTS = (DETERMINED, UP_TO_FACTOR, OF_URDF, UNSEEN)
 
 
-class CurrentGains(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class CurrentGains:
     """Estimated gains of the channels of one log.
 
     Attributes:

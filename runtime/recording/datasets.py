@@ -5,9 +5,12 @@ is pinned by commit and sha256 in the bundled recipe of the set, and is kept in 
 the operating system.
 """
 
+import logging
 import os
 import shutil
 from pathlib import Path
+
+import pooch
 
 from runtime.errors import RecordingError
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
@@ -46,8 +49,6 @@ def _local_folders(name: str) -> list[Path]:
 
 def _download(name: str) -> Path:
     """The pinned files of a data set in the cache of pooch."""
-    import pooch
-
     source = load_recipe(name).source
     tried = " and ".join(str(folder) for folder in _local_folders(name))
     advice = f"set SYMGEN_DATA to the folder that holds data/{name}"
@@ -62,8 +63,6 @@ def _download(name: str) -> Path:
         base_url=source.base.replace("{commit}", source.commit),
         registry={file: f"sha256:{digest}" for file, digest in source.sha256.items()},
     )
-    import logging
-
     log = logging.getLogger(__name__)
     try:
         for file in source.sha256:

@@ -1,5 +1,6 @@
 """Results in a notebook: small HTML tables, whose texts are escaped, and data frames."""
 
+import html
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
@@ -54,6 +55,4 @@ class Framed(ABC):
 
 
 def _text(value: object) -> str:
-    from html import escape  # with all names of HTML
-
-    return escape(str(value))
+    return html.escape(str(value))

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.files import replacing
 from runtime.errors import RecordingError
 from runtime.recording import datasets
 from runtime.recording.consistency import check_consistency
-from runtime.recording.formats import format_of_folder
+from runtime.recording.formats import FORMATS, format_of_folder
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe, Signal
@@ -230,3 +231,23 @@ def mean_of_column(log: str | Path, recipe: str | Path | Recipe | None, name: st
             f"expected numbers in the column '{name}' of '{log}', got none; name another column"
         )
     return float(finite.mean())
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write CSV, NPZ or Parquet, by the suffix of the path.
+
+    Args:
+        recording: SI units, joint side.
+        path: of the file; missing folders are made.
+
+    Raises:
+        RecordingError: another suffix, or Parquet without its library.
+    """
+    path = Path(path)
+    writers = {each.suffixes[0]: each.write for each in FORMATS.records() if each.write}
+    if path.suffix not in writers:
+        raise RecordingError(
+            f"expected a path that ends in {', '.join(writers)}, got {path.name!r}; rename it"
+        )
+    with replacing(path) as file:
+        writers[path.suffix](recording, file)

@@ -6,8 +6,8 @@ Coulomb friction has opposite signs after two approaches from opposite sides, so
 the mean. The rows have dq = ddq = 0 and contain gravity alone.
 """
 
+from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,8 @@ FEWEST = 3
 """Number of pairs from which on a log is one of poses."""
 
 
-class _Visit(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Visit:
     """Means over one rest, and the displacement of the approach."""
 
     t: float

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,8 @@ LARGE = 200_000_000
 """Size of a file above which a log is streamed by default [bytes]."""
 
 
-class RawRows(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class RawRows:
     """Consecutive rows of a log in the units of its files.
 
     Attributes:

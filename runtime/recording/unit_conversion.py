@@ -3,7 +3,8 @@
 The order of the steps from a number in a file to a joint angle is that of `recipe`.
 """
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ INSTANT = 1e-7
 """Rounding of instants [s], those of 1970 included."""
 
 
-class Converted(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Converted:
     """Time and signals of a recording.
 
     Attributes:

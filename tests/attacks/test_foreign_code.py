@@ -20,7 +20,7 @@ from runtime.common.compiler import find_compiler
 from runtime.errors import LibraryError, RecordingError
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
-from runtime.library.find import ForeignRobotError
+from runtime.library.library import ForeignRobotError
 from symgen.make.pipeline import build, is_current
 from symgen.make.request import BuildRequest, bundled_request
 from tests.conftest import REPOSITORY

@@ -30,7 +30,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.interpolation import interpolate
+from runtime.recording.preprocessing.segments import interpolate
 
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""

@@ -22,7 +22,7 @@ from runtime.excitation.limits.obstacles import ObstacleClearance, capsule_aroun
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import ModelBand, Torque, TorqueRate, known_torque_of
 from runtime.library import Array, Library
-from runtime.library.torque_units import torque_units
+from runtime.library.manifest import torque_units
 
 TABLE_MARGIN = 0.03
 """Margin between every moving proxy and the table or an obstacle, m."""

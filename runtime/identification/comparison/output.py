@@ -16,7 +16,7 @@ from runtime.identification.comparison.row import HEAD, cells, finite, row_facts
 from runtime.identification.comparison.run import Comparison
 from runtime.identification.problem_setup import PARTS
 from runtime.identification.result_file import versions
-from runtime.library.torque_units import file_units
+from runtime.library.manifest import file_units
 from runtime.recording import Recording
 
 FORMAT = 1

@@ -17,7 +17,7 @@ from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Recipe
-from runtime.recording.preprocessing.interpolation import interpolate
+from runtime.recording.preprocessing.segments import interpolate
 
 LONGEST, SHARE = 1.0, 0.1
 """Largest delay that is searched [s], and its largest share of the duration."""

@@ -4,8 +4,9 @@ import io
 import sys
 import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,8 @@ def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:
     return LogTable(rows.astype(np.float64), np.arange(len(rows), dtype=np.int64))
 
 
-class _Array(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Array:
     """Place of an array in a file."""
 
     offset: int

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from runtime.errors import RecordingError
 from runtime.recording.consistency import unwrap
@@ -99,8 +100,6 @@ _WORLD = "is in axes of the world, expected those of the base; multiply it by Rá
 
 def _reordered(turn: FloatArray, t: FloatArray) -> FloatArray:
     """Angular velocity of the base if its quaternions w, x, y, z were read as x, y, z, w."""
-    from scipy.spatial.transform import Rotation
-
     right = Rotation.from_quat(Rotation.from_matrix(turn).as_quat()[:, [1, 2, 3, 0]]).as_matrix()
     spin = np.swapaxes(right, 1, 2) @ np.gradient(right, t, axis=0)
     return np.asarray(np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1))
@@ -178,8 +177,6 @@ def motion_of(
     recording: FreeBaseRecording, joints: tuple[str, ...], cutoff_hz: float | None = None
 ) -> FreeBaseMotion:
     """Filter and differentiate a recording."""
-    from scipy.spatial.transform import Rotation
-
     places = _places(recording, joints)
     count = len(recording.t)
     wrench = recording.contacts.wrench.reshape(count, -1)

@@ -13,6 +13,7 @@ which is linear and the same at all times, so that its cut-off may lie in the mi
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from runtime.errors import RecordingError
 from runtime.library import Library
@@ -38,8 +39,6 @@ def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Rec
     data = smooth(data)
     if data.dq is not None:
         return data
-    from scipy.interpolate import CubicSpline
-
     slopes = [CubicSpline(data.t[s], data.q[s])(data.t[s], 1) for s in segments(data.t)]
     return data.replace(dq=np.concatenate(slopes)).noted("Differentiated q to dq by cubic splines.")
 

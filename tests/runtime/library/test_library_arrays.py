@@ -8,8 +8,7 @@ import pytest
 
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library, load
-from runtime.library.binding import PART
-from runtime.library.tile_arrays import zeros
+from runtime.library.binding import PART, zeros
 from tests.oracle import random_states
 
 

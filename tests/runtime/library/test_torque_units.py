@@ -12,7 +12,7 @@ from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.library.torque_units import common_unit, file_units, listed_torques, torque_units
+from runtime.library.manifest import common_unit, file_units, listed_torques, torque_units
 from tests.runtime.conftest import Command
 
 Robot = Callable[[str], Library]

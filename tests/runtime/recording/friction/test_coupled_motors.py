@@ -23,7 +23,7 @@ from runtime.recording.friction import (
     torque,
 )
 from runtime.recording.preprocessing import prepare
-from runtime.recording.writer import write_recording
+from runtime.recording.reader import write_recording
 from tests.runtime.recording.test_datasets import real
 
 JOINTS = ("viscous", "coulomb", "rotor")

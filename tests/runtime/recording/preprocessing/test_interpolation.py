@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 
-from runtime.recording.preprocessing.interpolation import interpolate
+from runtime.recording.preprocessing.segments import interpolate
 
 T = np.arange(4000) / 200.0
 

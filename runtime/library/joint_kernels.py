@@ -12,7 +12,7 @@ from runtime.library.binding import Array, Binding
 from runtime.library.manifest import Manifest
 
 
-class JointMotion:
+class JointKernels:
     """Positions, velocities and Jacobian of all joints; q and dq are (N, n) or (n,)."""
 
     name: str

@@ -1,0 +1,446 @@
+"""Recordings of a robot with a free base: joints, motion of the base, contacts.
+
+An NPZ with one row per instant, SI units:
+
+    t (N,), q (N, n); dq, ddq, tau (N, n) where they were measured; joints (n,) names
+    base_pose (N, 7) position and quaternion x, y, z, w, or (N, 4, 4); or
+    base_position (N, 3) and base_rpy (N, 3) roll, pitch, yaw
+    base_twist, base_acceleration (N, 6) in axes of the base, see `runtime.BaseMotion`
+    contact_links (C,) names of moving links; contact_position (C, 3) in their frames
+    contact_wrench (N, C, 6) force and moment on the robot at contact_position, NaN where a
+    component is not measured; contact_axes "link" or "world"
+    contact_force_z (N, C) vertical forces instead, all else unknown
+    contact_force_z_sigma (C,) standard deviation of the unknown offsets of these sensors
+    contact_force_z_sharing () standard deviation of the relative error of these sensors while
+    contacts share the load, see `Contacts`
+    contact_force_z_crosstalk (2,) standard deviations of what these sensors read per moment about
+    x and y of the link; contact_force_z_cutoff () cut-off of their first-order low-pass
+    contact_flags (N, C) whether a contact can transmit a wrench; 0 states that there is none
+    contact_kind "surface" or "point", whose moment is zero
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from runtime.common.files import bytes_of
+from runtime.errors import RecordingError
+from runtime.library.free_base import ROTATION
+from runtime.recording.formats.npz import open_npz
+from runtime.recording.recording import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contacts:
+    """Contacts of a robot with the world.
+
+    Attributes:
+        links: names of the C links.
+        position: (C, 3) point that the wrench is about, in the frame of the link [m].
+        wrench: (N, C, 6) force and moment on the robot [N, N·m]; NaN where it is unknown.
+        axes: "link" or "world".
+        offset_sigma: (C,) standard deviation of unknown offsets of the vertical forces [N]; None
+            where the log does not state it.
+        sharing_sigma: standard deviation of γ: a sensor that reads the share s of ΣF_z reads
+            F (1 + γ (1 − s)); None where the log does not state it.
+        crosstalk_sigma: (2,) standard deviations of c: a sensor reads c·m more, with m the moments
+            about x and y of the link at `position` [1/m]; None where the log does not state them.
+        cutoff_hz: cut-off of the first-order low-pass of the sensors of the vertical forces [Hz];
+            None where the log states none.
+        sensed: (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is
+            none; filtered like the forces.
+    """
+
+    links: tuple[str, ...]
+    position: FloatArray
+    wrench: FloatArray
+    axes: str
+    offset_sigma: FloatArray | None = None
+    sharing_sigma: float | None = None
+    crosstalk_sigma: FloatArray | None = None
+    cutoff_hz: float | None = None
+    sensed: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeBaseRecording:
+    """Motion of joints and base at N instants, with torques and contacts.
+
+    Attributes:
+        name: of the file.
+        t: (N,) s.
+        q: (N, n) rad or m, in the order of the file.
+        joint_names: n names, empty where the file has none.
+        rotation: (N, 3, 3) R of the base in the world.
+        position: (N, 3) origin of the base in the world [m].
+        contacts: of the robot with the world.
+        dq, ddq, tau: (N, n), None where they were not measured.
+        twist, acceleration: (N, 6) of the base, None where they were not measured.
+        unread: names of arrays of the file that are not part of the layout.
+    """
+
+    name: str
+    t: FloatArray
+    q: FloatArray
+    joint_names: tuple[str, ...]
+    rotation: FloatArray
+    position: FloatArray
+    contacts: Contacts
+    dq: FloatArray | None = None
+    ddq: FloatArray | None = None
+    tau: FloatArray | None = None
+    twist: FloatArray | None = None
+    acceleration: FloatArray | None = None
+    unread: tuple[str, ...] = ()
+
+
+_KEYS = (
+    *("t", "q", "dq", "ddq", "tau", "joints", "base_pose", "base_position", "base_rpy"),
+    *("base_twist", "base_acceleration", "contact_links", "contact_position", "contact_wrench"),
+    *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_force_z_sharing"),
+    *("contact_force_z_crosstalk", "contact_force_z_cutoff", "contact_flags", "contact_kind"),
+)
+_FEWEST = 8
+"""Fewest instants of a recording."""
+
+
+_ZIP = b"PK"
+"""First bytes of an NPZ."""
+
+
+def read_free_base(path: Path) -> FreeBaseRecording:
+    """Read an NPZ of this layout.
+
+    Raises:
+        RecordingError: unreadable, an array is missing, has another shape or unknown name.
+    """
+    try:
+        data = bytes_of(path)
+        if not data.startswith(_ZIP):
+            raise RecordingError(
+                f"{path.name} is no NPZ, expected one with arrays t, q, base_pose and contacts for "
+                "a robot with a free base; save it with numpy.savez, see docs/howto/free-base.md"
+            )
+        arrays = open_npz(data, path.name)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"cannot read '{path}': {error}") from None
+    return free_base_of(arrays, path.name)
+
+
+def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
+    """The recording that arrays of this layout hold.
+
+    Args:
+        arrays: by key.
+        name: of the file, for messages.
+
+    Returns:
+        The recording.
+
+    Raises:
+        RecordingError: an array is missing, has another shape or unknown name.
+    """
+    unknown = sorted(key for key in arrays if key.startswith(("base_", "contact_")))
+    unknown = [key for key in unknown if key not in _KEYS]
+    if unknown:
+        raise RecordingError(
+            f"{name} has the array {unknown[0]}, expected those of a robot with a free base: "
+            f"{', '.join(_KEYS[6:])}; rename it"
+        )
+    t = numbers_of(arrays, "t", name, ("N",))
+    count = len(t)
+    steps = np.diff(t)
+    if count < _FEWEST or not (steps > 0).all():
+        raise RecordingError(
+            f"{name} needs {_FEWEST} or more instants t that increase, got {count}; sort the rows"
+        )
+    q = numbers_of(arrays, "q", name, (count, "n"))
+    shape = q.shape
+
+    def optional(key: str, *sizes: int) -> FloatArray | None:
+        return numbers_of(arrays, key, name, sizes) if key in arrays else None
+
+    rotation, position = pose_of(arrays, name, count)
+    names = names_of(arrays, "joints")
+    if names and len(names) != shape[1]:
+        raise RecordingError(
+            f"{name} names {len(names)} joints, but q has {shape[1]} columns; name every column"
+        )
+    return FreeBaseRecording(
+        name=name,
+        t=t,
+        q=q,
+        joint_names=names,
+        rotation=rotation,
+        position=position,
+        contacts=contacts_of(arrays, name, count),
+        dq=optional("dq", *shape),
+        ddq=optional("ddq", *shape),
+        tau=optional("tau", *shape),
+        twist=optional("base_twist", count, 6),
+        acceleration=optional("base_acceleration", count, 6),
+        unread=tuple(sorted(set(arrays) - set(_KEYS))),
+    )
+
+
+UNKNOWN = np.nan
+"""Component of a contact wrench that was not measured."""
+
+_LIFTED = 2.0
+"""Force of lifted contacts over that of loaded ones from which flags count as inverted."""
+
+_KINDS, _AXES = ("surface", "point"), ("link", "world")
+
+
+def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
+    """Contacts that arrays of a log hold."""
+    links = names_of(arrays, "contact_links")
+    size = len(links)
+    given = sorted(key for key in arrays if key.startswith("contact_"))
+    if given and not size:
+        raise RecordingError(f"{name} has {given[0]}, but no contact_links; name the links")
+    position = np.zeros((size, 3))
+    if "contact_position" in arrays:
+        position = numbers_of(arrays, "contact_position", name, (size, 3))
+    _require_distinct(links, position, name)
+    kind = word_of(arrays, "contact_kind", name, _KINDS)
+    axes = word_of(arrays, "contact_axes", name, _AXES)
+    wrench = np.full((count, size, 6), UNKNOWN)
+    if kind == "point":
+        wrench[:, :, 3:] = 0.0
+    if "contact_wrench" in arrays and "contact_force_z" in arrays:
+        raise RecordingError(
+            f"{name} has contact_wrench and contact_force_z; keep one of them, with NaN for "
+            "components of contact_wrench that were not measured"
+        )
+    if "contact_wrench" in arrays:
+        measured = numbers_of(arrays, "contact_wrench", name, (count, size, 6), finite=False)
+        wrench = np.where(np.isnan(measured), wrench, measured)
+    if "contact_force_z" in arrays:
+        axes = "world"
+        wrench[:, :, 2] = numbers_of(arrays, "contact_force_z", name, (count, size))
+    sensed = np.ones((count, size))
+    if "contact_flags" in arrays:
+        flags = numbers_of(arrays, "contact_flags", name, (count, size))
+        _require_lifted_unloaded(wrench[..., :3], flags != 0, name)
+        wrench[flags == 0] = 0.0
+        sensed[flags == 0] = 0.0
+    sigma = _of_sensors(
+        arrays,
+        "contact_force_z_sigma",
+        name,
+        (size,),
+        "numbers of at least 0 [N] and contact_force_z beside them",
+    )
+    sharing = _of_sensors(
+        arrays,
+        "contact_force_z_sharing",
+        name,
+        (),
+        "a number of at least 0 and contact_force_z beside it",
+    )
+    crosstalk = _of_sensors(
+        arrays,
+        "contact_force_z_crosstalk",
+        name,
+        (2,),
+        "two numbers of at least 0 [1/m] and contact_force_z beside them",
+    )
+    cutoff = _of_sensors(
+        arrays,
+        "contact_force_z_cutoff",
+        name,
+        (),
+        "a number above 0 [Hz] and contact_force_z beside it",
+        zero=False,
+    )
+    return Contacts(
+        links,
+        position,
+        wrench,
+        axes,
+        sigma,
+        None if sharing is None else sharing.item(),
+        crosstalk,
+        None if cutoff is None else cutoff.item(),
+        sensed,
+    )
+
+
+def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -> None:
+    """Refuse a contact that is listed twice."""
+    for k, (link, point) in enumerate(zip(links, position, strict=True)):
+        if any(link == links[j] and (point == position[j]).all() for j in range(k)):
+            raise RecordingError(
+                f"{name}: contact_links names '{link}' twice at the same point; correct the name, "
+                "or give contact_position"
+            )
+
+
+def _of_sensors(
+    arrays: dict[str, NDArray],
+    key: str,
+    name: str,
+    shape: tuple[int, ...],
+    wanted: str,
+    zero: bool = True,
+) -> FloatArray | None:
+    """Property of the sensors of the vertical forces; None where the log does not state it."""
+    if key not in arrays:
+        return None
+    values = numbers_of(arrays, key, name, shape)
+    if "contact_force_z" not in arrays or not (values >= 0).all() or not (zero or values.all()):
+        raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
+    return values
+
+
+def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], name: str) -> None:
+    """Refuse inverted flags, which state no contact where the sensors read a load."""
+    size = np.sqrt(np.nansum(np.square(force), axis=2))
+    lifted, loaded = (_rms(size[part]) for part in (~touching, touching))
+    if lifted > _LIFTED * max(loaded, 1.0):
+        raise RecordingError(
+            f"{name}: contact_flags state 0, no contact, where the forces are {lifted:.3g} N, and "
+            f"contact where they are {loaded:.3g} N (RMS); expected 0 for a lifted contact"
+        )
+
+
+def _rms(values: FloatArray) -> float:
+    """Root of the mean square; 0 without values."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+_SAME = 1e-3
+"""Largest difference between two statements of the same pose [m, entries of R]."""
+
+_EULER = ("base_position", "base_rpy")
+
+
+def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
+    """Rotation and position of the base.
+
+    Returns (N, 3, 3) [m].
+    """
+    missing = [key for key in _EULER if key not in arrays]
+    if "base_pose" not in arrays:
+        if missing:
+            raise RecordingError(
+                f"{name} has no motion of the base: expected base_pose, or base_position and "
+                f"base_rpy; {missing[0]} is missing"
+            )
+        return _from_rpy(arrays, name, count)
+    rotation, position = _from_pose(arrays, name, count)
+    if "base_rpy" not in missing:
+        _require_same(np.abs(_rotation(arrays, name, count) - rotation).max(), "base_rpy", name)
+    if "base_position" not in missing:
+        other = numbers_of(arrays, "base_position", name, (count, 3))
+        _require_same(np.abs(other - position).max(), "base_position", name)
+    return rotation, position
+
+
+def _require_same(difference: float, key: str, name: str) -> None:
+    if difference > _SAME:
+        raise RecordingError(
+            f"{name}: base_pose and {key} differ by up to {difference:.2g}; keep the right one"
+        )
+
+
+def _rotation(arrays: dict[str, NDArray], name: str, count: int) -> FloatArray:
+    rpy = numbers_of(arrays, "base_rpy", name, (count, 3))
+    pitch = float(np.abs(rpy[:, 1]).max())
+    if pitch > np.pi:
+        raise RecordingError(
+            f"{name}: base_rpy reaches a pitch of {pitch:.3g}, expected at most π rad; convert "
+            "degrees to rad"
+        )
+    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
+
+
+def _from_rpy(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
+    position = numbers_of(arrays, "base_position", name, (count, 3))
+    return _rotation(arrays, name, count), position
+
+
+def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
+    pose = numbers_of(arrays, "base_pose", name, (count, *np.shape(arrays["base_pose"])[1:]))
+    if pose.shape[1:] == (4, 4):
+        turn, position = pose[:, :3, :3], pose[:, :3, 3]
+        error = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max()
+        error = max(error, np.abs(np.linalg.det(turn) - 1.0).max())
+    elif pose.shape[1:] == (7,):
+        error = np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1).max()
+        if error > ROTATION:
+            raise RecordingError(
+                f"{name}: the quaternions of base_pose differ from length 1 by up to "
+                f"{error:.2g}; expected x y z and the quaternion x y z w"
+            )
+        turn, position = Rotation.from_quat(pose[:, 3:]).as_matrix(), pose[:, :3]
+    else:
+        raise RecordingError(
+            f"{name}: base_pose needs the shape ({count}, 7) or ({count}, 4, 4), got {pose.shape}"
+        )
+    if error > ROTATION:
+        raise RecordingError(
+            f"{name}: base_pose is not a rigid transform (off by {error:.2g}); give R "
+            "from the axes of the base to those of the world"
+        )
+    return np.asarray(turn), position
+
+
+def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:
+    """A word of a choice; the first where the file has none."""
+    value = np.asarray(arrays.get(key, known[0]))
+    value = value.reshape(()) if value.size == 1 else value
+    word = str(_texts(value))
+    if word not in known:
+        raise RecordingError(
+            f"{name}: {key} is '{word}', expected one of {', '.join(known)}; correct it"
+        )
+    return word
+
+
+def names_of(arrays: dict[str, NDArray], key: str) -> tuple[str, ...]:
+    """Names of an array of texts or of bytes, which HDF5 and older NumPy write."""
+    return tuple(map(str, _texts(np.atleast_1d(arrays.get(key, np.array([], dtype=str))))))
+
+
+def _texts(values: NDArray) -> NDArray:
+    """Texts of bytes; others as they are. Bytes of another encoding become a replacement mark."""
+    return np.char.decode(values, "utf-8", "replace") if values.dtype.kind == "S" else values
+
+
+def numbers_of(
+    arrays: dict[str, NDArray],
+    key: str,
+    name: str,
+    shape: tuple[int | str, ...],
+    finite: bool = True,
+) -> FloatArray:
+    """Numbers of a shape, in which a text is any size."""
+    if key not in arrays:
+        raise RecordingError(f"{name} has no array {key}; save it with numpy.savez({key}=…)")
+    array = arrays[key]
+    if not shape and array.size == 1:
+        array = array.reshape(())
+    fits = array.ndim == len(shape) and all(
+        isinstance(wanted, str) or wanted == size
+        for wanted, size in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype.kind not in "fiub" or not fits:
+        raise RecordingError(
+            f"{name}: {key} needs real numbers of shape ({', '.join(map(str, shape))}), got "
+            f"{array.dtype} of shape {array.shape}"
+        )
+    values = np.ascontiguousarray(array, dtype=float)
+    bad = ~np.isfinite(values) if finite else np.isinf(values)
+    if bad.any():
+        row = int(np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[0]) if values.ndim else 0
+        remedy = "remove these rows" if finite else "state what was not measured as NaN"
+        raise RecordingError(
+            f"{name}: {key} has {'NaN or infinite' if finite else 'infinite'} values, the first in "
+            f"row {row}; {remedy}"
+        )
+    return values

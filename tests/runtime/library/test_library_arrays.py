@@ -177,7 +177,7 @@ def test_threads_are_used_where_they_pay(fr3, monkeypatch):
         seen.append(workers)
         return real(workers)
 
-    monkeypatch.setattr(futures, "ThreadPoolExecutor", watched)
+    monkeypatch.setattr("runtime.library.binding.ThreadPoolExecutor", watched)
     lib = load(fr3.folder)
     lib.end_effector(np.zeros((5000, 7)))
     assert seen == []

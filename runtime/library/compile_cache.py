@@ -22,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import platformdirs
 from filelock import FileLock
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
@@ -159,8 +160,6 @@ def _roots() -> list[Path]:
             )
         return [root]
     private = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
-    import platformdirs
-
     return [platformdirs.user_cache_path("symgen"), *([private] if _is_private(private) else [])]
 
 

@@ -35,6 +35,7 @@ from runtime.identification.comparison.row import HEAD, cells
 from runtime.identification.comparison.run import Comparison, Truth, beside, compare, read_truth
 from runtime.identification.long_logs.identify import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
+from runtime.outputs.report import write_report
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")
 
@@ -158,8 +159,6 @@ def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | No
 
 
 def _finish(facts: dict[str, Any], folder: Path) -> None:
-    from runtime.outputs.report import write_report  # matplotlib is slow to import
-
     title = f"{facts['robot']}, {facts['recording']['name']}: every method"
     table = Table(title=title, box=SIMPLE_HEAD, padding=0, title_justify="left")
     for head in HEAD:

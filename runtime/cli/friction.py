@@ -20,6 +20,7 @@ from runtime.identification.result_file import error_facts, write_result
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files import write_urdf
+from runtime.outputs.report import write_report
 from runtime.recording import Preparation, read_recording
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html")
@@ -85,8 +86,6 @@ def friction_command(
     else:
         urdf.unlink(missing_ok=True)
         say("URDF:   not written, because the model is not physically consistent")
-    from runtime.outputs.report import write_report  # its template engine is slow to import
-
     say(f"report: {write_report(folder)}")
 
 

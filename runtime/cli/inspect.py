@@ -14,6 +14,7 @@ from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
+from runtime.outputs.report.log_figure import draw_log
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
@@ -75,8 +76,6 @@ def inspect_command(
     if recipe_out is not None:
         write_recipe(recipe_out, recipe_text(inspection), overwrite)
     if plot is not None:
-        from runtime.outputs.report.log_figure import draw_log  # matplotlib is slow to import
-
         draw_log(inspection.recording, plot, inspection.rest)
     if as_json:
         print(json.dumps(_facts(inspection), indent=1, ensure_ascii=False, allow_nan=False))

@@ -2,19 +2,24 @@
 
     class Spring(Record, frozen=True):
         name: str
-        stiffness: Annotated[float, Meta(ge=0, description="N·m/rad")] | None = None
+        stiffness: Annotated[float, Meta(ge=0, description="N·m/rad, at least 0")] | None = None
 
     spring = record_from_table(Spring, table, "[[spring]]", UrdfError)
 
 msgspec converts lists to tuples and whole numbers to floats and guesses nothing else. Its first
-fault becomes one sentence: the place, what was expected, what came, and what to do.
+fault becomes one sentence: the place, what was expected, what came, and what to do. A description
+of a type, `Meta(description="[lowest, highest] in kg")`, is what was expected.
+
+Trap: msgspec 0.22 reads foreign memory where a number with bounds and a tuple of fixed length stand
+in one union; write `float | tuple[float, float]` and check the bounds after.
 """
 
 import difflib
 import math
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -95,10 +100,9 @@ def _sentence(kind: Any, table: Any, fault: str) -> str:
             steps.append(_wrong_key(_kind_at(kind, [*steps, "..."]), _value_at(table, steps)))
         else:
             steps.append(int(step["index"]) if step["index"] else step["key"])
-    place = "".join(f"[{each}]" if isinstance(each, int) else f".{each}" for each in steps)
-    place = place.removeprefix(".")
+    place = _place(steps)
     if field := _FIELD.fullmatch(text):
-        keys = _keys(_kind_at(kind, steps))
+        keys = list(_fields(_kind_at(kind, steps)))
         inside = f" in {place}" if place else ""
         if "missing" in text:
             return f" expects the key {field['name']}{inside}, got none; add it"
@@ -109,9 +113,19 @@ def _sentence(kind: Any, table: Any, fault: str) -> str:
     wanted = _words(expected["kind"]) if expected else text
     if text.startswith("Invalid enum value"):
         wanted = f"one of {', '.join(filter(None, _choices(_kind_at(kind, steps))))}"
+    for depth in range(len(steps), 0, -1):
+        if described := _description(_kind_at(kind, steps[:depth])):
+            wanted, steps = described, steps[:depth]
+            place = _place(steps)
+            break
     value = f"{_value_at(table, steps)!r}"
     shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]} …"
     return f": {place or 'it'} expects {wanted}, got {shown}; correct it"
+
+
+def _place(steps: list[Any]) -> str:
+    words = (f"[{each}]" if isinstance(each, int) else f".{each}" for each in steps)
+    return "".join(words).removeprefix(".")
 
 
 def _words(kind: str) -> str:
@@ -134,10 +148,28 @@ def _choices(kind: Any) -> tuple[str, ...]:
     return tuple(name for each in get_args(kind) for name in _choices(each))
 
 
-def _keys(kind: Any) -> list[str]:
-    structs = [each for each in (kind, *get_args(kind)) if isinstance(each, type)]
+def _members(kind: Any) -> list[Any]:
+    """Types of a union, without bounds."""
+    if get_origin(kind) is Annotated:
+        return _members(get_args(kind)[0])
+    if get_origin(kind) in {Union, UnionType}:
+        return [member for each in get_args(kind) for member in _members(each)]
+    return [kind]
+
+
+def _description(kind: Any) -> str:
+    if get_origin(kind) is Annotated:
+        texts = [each.description for each in kind.__metadata__ if isinstance(each, Meta)]
+        return next(filter(None, texts), "")
+    inner = get_args(kind) if get_origin(kind) in {Union, UnionType} else ()
+    return next(filter(None, map(_description, inner)), "")
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    """Keys and types of the records of a union."""
+    structs = [each for each in _members(kind) if isinstance(each, type)]
     structs = [each for each in structs if issubclass(each, msgspec.Struct)]
-    return [field.encode_name for each in structs for field in msgspec.structs.fields(each)]
+    return {f.encode_name: f.type for each in structs for f in msgspec.structs.fields(each)}
 
 
 def _wrong_key(kind: Any, table: Any) -> str:
@@ -153,19 +185,13 @@ def _wrong_key(kind: Any, table: Any) -> str:
 def _kind_at(kind: Any, steps: list[Any]) -> Any:
     """Type at a place of a record, found by the names of its fields."""
     for step in steps:
-        options = [kind, *get_args(kind)]
-        if isinstance(step, str):
-            fields = [
-                field.type
-                for each in options
-                if isinstance(each, type) and issubclass(each, msgspec.Struct)
-                for field in msgspec.structs.fields(each)
-                if field.encode_name == step
-            ]
-            if fields:
-                kind = fields[0]
-                continue
-        inner = [a for o in options for a in get_args(o) if a is not Ellipsis]
+        fields = _fields(kind)
+        if step in fields:
+            kind = fields[step]
+            continue
+        is_key = isinstance(step, str)
+        members = [each for each in _members(kind) if (get_origin(each) is dict) == is_key]
+        inner = [arg for each in members for arg in get_args(each) if arg is not Ellipsis]
         kind = inner[-1] if inner else kind
     return kind
 

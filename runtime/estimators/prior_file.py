@@ -28,18 +28,29 @@ import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
+from msgspec import Meta, field
 from scipy.spatial import ConvexHull, QhullError
 
 from runtime.common.files import text_of, toml_of
+from runtime.common.records import Record, Vector3, record_from_table
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
-from runtime.estimators.type_prior import KnownFriction, read_centre, read_friction, read_noise
+from runtime.estimators.type_prior import (
+    Bodies,
+    FrictionTables,
+    KnownFriction,
+    Least,
+    centre_of,
+    friction_of,
+    noise_of,
+    require_known,
+)
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.recording import Friction
@@ -56,19 +67,56 @@ MIRRORED = {
     "yz": ("mX", "XY", "XZ"),
 }
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
-_LARGEST_TRUST = sys.float_info.max
-_KEYS = (
-    "trust",
-    "total_mass",
-    "link",
-    "armature",
-    "armature_from",
-    "centre",
-    "friction",
-    "noise",
-    "fleet",
-)
-_LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
+_MASS = "a mass above 0 kg or [lowest, highest] in kg"
+_BOX = "[[x, y, z], [x, y, z]] in m, lowest and highest corner"
+_HULL = "at least four points [x, y, z] in m, not in one plane"
+_ROTOR = "kg·m² above 0, or [kg·m², σ]"
+
+Mass = Annotated[float | tuple[float, float], Meta(description=_MASS)]
+Plane = Literal["xy", "xz", "yz"]
+
+
+class LinkPrior(Record, frozen=True):
+    """[link.NAME]."""
+
+    mass: Mass | None = None
+    com_box: Annotated[tuple[Vector3, Vector3], Meta(description=_BOX)] | None = None
+    com_hull: Annotated[tuple[Vector3, ...], Meta(description=_HULL)] | None = None
+    symmetry: (
+        Annotated[
+            Plane | Annotated[tuple[Plane, ...], Meta(min_length=1)],
+            Meta(description=f"a list of {', '.join(MIRRORED)}"),
+        ]
+        | None
+    ) = None
+
+
+class Fleet(Record, frozen=True, forbid_unknown_fields=False):
+    """[fleet], of which only the number of units is read."""
+
+    units: Annotated[int, Meta(ge=0, description="a number of units, as fleet DIR writes it")]
+
+
+class Stated(Record, frozen=True):
+    """The file; a table of links or joints has their names as keys."""
+
+    trust: (
+        Annotated[
+            Literal["cad", "gripper", "none"] | Annotated[float, Meta(gt=0, le=sys.float_info.max)],
+            Meta(description=f"one of {', '.join(TRUST)} or a number above 0"),
+        ]
+        | None
+    ) = None
+    total_mass: Mass | None = None
+    link: dict[str, LinkPrior] = field(default_factory=dict)
+    armature: dict[str, Annotated[float | tuple[float, float], Meta(description=_ROTOR)]] = field(
+        default_factory=dict
+    )
+    armature_from: str | None = None
+    centre: Bodies | None = None
+    friction: FrictionTables | None = None
+    noise: dict[str, Least] | None = None
+    fleet: Annotated[Fleet, Meta(description="a table with units")] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,78 +157,59 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
         raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
     except ValueError as error:
         raise IdentificationError(f"the prior '{path}' is not TOML: {error}; correct it") from None
-    links = facts.get("link", {})
-    tables = links if isinstance(links, dict) else {"": links}
-    no_table = [name for name, table in tables.items() if not isinstance(table, dict)]
-    if no_table:
-        raise IdentificationError(
-            f"the prior '{path}' expects a table [link.NAME] for each link that it describes, got "
-            f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write such a table"
-        )
-    unknown = [k for k in facts if k not in _KEYS]
-    unknown += [f"link.{k}" for k in links if k not in lib.link_names]
-    unknown += [
-        f"link.{k}.{key}" for k, table in links.items() for key in table if key not in _LINK_KEYS
-    ]
-    if unknown:
-        raise IdentificationError(
-            f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
-            f"armature, armature_from, centre, friction, noise, and {', '.join(_LINK_KEYS)} in "
-            f"tables [link.NAME] of {', '.join(lib.link_names)}"
-        )
-    rows = _Rows(lib, path)
-    if "total_mass" in facts:
-        rows.interval("total_mass", facts["total_mass"], lib.link_names)
-    for link, table in links.items():
-        if "mass" in table:
-            rows.interval(f"{link}.mass", table["mass"], (link,))
-        if "com_box" in table:
-            rows.box(link, table["com_box"])
-        if "com_hull" in table:
-            rows.hull(link, table["com_hull"])
-        if "symmetry" in table:
-            rows.symmetry(link, table["symmetry"])
-    constraints = Constraints(tuple(rows.equations), tuple(rows.bounds))
-    armature = read_armature(facts, path, lib)
+    where = f"the prior '{path}'"
+    stated = record_from_table(Stated, facts, where, IdentificationError)
+    require_known("link", stated.link, lib.link_names, where)
+    require_known("armature", stated.armature, lib.joint_names, where)
+    rows = _Rows(lib, where)
+    if stated.total_mass is not None:
+        rows.interval("total_mass", stated.total_mass, lib.link_names)
+    for link, prior in stated.link.items():
+        if prior.mass is not None:
+            rows.interval(f"{link}.mass", prior.mass, (link,))
+        if prior.com_box is not None:
+            rows.box(link, prior.com_box)
+        if prior.com_hull is not None:
+            rows.hull(link, prior.com_hull)
+        if prior.symmetry is not None:
+            rows.symmetry(link, prior.symmetry)
     return PriorFile(
-        _trust(facts.get("trust"), path),
-        constraints,
-        armature,
-        read_centre(facts, path, lib),
-        read_friction(facts, path, lib),
-        _units(facts.get("fleet"), path),
-        read_noise(facts, path, lib),
+        TRUST[stated.trust] if isinstance(stated.trust, str) else stated.trust,
+        Constraints(tuple(rows.equations), tuple(rows.bounds)),
+        _armature(stated, path, lib),
+        None if stated.centre is None else centre_of(stated.centre, where, lib),
+        None if stated.friction is None else friction_of(stated.friction, where, lib),
+        stated.fleet.units if stated.fleet else 0,
+        None if stated.noise is None else noise_of(stated.noise, where, lib),
     )
 
 
 class _Rows:
     """Equations and bounds, collected entry by entry."""
 
-    def __init__(self, lib: Library, path: Path) -> None:
-        self._lib, self._path = lib, path
+    def __init__(self, lib: Library, where: str) -> None:
+        self._lib, self._where = lib, where
         self.equations: list[Row] = []
         self.bounds: list[Row] = []
 
-    def interval(self, name: str, given: Any, links: tuple[str, ...]) -> None:
+    def interval(
+        self, name: str, given: float | tuple[float, float], links: tuple[str, ...]
+    ) -> None:
         """Add Σ m = value, or lowest ≤ Σ m ≤ highest."""
-        total = sum(self._unit(link, "m") for link in links)
-        if isinstance(given, int | float) and not isinstance(given, bool):
-            (value,) = self._numbers(name, [given], (1,), "a mass or [lowest, highest] in kg")
-            self._positive(name, value)
-            self.equations.append(Row(name, np.asarray(total), float(value)))
-            return
-        low, high = self._numbers(name, given, (2,), "a mass or [lowest, highest] in kg")
-        self._positive(name, high)
-        if low > high:
-            self._refuse(name, "[lowest, highest] in kg")
-        self.bounds += [Row(name, np.asarray(total), high), Row(name, -np.asarray(total), -low)]
+        low, high = given if isinstance(given, tuple) else (given, given)
+        if not high > 0 or low > high:
+            self._refuse(name, _MASS, given)
+        total = np.asarray(sum(self._unit(link, "m") for link in links))
+        if isinstance(given, tuple):
+            self.bounds += [Row(name, total, high), Row(name, -total, -low)]
+        else:
+            self.equations.append(Row(name, total, given))
 
-    def box(self, link: str, given: Any) -> None:
+    def box(self, link: str, corners: tuple[Vector3, Vector3]) -> None:
         """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m."""
-        name, wanted = f"{link}.com_box", "[[x, y, z], [x, y, z]] in m, lowest and highest corner"
-        low, high = self._numbers(name, given, (2, 3), wanted)
+        name, (low, high) = f"{link}.com_box", np.array(corners)
         if not (low <= high).all():
-            self._refuse(name, wanted)
+            self._refuse(name, _BOX, corners)
         mass = self._unit(link, "m")
         for axis, key in enumerate(("mX", "mY", "mZ")):
             moment = self._unit(link, key)
@@ -189,25 +218,21 @@ class _Rows:
                 Row(name, low[axis] * mass - moment, 0.0),
             ]
 
-    def hull(self, link: str, given: Any) -> None:
+    def hull(self, link: str, points: tuple[Vector3, ...]) -> None:
         """Add that c lies in the convex hull of points: n·(m c) + d m ≤ 0 for its facets."""
-        name, wanted = f"{link}.com_hull", "at least four points [x, y, z] in m, not in one plane"
-        points = self._numbers(name, given, (-1, 3), wanted)
+        name = f"{link}.com_hull"
         try:
-            facets = ConvexHull(points).equations
+            facets = ConvexHull(np.array(points)).equations
         except (QhullError, ValueError):
-            self._refuse(name, wanted)
+            self._refuse(name, _HULL, points)
         moments = np.array([self._unit(link, key) for key in ("mX", "mY", "mZ")])
         mass = self._unit(link, "m")
         for facet in facets:
             self.bounds.append(Row(name, facet[:3] @ moments + facet[3] * mass, 0.0))
 
-    def symmetry(self, link: str, given: Any) -> None:
+    def symmetry(self, link: str, given: Plane | tuple[Plane, ...]) -> None:
         """Add that m c and the products of inertia across planes vanish."""
-        name = f"{link}.symmetry"
-        planes = given if isinstance(given, list) else [given]
-        if not planes or any(plane not in tuple(MIRRORED) for plane in planes):
-            self._refuse(name, f"a list of {', '.join(MIRRORED)}")
+        name, planes = f"{link}.symmetry", given if isinstance(given, tuple) else (given,)
         for key in sorted({key for plane in planes for key in MIRRORED[plane]}):
             self.equations.append(Row(name, self._unit(link, key), 0.0))
 
@@ -216,81 +241,26 @@ class _Rows:
         links(row)[self._lib.link_names.index(link), PI_NAMES.index(key)] = 1.0
         return row
 
-    def _numbers(self, name: str, given: Any, shape: tuple[int, ...], wanted: str) -> Array:
-        try:
-            values = np.array(given, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            self._refuse(name, wanted)
-        fits = values.ndim == len(shape) and all(
-            want in {-1, size} for want, size in zip(shape, values.shape, strict=True)
-        )
-        if not fits or not np.isfinite(values).all():
-            self._refuse(name, wanted)
-        return values
-
-    def _positive(self, name: str, value: float) -> None:
-        if not value > 0:
-            self._refuse(name, "a mass above 0 kg")
-
-    def _refuse(self, name: str, wanted: str) -> Any:
+    def _refuse(self, name: str, wanted: str, came: object) -> NoReturn:
         raise IdentificationError(
-            f"the prior '{self._path}' expects {wanted} for {name}, got something else; correct it"
+            f"{self._where} expects {wanted} for {name}, got {came!r:.60}; correct it"
         )
 
 
-def _units(given: Any, path: Path) -> int:
-    """Number of units of the fleet; 0 without the table [fleet]."""
-    units = 0 if given is None else given.get("units") if isinstance(given, dict) else None
-    if isinstance(units, int) and not isinstance(units, bool) and units >= 0:
-        return units
-    raise IdentificationError(
-        f"the prior '{path}' expects units = a number of units in [fleet], got {given!r:.60}; "
-        "compute it again with: fleet DIR"
-    )
-
-
-def _trust(given: Any, path: Path) -> float | None:
-    if given is None:
-        return None
-    if isinstance(given, str) and given in TRUST:
-        return TRUST[given]
-    if (
-        isinstance(given, int | float)
-        and not isinstance(given, bool)
-        and 0 < given <= _LARGEST_TRUST
-    ):
-        return float(given)
-    raise IdentificationError(
-        f"the prior '{path}' needs trust = {', '.join(TRUST)} or a number above 0, got {given!r}"
-    )
-
-
-def read_armature(facts: dict[str, Any], path: Path, lib: Library) -> Array | None:
-    """Rotor inertia that a file of priors states.
-
-    Returns (n, 2) [kg·m², kg].
-    """
-    stated: dict[str, Any] = {}
-    if "armature_from" in facts:
-        stated |= _from_model(path, facts["armature_from"], lib)
-    given = facts.get("armature", {})
-    if not isinstance(given, dict):
-        raise IdentificationError(
-            f"the prior '{path}' expects a table [armature] with joint = kg·m², got {given!r:.40}"
-        )
-    unknown = [name for name in given if name not in lib.joint_names]
-    if unknown:
-        raise IdentificationError(
-            f"the prior '{path}' has the unknown joint '{unknown[0]}' under [armature]; known are "
-            f"{', '.join(lib.joint_names)}"
-        )
-    stated |= given
-    if not stated:
-        return None
+def _armature(stated: Stated, path: Path, lib: Library) -> Array | None:
+    """Rotor inertia and standard deviation (n, 2) [kg·m², kg]."""
+    read = {} if stated.armature_from is None else _from_model(path, stated.armature_from, lib)
     values = np.tile([0.0, np.inf], (lib.n_joints, 1))
-    for name, value in stated.items():
-        values[lib.joint_names.index(name)] = _pair(name, value, path)
-    return values
+    entries = {**read, **stated.armature}
+    for name, given in entries.items():
+        pair = given if isinstance(given, tuple) else (given, SHARE * given)
+        if not all(0 < each < LARGEST_ROTOR for each in pair):
+            raise IdentificationError(
+                f"the prior '{path}': armature.{name} expects {_ROTOR}, got {given!r:.40}; "
+                "correct it"
+            )
+        values[lib.joint_names.index(name)] = pair
+    return values if entries else None
 
 
 def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrior:
@@ -310,12 +280,12 @@ def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrio
     return FrictionPrior(mean, sigma)
 
 
-def _from_model(path: Path, name: object, lib: Library) -> dict[str, float]:
+def _from_model(path: Path, name: str, lib: Library) -> dict[str, float]:
     """Armature per joint of this robot that an MJCF or URDF states."""
-    place = path.parent / name if isinstance(name, str) else path
+    place = path.parent / name
     try:
         text = text_of(place)
-        if not isinstance(name, str) or "<!DOCTYPE" in text or "<!ENTITY" in text:
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise ValueError("a document type is not read")
         tree = ElementTree.fromstring(text)  # noqa: S314  without entities
     except (OSError, ValueError, ElementTree.ParseError) as error:
@@ -338,20 +308,3 @@ def _from_model(path: Path, name: object, lib: Library) -> dict[str, float]:
             f"({', '.join(lib.joint_names)}); leave out armature_from"
         )
     return {joint: value for joint, value in values.items() if value != 0}
-
-
-def _pair(joint: str, given: Any, path: Path) -> tuple[float, float]:
-    """Value and standard deviation of one entry."""
-    pair = given if isinstance(given, list) else [given, given]
-    if len(pair) == 2 and all(_is_positive(each) for each in pair):
-        sigma = pair[1] if isinstance(given, list) else SHARE * given
-        return float(pair[0]), float(sigma)
-    raise IdentificationError(
-        f"the prior '{path}' expects kg·m² above 0, or [kg·m², σ], as armature of {joint}, got "
-        f"{given!r:.40}; correct it"
-    )
-
-
-def _is_positive(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and 0 < value < LARGEST_ROTOR

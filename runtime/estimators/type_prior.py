@@ -16,13 +16,12 @@
 `fleet` writes them. A link that is not listed keeps the inertia of the URDF.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import isfinite
-from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
+from msgspec import Meta
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import Prior, bodies_of, prior_of
@@ -38,6 +37,25 @@ INFLATION = "inflation"
 """Key of N / N_eff in [noise]."""
 ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
+
+Real = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
+Least = Annotated[float, Meta(ge=0, lt=LARGEST)]
+Above = Annotated[float, Meta(gt=0, lt=LARGEST)]
+Bodies = dict[
+    str,
+    Annotated[
+        tuple[Real, ...],
+        Meta(
+            min_length=N_PARAMETERS,
+            max_length=N_PARAMETERS,
+            description=f"{N_PARAMETERS} numbers {', '.join(PI_NAMES)}",
+        ),
+    ],
+]
+"""[centre]: π0 of links."""
+Pair = Annotated[tuple[Real, Above], Meta(description="[value, σ] with σ above 0")]
+FrictionTables = dict[str, Annotated[Above, Meta(description="a width above 0")] | dict[str, Pair]]
+"""[friction]: widths, and per joint a table of columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,90 +104,58 @@ def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
     return prior_of(lib, guess) if centre is None else prior_of(lib, centre, floor=0.0)
 
 
-def read_centre(facts: Mapping[str, Any], path: Path, lib: Library) -> Array | None:
+def centre_of(stated: Bodies, where: str, lib: Library) -> Array:
     """Centre of a type.
 
     Returns (10 n,) [kg, kg·m, kg·m²].
     """
-    if "centre" not in facts:
-        return None
-    table = _table(facts["centre"], "centre", path)
+    require_known("centre", stated, lib.link_names, where)
     centre = lib.pi0.copy()
-    for name, given in table.items():
-        if name not in lib.link_names:
-            _refuse(path, f"links of '{lib.name}' ({', '.join(lib.link_names)}) in [centre]", name)
-        wanted = f"{N_PARAMETERS} numbers {', '.join(PI_NAMES)} for centre.{name}"
-        if not (isinstance(given, list) and len(given) == N_PARAMETERS and all(map(_real, given))):
-            _refuse(path, wanted, given)
-        links(centre)[lib.link_names.index(name)] = given
+    for name, body in stated.items():
+        links(centre)[lib.link_names.index(name)] = body
     if bodies_of(lib).log_det(centre) is None:
         bad = lib.relative_eigenvalues(centre) <= 0
         names = ", ".join(np.array(lib.link_names)[bad])
-        _refuse(path, "physically consistent bodies in [centre]", f"another one for {names}")
+        _refuse(where, "physically consistent bodies in [centre]", f"another one for {names}")
     return centre
 
 
-def read_friction(facts: Mapping[str, Any], path: Path, lib: Library) -> KnownFriction | None:
+def friction_of(stated: FrictionTables, where: str, lib: Library) -> KnownFriction:
     """Friction of a type."""
-    if "friction" not in facts:
-        return None
-    given = _table(facts["friction"], "friction", path)
-    widths = {key: given[key] for key in WIDTHS if key in given}
-    for key, width in widths.items():
-        if not (_real(width) and width > 0):
-            _refuse(path, f"a width above 0 for friction.{key}", width)
-    tables = {name: table for name, table in given.items() if name not in WIDTHS}
-    columns: list[str] = []
-    values: dict[tuple[str, str], tuple[float, float]] = {}
-    for joint, entries in tables.items():
-        if joint not in lib.joint_names:
-            _refuse(path, f"joints ({', '.join(lib.joint_names)}) in [friction]", joint)
-        for column, pair in _table(entries, f"friction.{joint}", path).items():
-            if column not in COLUMNS:
-                _refuse(path, f"friction columns in [friction.{joint}]", column)
-            is_pair = isinstance(pair, list) and len(pair) == 2 and all(map(_real, pair))
-            if not (is_pair and pair[1] > 0):
-                _refuse(path, f"[value, σ] with σ above 0 for friction.{joint}.{column}", pair)
-            values[joint, column] = (float(pair[0]), float(pair[1]))
-            columns += [column] if column not in columns else []
+    require_known("friction", stated.keys() - WIDTHS, lib.joint_names, where)
+    widths = {key: entry for key, entry in stated.items() if isinstance(entry, float)}
+    tables = {joint: entry for joint, entry in stated.items() if isinstance(entry, dict)}
+    for name in [*(widths.keys() - WIDTHS), *(tables.keys() & WIDTHS)]:
+        kind = "a width above 0" if name in WIDTHS else "a table of columns"
+        _refuse(where, f"{kind} for friction.{name}", stated[name])
+    columns = tuple(dict.fromkeys(column for table in tables.values() for column in table))
     shape = (lib.n_joints, len(columns))
     mean, sigma = np.zeros(shape), np.full(shape, np.inf)
-    for (joint, column), pair in values.items():
-        at = lib.joint_names.index(joint), columns.index(column)
-        mean[at], sigma[at] = pair
-    exact = {key: float(width) for key, width in widths.items()}
-    return KnownFriction(tuple(columns), exact, mean, sigma)
+    for joint, table in tables.items():
+        require_known(f"friction.{joint}", table, COLUMNS, where)
+        for column, pair in table.items():
+            at = lib.joint_names.index(joint), columns.index(column)
+            mean[at], sigma[at] = pair
+    return KnownFriction(columns, widths, mean, sigma)
 
 
-def read_noise(facts: Mapping[str, Any], path: Path, lib: Library) -> NoiseFloor | None:
+def noise_of(stated: dict[str, float], where: str, lib: Library) -> NoiseFloor:
     """Noise of a type."""
-    if "noise" not in facts:
-        return None
-    sigma, inflation = np.zeros(lib.n_joints), 1.0
-    for name, given in _table(facts["noise"], "noise", path).items():
-        if name != INFLATION and name not in lib.joint_names:
-            _refuse(path, f"{INFLATION} or joints ({', '.join(lib.joint_names)}) in [noise]", name)
-        least = 1.0 if name == INFLATION else 0.0
-        if not (_real(given) and given >= least):
-            _refuse(path, f"a number of at least {least:g} for noise.{name}", given)
-        if name == INFLATION:
-            inflation = float(given)
-        else:
-            sigma[lib.joint_names.index(name)] = given
-    return NoiseFloor(sigma, inflation)
+    require_known("noise", stated, (INFLATION, *lib.joint_names), where)
+    inflation = stated.get(INFLATION, 1.0)
+    if inflation < 1:
+        _refuse(where, f"a number of at least 1 for noise.{INFLATION}", inflation)
+    return NoiseFloor(np.array([stated.get(name, 0.0) for name in lib.joint_names]), inflation)
 
 
-def _table(given: Any, name: str, path: Path) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        _refuse(path, f"a table [{name}]", given)
-    return dict(given)
+def require_known(place: str, names: Iterable[str], known: Iterable[str], where: str) -> None:
+    """Refuse a name of a link, joint or column that a table states and the robot lacks."""
+    for name in names:
+        if name not in known:
+            raise IdentificationError(
+                f"{where} has the unknown entry '{place}.{name}'; known are {', '.join(known)}"
+            )
 
 
-def _real(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and isfinite(value) and abs(value) < LARGEST
-
-
-def _refuse(path: Path, wanted: str, came: Any) -> NoReturn:
-    shown = came if isinstance(came, str) else repr(came)
-    raise IdentificationError(f"the prior '{path}' expects {wanted}, got {shown:.60}; correct it")
+def _refuse(where: str, wanted: str, came: object) -> NoReturn:
+    raise IdentificationError(f"{where} expects {wanted}, got {came!s:.60}; correct it")

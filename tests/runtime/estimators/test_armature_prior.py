@@ -50,14 +50,26 @@ def test_the_prior_pulls_a_rotor_to_its_mean(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("[armature]\nelbow = 0.1\n", "unknown joint 'elbow'"),
-        ("[armature]\nfr3_joint1 = -0.1\n", "armature of fr3_joint1"),
-        ("[armature]\nfr3_joint1 = [0.1, 0.1, 0.1]\n", "armature of fr3_joint1"),
-        ("[armature]\nfr3_joint1 = [0.1, -0.1]\n", "armature of fr3_joint1"),
-        ("[armature]\nfr3_joint1 = [0.0, 0.1]\n", "armature of fr3_joint1"),
-        ("armature = 3\n", "expects a table"),
+        ("[armature]\nelbow = 0.1\n", "unknown entry 'armature.elbow'; known are fr3_joint1"),
+        (
+            "[armature]\nfr3_joint1 = -0.1\n",
+            r"armature\.fr3_joint1 expects kg·m² above 0, or \[kg·m², σ\], got",
+        ),
+        (
+            "[armature]\nfr3_joint1 = [0.1, 0.1, 0.1]\n",
+            r"armature\.fr3_joint1 expects kg·m² above 0, or \[kg·m², σ\], got",
+        ),
+        (
+            "[armature]\nfr3_joint1 = [0.1, -0.1]\n",
+            r"armature\.fr3_joint1 expects kg·m² above 0, or \[kg·m², σ\], got",
+        ),
+        (
+            "[armature]\nfr3_joint1 = [0.0, 0.1]\n",
+            r"armature\.fr3_joint1 expects kg·m² above 0, or \[kg·m², σ\], got",
+        ),
+        ("armature = 3\n", "armature expects a table, got 3"),
         ('armature_from = "none.xml"\n', "cannot be read"),
-        ("armature_from = 3\n", "cannot be read"),
+        ("armature_from = 3\n", "armature_from expects a text or nothing, got 3; correct it"),
         ('[friction.fr3_joint1]\nviscous = ["0.5", 0.1]\n', r"friction\.fr3_joint1\.viscous"),
         ("[friction.fr3_joint1]\nviscous = [true, 0.1]\n", r"friction\.fr3_joint1\.viscous"),
     ],

@@ -171,7 +171,7 @@ def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
         if isinstance(entry, Loop):
             dropped = () if entry.kind else ("kind",)
         values = to_builtins(entry)
-        return {k: v for k, v in values.items() if v not in (None, []) and k not in dropped}
+        return {k: v for k, v in values.items() if v not in (None, (), []) and k not in dropped}
 
     table: dict[str, Any] = {
         key: [filled(entry) for entry in getattr(mechanism, key)] for key in _TABLES

@@ -81,7 +81,7 @@ class LinkPrior(Record, frozen=True):
 
     mass: Mass | None = None
     com_box: Annotated[tuple[Vector3, Vector3], Meta(description=_BOX)] | None = None
-    com_hull: Annotated[tuple[Vector3, ...], Meta(description=_HULL)] | None = None
+    com_hull: Annotated[tuple[Vector3, ...], Meta(min_length=4, description=_HULL)] | None = None
     symmetry: (
         Annotated[
             Plane | Annotated[tuple[Plane, ...], Meta(min_length=1)],

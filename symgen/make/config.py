@@ -9,16 +9,17 @@ move; proxies of links beyond --tip and below --base go; the link of a locked jo
 parent, in whose frame its proxy gets the pose of the joint at the locked value.
 """
 
-import sys
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio
+from msgspec import Meta, field, structs
 from scipy.optimize import linprog
 
 from runtime.common.files import toml_of
+from runtime.common.records import Record, record_from_table
 from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
@@ -32,12 +33,16 @@ ROOM = 0.1
 _MOST = 1.0
 """Upper bound of t: the middle of the range."""
 
+Vector = Annotated[
+    tuple[float, ...], Meta(min_length=1, description="a list of finite numbers, one per joint")
+]
+Above = Annotated[float, Meta(gt=0)]
+Limit = Annotated[
+    tuple[Above, ...], Meta(min_length=1, description="limits above 0 for every joint")
+]
 
-Vector = tuple[float, ...]
 
-
-@dataclass(frozen=True, slots=True)
-class Braking:
+class Braking(Record, frozen=True):
     """Velocity limits that decrease towards the ends of the position range, per joint.
 
     max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower): the remaining range
@@ -49,14 +54,16 @@ class Braking:
         upper, lower: rad or m, slightly outside the position limits.
     """
 
-    k: Vector
-    c: Vector
+    k: Limit
+    c: Annotated[
+        tuple[Annotated[float, Meta(ge=0)], ...],
+        Meta(min_length=1, description="speeds not below 0 for every joint"),
+    ]
     upper: Vector
     lower: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class RobotConfig:
+class Limits(Record, frozen=True):
     """Facts that a URDF does not contain; None where unknown.
 
     Attributes:
@@ -66,29 +73,39 @@ class RobotConfig:
         torque_rate: limit per joint, N·m/s or N/s.
         tip_speed: limit of the speed of the tip, m/s.
         braking: velocity limits near the ends of the range.
-        collision: proxies and pairs.
     """
 
     home: Vector | None = None
-    acceleration: Vector | None = None
-    jerk: Vector | None = None
-    torque_rate: Vector | None = None
-    tip_speed: float | None = None
+    acceleration: Limit | None = None
+    jerk: Limit | None = None
+    torque_rate: Limit | None = None
+    tip_speed: Above | None = None
     braking: Braking | None = None
-    collision: CollisionModel = field(default_factory=CollisionModel)
 
     def vectors(self) -> dict[str, Vector]:
         """Quantities with one value per joint, by their name in the TOML file."""
         vectors = {key: getattr(self, key) for key in _VECTORS}
         if self.braking is not None:
-            vectors |= {f"braking.{key}": value for key, value in asdict(self.braking).items()}
+            sides = structs.asdict(self.braking)
+            vectors |= {f"braking.{key}": value for key, value in sides.items()}
         return {key: value for key, value in vectors.items() if value is not None}
 
 
+class ConfigTable(Limits, frozen=True):
+    """The TOML file."""
+
+    proxy: Any = field(default_factory=list)
+    pair: Any = field(default_factory=list)
+
+
+class RobotConfig(Limits, frozen=True):
+    """Limits, and the proxies and pairs of `collision`."""
+
+    collision: CollisionModel = field(default_factory=CollisionModel)
+
+
 _VECTORS = ("home", "acceleration", "jerk", "torque_rate")
-_POSITIVE = {"acceleration", "jerk", "torque_rate"}
-_COLLISION = ("proxy", "pair")
-CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
+CONFIG_KEYS = ConfigTable.__struct_fields__
 """Keys of the TOML file; the manifest has the same keys, None where unknown."""
 
 
@@ -114,36 +131,19 @@ def read_masses(path: Path) -> dict[str, float]:
         table = toml_of(path)
     except (OSError, ValueError) as error:
         raise BuildError(f"cannot read the masses '{path}': {error}") from None
-    for link, mass in table.items():
-        if not _is_number(mass):
-            raise BuildError(f"'{path}': expected link = mass in kg, got '{link}' = {mass!r}")
-    if not table:
+    kind = dict[str, Annotated[float, Meta(description="a mass in kg")]]
+    masses = record_from_table(kind, table, f"'{path}'", BuildError)
+    if not masses:
         raise BuildError(f"'{path}' states no mass; write lines such as link1 = 2.7")
-    return {link: float(mass) for link, mass in table.items()}
+    return masses
 
 
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
     """Return the configuration of a parsed TOML table."""
-    for key in table:
-        if key not in CONFIG_KEYS:
-            raise BuildError(
-                f"{where} has the unknown key '{key}'; known are {', '.join(CONFIG_KEYS)}"
-            )
-    vectors = {key: _vector(table[key], key, where) for key in _VECTORS if key in table}
-    for key in _POSITIVE & vectors.keys():
-        if min(vectors[key]) <= 0:
-            raise BuildError(
-                f"{where}: {key} needs limits above 0 for every joint, got {min(vectors[key]):g}"
-            )
-    speed = table.get("tip_speed")
-    if speed is not None and not (_is_number(speed) and speed > 0):
-        raise BuildError(f"{where}: tip_speed needs a number above 0 m/s, got {speed!r}")
-    return RobotConfig(
-        **vectors,
-        tip_speed=None if speed is None else float(speed),
-        braking=_braking(table.get("braking"), where),
-        collision=collision_from_tables(table.get("proxy", []), table.get("pair", []), where),
-    )
+    stated = record_from_table(ConfigTable, table, where, BuildError)
+    facts = {key: getattr(stated, key) for key in Limits.__struct_fields__}
+    collision = collision_from_tables(stated.proxy, stated.pair, where)
+    return RobotConfig(**facts, collision=collision)
 
 
 def home_of(chain: Chain, config: RobotConfig) -> Vector:
@@ -164,29 +164,6 @@ def _middle(joint: Joint) -> float:
     margin = 0.1 * (joint.upper - joint.lower)
     inside = joint.lower + margin <= 0.0 <= joint.upper - margin
     return 0.0 if inside else (joint.lower + joint.upper) / 2
-
-
-def _braking(table: Any, where: str) -> Braking | None:
-    if table is None:
-        return None
-    keys = tuple(Braking.__dataclass_fields__)
-    if not isinstance(table, dict) or set(table) != set(keys):
-        raise BuildError(f"{where}: braking needs exactly the lists {', '.join(keys)}")
-    braking = Braking(**{key: _vector(table[key], f"braking.{key}", where) for key in keys})
-    if min(braking.k) <= 0 or min(braking.c) < 0:
-        raise BuildError(f"{where}: braking needs k above 0 and c not below 0 for every joint")
-    return braking
-
-
-def _vector(value: Any, key: str, where: str) -> Vector:
-    if not isinstance(value, list) or not value or not all(map(_is_number, value)):
-        raise BuildError(f"{where}: {key} needs a list of finite numbers, one per joint")
-    return tuple(float(x) for x in value)
-
-
-def _is_number(value: Any) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and abs(value) <= sys.float_info.max
 
 
 def within_couplings(
@@ -237,24 +214,16 @@ def reduced_config(config: RobotConfig, whole: Chain, chain: Chain) -> RobotConf
     names = [joint.name for joint in whole.coordinates]
     kept = [names.index(joint.name) for joint in chain.coordinates]
 
-    def of_joints(values: Vector | None) -> Vector | None:
+    def of_joints(values: Any) -> Any:
         if values is None or len(values) != len(names):
             return values
         return tuple(values[k] for k in kept)
 
-    braking = config.braking
-    if braking is not None:
-        sides = {key: of_joints(value) for key, value in asdict(braking).items()}
-        braking = Braking(**sides)  # type: ignore[arg-type]
-    return replace(
-        config,
-        home=of_joints(config.home),
-        acceleration=of_joints(config.acceleration),
-        jerk=of_joints(config.jerk),
-        torque_rate=of_joints(config.torque_rate),
-        braking=braking,
-        collision=_collision(config.collision, whole, chain),
-    )
+    facts: dict[str, Any] = {key: of_joints(getattr(config, key)) for key in _VECTORS}
+    if config.braking is not None:
+        sides: dict[str, Any] = structs.asdict(config.braking)
+        facts["braking"] = Braking(**{key: of_joints(value) for key, value in sides.items()})
+    return config.replace(**facts, collision=_collision(config.collision, whole, chain))
 
 
 def _collision(model: CollisionModel, whole: Chain, chain: Chain) -> CollisionModel:

@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from msgspec import to_builtins
 
 from symgen.chain import Chain, Joint
 from symgen.chain.assumed_bodies import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDER, PLACEHOLDER_MASS
@@ -20,7 +21,7 @@ from symgen.chain.model import FLOATING, Frame
 from symgen.collision.distance import moving
 from symgen.collision.model import tables_from_collision
 from symgen.errors import BuildError, InertiaError
-from symgen.make.config import Braking, home_of
+from symgen.make.config import home_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics import inertia, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters
@@ -91,7 +92,7 @@ def model_facts(
         "jerk": list(config.jerk) if config.jerk else None,
         "torque_rate": list(config.torque_rate) if config.torque_rate else None,
         "tip_speed": config.tip_speed,
-        "braking": _lists(config.braking) if config.braking else None,
+        "braking": to_builtins(config.braking),
         **tables_from_collision(config.collision),
         "moving_proxies": [proxy.name for proxy in moving(chain, config.collision)],
         "lumped": [asdict(body) for body in chain.lumped],
@@ -170,10 +171,6 @@ def _joint_facts(j: Joint) -> dict[str, Any]:
         "translation": list(j.translation),
         "axis": list(j.axis),
     }
-
-
-def _lists(braking: Braking) -> dict[str, list[float]]:
-    return {key: list(values) for key, values in asdict(braking).items()}
 
 
 def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:

@@ -112,7 +112,7 @@ def test_build_with_masses(tmp_path, capsys: pytest.CaptureFixture[str]) -> None
     (tmp_path / "masses.toml").write_text("rod = 'heavy'\n")
     code, _, err = run(capsys, *words, "--masses", tmp_path / "masses.toml", *level)
     assert code == 2
-    assert "expected link = mass in kg, got 'rod' = 'heavy'" in err
+    assert "rod expects a mass in kg, got 'heavy'; correct it" in err
 
 
 def test_a_base_joint_of_the_file_needs_no_note() -> None:

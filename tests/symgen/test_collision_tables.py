@@ -14,17 +14,26 @@ BALL = {"name": "a", "link": BASE, "start": [0, 0, 0], "end": [0, 0, 1], "radius
     [
         ({"proxy": [BALL, BALL]}, "two proxies are called 'a'"),
         ({"proxy": [BALL | {"radius": 0.0}]}, "radius above 0"),
-        ({"proxy": [BALL | {"radius": float("nan")}]}, "radius above 0"),
+        (
+            {"proxy": [BALL | {"radius": float("nan")}]},
+            r"proxy\[0\]\.radius expects a finite number",
+        ),
         ({"proxy": [BALL | {"start": [0, 0]}]}, "start and end three numbers"),
         ({"proxy": [BALL | {"colour": 1}]}, "each \\[\\[proxy\\]\\] needs exactly"),
         ({"proxy": [BALL], "pair": [{"first": "a", "second": "b", "margin": 0}]}, "proxy 'b'"),
         ({"proxy": [BALL], "pair": [{"first": "a", "second": "a", "margin": 0}]}, "two proxies"),
-        ({"tip_speed": -1.0}, "tip_speed needs a number above 0"),
-        ({"braking": {"k": [1.0]}}, "braking needs exactly"),
-        ({"braking": {k: [0.0] for k in ("k", "c", "upper", "lower")}}, "k above 0"),
-        ({"jerk": [1.0, 0.0]}, "jerk needs limits above 0 for every joint, got 0"),
-        ({"acceleration": [-2.0]}, "acceleration needs limits above 0 for every joint, got -2"),
-        ({"torque_rate": [float("inf")]}, "torque_rate needs a list of finite numbers"),
+        ({"tip_speed": -1.0}, "tip_speed expects a number above 0"),
+        ({"braking": {"k": [1.0]}}, "expects the key c in braking, got none; add it"),
+        (
+            {"braking": {k: [0.0] for k in ("k", "c", "upper", "lower")}},
+            r"braking\.k expects limits above 0 for every joint, got",
+        ),
+        ({"jerk": [1.0, 0.0]}, "jerk expects limits above 0 for every joint, got \\[1.0, 0.0\\]"),
+        (
+            {"acceleration": [-2.0]},
+            "acceleration expects limits above 0 for every joint, got \\[-2.0\\]",
+        ),
+        ({"torque_rate": [float("inf")]}, r"torque_rate\[0\] expects a finite number"),
     ],
 )
 def test_tables_that_contradict_themselves(table: dict, sentence: str) -> None:

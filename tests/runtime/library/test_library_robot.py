@@ -41,7 +41,7 @@ def test_absent_limits_are_infinite(robot: Callable[[str], Library]) -> None:
 
 def test_robot_configuration_arrives(tmp_path: Path, tiny_request: BuildRequest) -> None:
     """Property: home, acceleration and jerk of the TOML come out of the library."""
-    config = RobotConfig((0.25,), (5.0,), (100.0,))
+    config = RobotConfig(home=(0.25,), acceleration=(5.0,), jerk=(100.0,))
     request = BuildRequest("tiny", tiny_request.urdf, config=config)
     lib = load(build(request, tmp_path, levels=ONE_LEVEL).folder)
     limits = lib.limits()

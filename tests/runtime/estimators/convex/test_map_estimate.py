@@ -258,6 +258,7 @@ def test_further_priors_hold(lib, noisy, tmp_path):
         ("[link.fr3_link1]\nmass = nan", r"link\.fr3_link1\.mass expects a finite number"),
         ("[link.fr3_link1]\ncom_box = [[0, 0, 0]]", "lowest and highest corner"),
         ("[link.fr3_link1]\ncom_hull = [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]", "not in one plane"),
+        ("[link.fr3_link1]\ncom_hull = []", "not in one plane"),
         ("[link.fr3_link1]\nsymmetry = ['ab']", "a list of xy, xz, yz"),
         (
             "trust = 'blind'",

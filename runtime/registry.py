@@ -10,13 +10,10 @@ an entry point of the registry's group in its pyproject.toml:
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, Protocol, TypeVar
 
 from runtime.common.errors import RuntimeFault
-from runtime.startup.entry_points import entry_points
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
 
 
 class Named(Protocol):
@@ -95,7 +92,7 @@ class Registry(Generic[R]):
             )
         return record
 
-    def _entry_points(self) -> "dict[str, EntryPoint]":
+    def _entry_points(self) -> dict[str, EntryPoint]:
         if self._plugins is None:
             points = sorted(entry_points(group=self.group), key=lambda point: point.name)
             self._plugins = {p.name: p for p in points if p.name not in self._builtin}

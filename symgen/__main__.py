@@ -1,7 +1,6 @@
 """`python -m symgen`."""
 
-from symgen.command_list import BUILD
-from symgen.console import commands_of
+from symgen.cli import main
 
 if __name__ == "__main__":
-    commands_of(BUILD)()
+    main()

@@ -37,7 +37,7 @@ OF_SCRIPTS = {
     )
 }
 """Options of the programs in scripts/ that pages name."""
-OF_CONSOLE = {"--show-completion"}
+OF_CONSOLE = {"--install-completion", "--show-completion"}
 """Options of `symgen` without a command."""
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 """Colours of a terminal."""
@@ -112,13 +112,13 @@ def test_public_names_are_those_of_the_code() -> None:
     """Property: the page lists all names of runtime, commands, registries, formats and C."""
     import runtime
     from runtime.campaign.drivers import DRIVERS
+    from runtime.common.commands import GROUPS
     from runtime.excitation.motion.trajectory import BASES
     from runtime.excitation.motion_export import MOTION_FORMATS
     from runtime.excitation.search.criteria import CRITERIA
     from runtime.outputs.model_files.export_format import EXPORT_FORMATS
     from runtime.recording.formats import FORMATS
     from runtime.recording.settings import COLUMNS
-    from symgen.command_list import GROUPS
 
     page = "reference/public.md"
     python = section_of(page, "Python").replace("`runtime`", "")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from symgen.console import BUILD_LIBRARIES, installation
+from symgen.cli import BUILD_LIBRARIES, installation
 from tests.conftest import REPOSITORY, TINY_URDF
 
 BLOCKED = f"""

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Robot, Seed, numbers_option, say, sentences_of
+from runtime.cli.common import Robot, Seed, Yes, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import (
     Box,
     Carry,
@@ -36,8 +36,8 @@ from runtime.cli.motion_output import (
     write_motion_log,
 )
 from runtime.cli.overwriting import Overwrite
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
+from runtime.common.terminal import completing, say
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.safety import TABLE, require_consent
@@ -165,6 +165,7 @@ def approach_command(
         list[str] | None,
         typer.Option(
             metavar="FORMAT",
+            autocompletion=completing(MOTION_FORMATS),
             help="Files for a robot with ways and motion in one, written only if the certificate "
             f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
         ),

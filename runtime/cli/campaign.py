@@ -12,7 +12,7 @@ from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Driver
 from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.target import target_of
-from runtime.cli.common import Robot, Seed, numbers_option, say, sentences_of
+from runtime.cli.common import Robot, Seed, Yes, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import (
     Box,
     Clearance,
@@ -22,7 +22,7 @@ from runtime.cli.motion_limits import (
     safety_of,
     table_height,
 )
-from runtime.cli.robot import Yes, open_robot
+from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
 
@@ -59,7 +59,11 @@ def campaign_command(
     ] = 600.0,
     driver: Annotated[
         str,
-        typer.Option(metavar="NAME[:ADDRESS]", help=f"Robot. {sentences_of(DRIVERS)}."),
+        typer.Option(
+            metavar="NAME[:ADDRESS]",
+            autocompletion=completing(DRIVERS),
+            help=f"Robot. {sentences_of(DRIVERS)}.",
+        ),
     ] = "virtual",
     gains: Annotated[
         str | None,

@@ -1,18 +1,32 @@
-"""Parts that the commands share: console, common options, help text, table of torque errors."""
+"""Parts that the commands share: robot and other options, progress, tables of torque errors."""
 
-import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import typer
-from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Column, Table
 
-from runtime.errors import IdentificationError, RuntimeFault
+from runtime.common.terminal import completing, console, program
+from runtime.errors import IdentificationError, LibraryError, RuntimeFault
+from runtime.library import Library, load
+from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
 
-console = Console()
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Run the code of ./generated/ROBOT although you did not build it."),
+]
+
 
 MODELS = (
     ("URDF", "before_overall"),
@@ -20,31 +34,28 @@ MODELS = (
     ("identified", "after_overall"),
 )
 """Models of the table of shares → keys of their torque errors."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, where no method returns its best result so far."""
+
+
+def _robots(incomplete: str) -> list[str]:
+    """Names of generated robots, of the package and of the working directory, for a shell."""
+    package = Path(__file__).parents[1]
+    roots = [folder / "generated" for folder in (package, package.parent, Path())]
+    names = {path.parent.name for root in roots for path in root.glob("*/manifest.json")}
+    return completing(names)(incomplete)
+
 
 Robot = Annotated[
     str,
-    typer.Option("--robot", help="Name or folder of a generated robot."),
+    typer.Option(
+        "--robot",
+        autocompletion=_robots,
+        help="Name or folder of a generated robot.",
+    ),
 ]
 Seed = Annotated[
     int,
     typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1),
 ]
-
-
-def say(text: str) -> None:
-    """Print one line to the terminal without markup, with commands as the user types them."""
-    console.print(as_typed(text), highlight=False, soft_wrap=True, markup=False)
-
-
-def flowing(doc: str) -> str:
-    r"""Help text of a docstring; a paragraph after \b keeps its lines, others are refilled."""
-    blocks = doc.split("\n\n")
-    return "\n\n".join(
-        block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
-        for block in blocks
-    )
 
 
 class Described(Protocol):
@@ -70,23 +81,6 @@ def sentences_of(registry: Registry[Any]) -> str:
         else:
             parts.append(f"{name}: {record.sentence}")
     return "; ".join(parts)
-
-
-def program() -> str:
-    """Name by which the user started the program, `symgen` or `python -m runtime`."""
-    return "symgen" if Path(sys.argv[0]).stem == "symgen" else "python -m runtime"
-
-
-def as_typed(text: str) -> str:
-    """A sentence whose commands begin with `symgen` where the user started that."""
-    if program() != "symgen":
-        return text
-    return text.replace("python -m runtime ", "symgen ").replace("python -m symgen ", "symgen ")
-
-
-def command_line() -> str:
-    """Command line as it was typed, for the provenance of result files."""
-    return shlex.join([*program().split(), *sys.argv[1:]])
 
 
 def torque_table(facts: dict[str, Any]) -> Table:
@@ -156,3 +150,79 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     if len(values) != count:
         raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
     return values
+
+
+def given_options(context: typer.Context) -> dict[str, str]:
+    """Options that the user wrote, without those at their default."""
+    given = {}
+    for one in context.command.params:
+        name = str(one.name)
+        # A command that Python calls without a command line has no sources.
+        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT":
+            given[name] = one.opts[0]
+    return given
+
+
+def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
+    """Names separated by commas."""
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    if any(name not in known for name in names):
+        raise IdentificationError(
+            f"{option} needs names with commas of {', '.join(known)}; got '{text}'"
+        )
+    return names
+
+
+def open_robot(robot: str, yes: bool, takes_free_base: bool = False) -> Library:
+    """Load the robot of a command and print on stderr whose it is."""
+    lib = _opened(robot, yes)
+    if lib.manifest.floating and not takes_free_base:
+        raise LibraryError(
+            f"this command needs a robot with a fixed base, and that of '{lib.name}' is free; use "
+            "identify --rows, or build the robot without --floating"
+        )
+    return lib
+
+
+def _opened(robot: str, yes: bool) -> Library:
+    try:
+        place = find(robot)
+    except ForeignRobotError as error:
+        if not (yes or _agreed(error)):
+            raise
+        _say(robot, "the working directory", error.folder)
+        return load(error.folder)
+    if place.folder.name == robot:
+        _say(robot, place.origin, place.folder)
+    return load(place.folder)
+
+
+def _say(robot: str, origin: str, folder: Path) -> None:
+    sys.stderr.write(f"{program().split()[-1]}: robot '{robot}' of {origin}: {folder}\n")
+
+
+def _agreed(error: ForeignRobotError) -> bool:
+    """Whether the user runs the code of a folder: by an answer at the terminal."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    return typer.confirm(
+        f"'{error.folder}' was not built by you. Run its code?", default=False, err=True
+    )
+
+
+def counting(*columns: ProgressColumn) -> Progress:
+    """Progress bar with the task, the count, the elapsed time and further columns."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        *columns,
+        console=console,
+        transient=True,
+    )
+
+
+def state() -> TextColumn:
+    """Column of free text, set by `state=` of `add_task` and `update`."""
+    return TextColumn("{task.fields[state]}")

@@ -8,7 +8,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from runtime.cli.common import Robot, Seed, command_line, console, say
+from runtime.cli.common import Robot, Seed, Yes, counting, listed, open_robot, state
 from runtime.cli.identify_request import inputs_of
 from runtime.cli.log_options import (
     AUTO,
@@ -24,11 +24,9 @@ from runtime.cli.log_options import (
     Run,
     Stream,
 )
-from runtime.cli.option_values import listed
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
-from runtime.cli.progress import counting, state
-from runtime.cli.robot import Yes, open_robot
+from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.row import HEAD, cells
@@ -47,7 +45,9 @@ def compare_command(
     methods: Annotated[
         str | None,
         typer.Option(
-            metavar="A,B,…", help=f"Methods with commas, of {', '.join(METHODS)}; default all."
+            metavar="A,B,…",
+            autocompletion=completing(METHODS),
+            help=f"Methods with commas, of {', '.join(METHODS)}; default all.",
         ),
     ] = None,
     out: Annotated[
@@ -145,7 +145,7 @@ def _streams(
 
 
 def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
-    with counting(state) as progress:
+    with counting(state()) as progress:
         task = progress.add_task("comparing", total=len(names), state="")
 
         def started(method: str) -> None:

@@ -14,12 +14,12 @@ from rich.table import Table
 from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
-from runtime.cli.common import console, say
-from runtime.cli.given_options import given_options
+from runtime.cli.common import given_options
 from runtime.cli.motion_output import certified_stages, designed_by, export_stages, write_motion_log
 from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
+from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     COST_SAMPLES,

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
+from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, require_method
 from runtime.library import Library

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import console, say, torque_table
+from runtime.cli.common import Yes, open_robot, torque_table
 from runtime.cli.log_options import Recipe, Run
 from runtime.cli.prepared_log import preparation_of
-from runtime.cli.robot import Yes, open_robot
+from runtime.common.terminal import console, say
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of

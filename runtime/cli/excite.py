@@ -8,7 +8,15 @@ import numpy as np
 import typer
 
 from runtime.cli.approach import FromPose, Return, session_plan
-from runtime.cli.common import Robot, Seed, numbers_option, sentences_of
+from runtime.cli.common import (
+    Robot,
+    Seed,
+    Yes,
+    given_options,
+    numbers_option,
+    open_robot,
+    sentences_of,
+)
 from runtime.cli.designed_motion import (
     Budget,
     GainError,
@@ -27,7 +35,6 @@ from runtime.cli.designed_motion import (
     with_shown_unknowns,
     write_design,
 )
-from runtime.cli.given_options import given_options
 from runtime.cli.motion_limits import (
     Box,
     Carry,
@@ -57,9 +64,9 @@ from runtime.cli.planned_log import (
     counted,
     information_of,
 )
-from runtime.cli.robot import Yes, open_robot
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.common.files import require_unused
+from runtime.common.terminal import completing
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
@@ -68,6 +75,7 @@ from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import FRICTION
+from runtime.recording.friction import COLUMNS
 from runtime.simulation import sample_times
 
 Processes = Annotated[
@@ -97,6 +105,7 @@ Export = Annotated[
     list[str] | None,
     typer.Option(
         metavar="FORMAT",
+        autocompletion=completing(MOTION_FORMATS),
         help="Files for a robot, written only if the certificate holds; repeatable. "
         f"{sentences_of(MOTION_FORMATS)}.",
     ),
@@ -121,6 +130,7 @@ FrictionColumns = Annotated[
     str | None,
     typer.Option(
         metavar="COLUMNS",
+        autocompletion=completing(COLUMNS),
         help="Friction columns that are estimated too, with commas, or none; default "
         f"{','.join(FRICTION)}, with --payload-only offset. All criteria but the document's "
         "cond count them.",
@@ -187,10 +197,17 @@ def excite_command(
     document: Document = False,
     criterion: Annotated[
         str | None,
-        typer.Option(help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}."),
+        typer.Option(
+            autocompletion=completing(CRITERIA),
+            help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}.",
+        ),
     ] = None,
     basis: Annotated[
-        str, typer.Option(help=f"Functions of the motion. {sentences_of(BASES)}.")
+        str,
+        typer.Option(
+            autocompletion=completing(BASES),
+            help=f"Functions of the motion. {sentences_of(BASES)}.",
+        ),
     ] = "cosine",
     zero_jerk: Annotated[
         bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")

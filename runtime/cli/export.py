@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import say
-from runtime.cli.option_values import listed
-from runtime.cli.robot import Yes, open_robot
+from runtime.cli.common import Yes, listed, open_robot
+from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files import EXPORT_FORMATS, export_model
@@ -29,6 +28,7 @@ def export_command(
         str | None,
         typer.Option(
             metavar="A,B,…",
+            autocompletion=completing(EXPORT_FORMATS),
             help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
         ),
     ] = None,

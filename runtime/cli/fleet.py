@@ -8,11 +8,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import console, say
+from runtime.cli.common import Yes, counting, open_robot
 from runtime.cli.overwriting import Overwrite
-from runtime.cli.progress import counting
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import replacing, require_unused
+from runtime.common.terminal import console, say
 from runtime.common.threads import one_blas_thread
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library

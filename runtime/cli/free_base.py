@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import ResultFolder, require_result_folder
 from runtime.cli.parts_of_log import fractions_of
+from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
 

@@ -6,14 +6,14 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import command_line, console, say, torque_table
+from runtime.cli.common import Yes, open_robot, torque_table
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
 from runtime.cli.log_options import Parts, Recipe, Run
 from runtime.cli.overwriting import Overwrite
 from runtime.cli.parts_of_log import split_of
 from runtime.cli.prepared_log import preparation_of
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
+from runtime.common.terminal import command_line, console, say
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
 from runtime.identification.result_file import error_facts, write_result

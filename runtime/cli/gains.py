@@ -8,12 +8,12 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Robot, command_line, console, say
+from runtime.cli.common import Robot, Yes, open_robot
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
 from runtime.cli.one_log_gains import print_gains_of_one_log, weighed_masses, write_gains
 from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
-from runtime.cli.robot import Yes, open_robot
+from runtime.common.terminal import command_line, completing, console, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.payload.known import read_known_payload
@@ -23,6 +23,7 @@ from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.friction import COLUMNS
 
 _WIDEST = 100.0
 """Half width of an interval, N·m, from which on the value counts as not identifiable."""
@@ -59,6 +60,7 @@ def gains_command(
         str | None,
         typer.Option(
             metavar="COLUMNS|none",
+            autocompletion=completing((*COLUMNS, "none")),
             help="Friction columns with commas; default from the recipe, else viscous,coulomb.",
         ),
     ] = None,

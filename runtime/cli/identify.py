@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runtime.cli.common import Robot, Seed
+from runtime.cli.common import Robot, Seed, Yes, counting, open_robot, state
 from runtime.cli.free_base import Rows, require_fixed_base
 from runtime.cli.identify_output import Outputs, finish
 from runtime.cli.identify_request import (
@@ -37,10 +37,9 @@ from runtime.cli.prepared_log import (
     read_prepared_log,
     usable_columns,
 )
-from runtime.cli.progress import counting, state
-from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, runs_of
 from runtime.cli.streamed_log import is_streamable
+from runtime.common.terminal import completing
 from runtime.estimators.choice.default_friction import MEMORY
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
@@ -71,6 +70,7 @@ def identify_command(
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=completing(METHODS),
             help=f"Estimator: {', '.join(METHODS)}; default map, with --preset adam.",
         ),
     ] = None,
@@ -82,6 +82,7 @@ def identify_command(
         str | None,
         typer.Option(
             metavar="|".join(PRESETS),
+            autocompletion=completing(PRESETS),
             help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
             "document, full uses all samples in every step; default full.",
         ),
@@ -267,7 +268,7 @@ def _with_progress(
     if METHODS[method].takes_preset:
         chosen = PRESETS.get(str(settings.preset or "full"))
         total = chosen.rule.max_iterations if chosen else None
-    with counting(state) as progress:
+    with counting(state()) as progress:
         task = progress.add_task(f"{method} on {lib.name}", total=total, state="")
 
         def report(iteration: int, best: float) -> None:

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from runtime.cli.common import command_line, console, say, share_table, torque_table
+from runtime.cli.common import share_table, torque_table
 from runtime.cli.drive import print_drives
 from runtime.cli.several_logs import print_agreement
+from runtime.common.terminal import command_line, console, say
 from runtime.identification.friction_intervals import spring_lines
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result

@@ -8,11 +8,11 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Robot, command_line, console, say
+from runtime.cli.common import Robot, Yes, open_robot
 from runtime.cli.log_options import Log, Run
 from runtime.cli.overwriting import Overwrite, write_recipe
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
+from runtime.common.terminal import command_line, console, say
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.outputs.report.log_figure import draw_log
 

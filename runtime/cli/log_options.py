@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.common.terminal import completing
 from runtime.recording import REGRESSORS, Friction
 from runtime.recording.friction import COLUMNS
 
@@ -32,6 +33,7 @@ FrictionNames = Annotated[
     str | None,
     typer.Option(
         metavar="COLUMNS|auto|none",
+        autocompletion=completing((*COLUMNS, AUTO, "none")),
         help="Friction columns with commas, of "
         f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a column "
         "to every candidate, none fits the inertia only; default from the recipe, else identify "

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Column, Table
 
-from runtime.cli.common import console, say
+from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
 from runtime.excitation import LONGEST, Design
 from runtime.excitation.limits.obstacles import OBSTACLE

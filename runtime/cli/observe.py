@@ -9,11 +9,11 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import command_line, console, say
+from runtime.cli.common import Yes, open_robot
 from runtime.cli.log_options import Log, Recipe, Run
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import replacing
+from runtime.common.terminal import command_line, console, say
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model

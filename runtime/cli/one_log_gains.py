@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from rich.table import Column, Table
 
-from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
+from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.residuals import NORMAL_95
 from runtime.identification.current_gains.one_log import Weighed, current_gains

@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from runtime.cli.common import program
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
+from runtime.common.terminal import program
 from runtime.errors import RuntimeFault
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Robot, console, say
+from runtime.cli.common import Robot, Yes, open_robot
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
 from runtime.cli.overwriting import Overwrite
 from runtime.cli.planned_log import (
@@ -22,8 +22,8 @@ from runtime.cli.planned_log import (
     situation_of,
 )
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import require_unused
+from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
@@ -48,6 +48,7 @@ from runtime.library.manifest import listed_torques, torque_units
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction
+from runtime.recording.friction import COLUMNS
 from runtime.simulation import sample_times
 
 SAME = "same"
@@ -84,6 +85,7 @@ def predict_command(
         str | None,
         typer.Option(
             metavar="COLUMNS",
+            autocompletion=completing(COLUMNS),
             help="Friction columns that are estimated too, with commas, or none; default from the "
             f"recipe, else {','.join(FRICTION)}.",
         ),

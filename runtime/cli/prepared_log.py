@@ -6,10 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from runtime.cli.choice_tables import cutoff_table, friction_table
-from runtime.cli.common import console
 from runtime.cli.log_options import AUTO
 from runtime.cli.parts_of_log import split_of
-from runtime.cli.progress import waiting
+from runtime.common.terminal import console
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.choice.default_friction import MEMORY, USABLE
 from runtime.estimators.methods import require_method
@@ -128,7 +127,7 @@ def read_prepared_log(
         from runtime.estimators.choice.cutoff_choice import choose_cutoff
 
         base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
-        with waiting("choosing a cut-off"):
+        with console.status("choosing a cut-off"):
             cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
@@ -138,7 +137,7 @@ def read_prepared_log(
         recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
     from runtime.estimators.choice.regressor_choice import choose_regressor
 
-    with waiting("checking the accelerations"):
+    with console.status("checking the accelerations"):
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
@@ -152,7 +151,7 @@ def read_prepared_log(
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
     from runtime.estimators.choice.friction_choice import choose_friction
 
-    with waiting("choosing a friction model"):
+    with console.status("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, options.coulomb_speed, extra=terms.columns[1:]
         )
@@ -174,7 +173,7 @@ def _chosen_terms(
         return of_type, f"the friction model is that of the fleet: {of_type}"
     from runtime.estimators.choice.default_friction import choose_default_friction
 
-    with waiting("choosing a friction model"):
+    with console.status("choosing a friction model"):
         chosen = choose_default_friction(
             recording, lib, *steps, options.coulomb_speed, tuple(usable), robust
         )

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import command_line, say
 from runtime.cli.overwriting import Overwrite, require_page
 from runtime.common.files import require_unused
+from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError
 from runtime.outputs.report import REPORT_KINDS, write_report
 from runtime.outputs.report.trends import write_trends

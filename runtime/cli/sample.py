@@ -6,10 +6,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Seed, console, say
-from runtime.cli.option_values import listed
+from runtime.cli.common import Seed, Yes, listed, open_robot
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.robot import Yes, open_robot
+from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import read_result, require_model
@@ -26,7 +25,11 @@ def sample_command(
     count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100,
     to: Annotated[
         str,
-        typer.Option(metavar="A,B,…", help="Formats with commas, such as mjcf,urdf."),
+        typer.Option(
+            metavar="A,B,…",
+            autocompletion=completing(EXPORT_FORMATS),
+            help="Formats with commas, such as mjcf,urdf.",
+        ),
     ] = "mjcf",
     seed: Seed = 0,
     out: Annotated[

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from runtime.cli.common import console
 from runtime.cli.drive import delayed
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
+from runtime.common.terminal import console
 from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.settings import Settings

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO
 from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
+from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
 from runtime.identification.identified import Identification

@@ -12,11 +12,10 @@ import typer
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
-from runtime.cli.common import Robot, Seed, console, say
-from runtime.cli.given_options import given_options
+from runtime.cli.common import Robot, Seed, Yes, given_options, open_robot
 from runtime.cli.overwriting import Overwrite
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import replacing, require_unused
+from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, design
 from runtime.excitation.trajectory_file import read_trajectory, write_motion

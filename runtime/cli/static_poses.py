@@ -6,11 +6,11 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import say
-from runtime.cli.given_options import given_options
+from runtime.cli.common import given_options
 from runtime.cli.motion_output import json_path
 from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
+from runtime.common.terminal import say
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
 from runtime.excitation.limits.safety import unchecked

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.cli.common import console, say
 from runtime.cli.prepared_log import PreparedLog
+from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
 from runtime.identification.identified import Identification

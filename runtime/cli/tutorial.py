@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.markdown import Markdown
 
-from runtime.cli.common import console, say
+from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
 
 FOLDER = Path(__file__).resolve().parents[1] / "tutorials"

@@ -11,10 +11,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import console, say
+from runtime.cli.common import Yes, open_robot
 from runtime.cli.log_options import Recipe
-from runtime.cli.robot import Yes, open_robot
 from runtime.common.files import bytes_of
+from runtime.common.terminal import console, say
 from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model

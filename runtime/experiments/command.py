@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import TextColumn, TimeRemainingColumn
+from rich.progress import TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from runtime.cli.common import INTERRUPTED, Robot, command_line, console, say
-from runtime.cli.progress import counting
-from runtime.cli.robot import Yes, open_robot
+from runtime.cli.common import Robot, Yes, counting, open_robot
+from runtime.common.commands import INTERRUPTED
+from runtime.common.terminal import command_line, console, say
 from runtime.experiments import (
     DEFAULT_TRIALS,
     IDS,
@@ -75,8 +75,8 @@ def reproduce_command(
         return
     studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
     lib = open_robot(robot, yes)
-    with counting(lambda: TextColumn("left"), TimeRemainingColumn) as progress:
-        tasks: dict[str, int] = {}
+    with counting(TextColumn("left"), TimeRemainingColumn()) as progress:
+        tasks: dict[str, TaskID] = {}
 
         def reported(name: str, done: int, total: int) -> None:
             if name not in tasks:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from runtime.cli import app_of
+from runtime.cli import app
 from runtime.cli.evaluate import evaluate_command
 from runtime.cli.export import export_command
 from runtime.cli.fleet import fleet_command
@@ -225,7 +225,7 @@ def _optioned(name: str) -> Door:
         words += [f"{option}={value}" for option, value in values.items()]
         with contextlib.chdir(path.parent):
             try:
-                app_of([name])(words)
+                app(words)
             except SystemExit as end:
                 if end.code:
                     raise RuntimeFault("a value that is no number of the option") from None

@@ -10,7 +10,7 @@ from typer.cli import get_docs_for_click
 
 import runtime.cli
 import symgen.cli
-from symgen.command_list import GROUPS
+from runtime.common.commands import GROUPS
 
 EXAMPLE = re.compile(r"^(?:python -m (?:symgen|runtime)|symgen) ")
 HEAD = """# Command line
@@ -23,7 +23,7 @@ HEAD = """# Command line
 
 def markdown() -> str:
     """One section per command in the order of `symgen --help`: sentences, examples, parameters."""
-    apps = {"symgen.cli": symgen.cli.app, "runtime.cli": runtime.cli.app}
+    apps = {"symgen": symgen.cli.app, "runtime": runtime.cli.app}
     lines = [HEAD]
     for title, group in GROUPS.items():
         lines.append(f"## {title}\n")

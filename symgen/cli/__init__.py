@@ -1,56 +1,118 @@
 """Commands of the build tool: build, check, clean, describe, inspect, list, proxies.
 
-One module per group of commands; importing it registers them. Casadi and pinocchio are imported
-by the commands that compute with them, so that the others run without the extra `build`.
+Ctrl-C: CasADi converts arguments by functions in Python, which it calls from C++ and whose
+exceptions it discards: a KeyboardInterrupt that is raised there is lost, or ends as a SystemError.
 """
 
-import os
+import shlex
+import signal
 import sys
-from inspect import getdoc
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
 
-from runtime.common.errors import RuntimeFault
+import typer
+
+from runtime.common.commands import Commands, application, run
 from symgen import __version__
-from symgen.cli import inspect, make, proxies, show
-from symgen.cli.common import app, as_typed, flowing
-from symgen.cli.interrupts import lasting_interrupts
 
-INTERRUPTED = 130
-"""Exit code that typer makes of a KeyboardInterrupt."""
+BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})
+"""Top-level modules that only the extra `build` installs."""
+PURPOSES = {
+    "inspect": "inspecting a robot model",
+    "proxies": "fitting capsules to a robot",
+}
+"""What needs them, by command; every other command writes the C code of a robot."""
 
-__all__ = ["app", "inspect", "main", "make", "proxies", "show"]
+AGAIN_S = 0.002
+"""Time after which an interrupt within CasADi is repeated, s."""
 
-for command in app.registered_commands:
-    command.help = flowing(getdoc(command.callback) or "")
+
+class BuildCommands(Commands):
+    """Commands that write the library of a robot."""
+
+    package = "symgen"
+
+
+app = application(
+    BuildCommands,
+    "Generate the rigid-body model of a robot arm as C and compile it: "
+    "from a URDF to generated/NAME/.",
+    __version__,
+)
 
 
 def main() -> None:
-    """Run the command line; a `RuntimeFault` is printed as one sentence, with exit code 2."""
-    # With a hundred columns a second thread of BLAS only waits, for half a second of processor
-    # time. NumPy reads this at its import.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if sys.argv[1:2] == ["--version"]:
-        print(f"symgen {__version__}")
-        return
+    """Run the command line of `python -m symgen`."""
+    start(app)
+
+
+def start(program: typer.Typer) -> None:
+    """Run a program with commands of the build; a library that it lacks is named."""
     try:
         with lasting_interrupts():
-            app()
-    except RuntimeFault as error:
-        print(f"symgen: {as_typed(str(error))}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except OSError as error:
-        if error.filename is None:
+            run(program, "symgen")
+    except ModuleNotFoundError as error:
+        name = (error.name or "").partition(".")[0]
+        if name not in BUILD_LIBRARIES:
             raise
-        place = str(error.filename)
-        short = place if len(place) <= 100 else place[:100] + "…"
-        print(
-            f"symgen: cannot use '{short}' ({error.strerror}); choose another path",
-            file=sys.stderr,
+        work = PURPOSES.get(sys.argv[1], "writing the C code of a robot")
+        sys.stderr.write(
+            f"symgen: {work} needs the package {name}, which is not installed; run: "
+            f"{installation('build')}\n"
         )
         raise SystemExit(2) from None
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            print(
-                "symgen: interrupted; existing files were not changed",
-                file=sys.stderr,
-            )
-        raise
+
+
+def installation(extra: str) -> str:
+    """Command that installs an extra.
+
+    In a clone it names the clone: an index need not have this version, or has another project.
+    """
+    clone = Path(__file__).resolve().parents[2]
+    source = clone if (clone / "pyproject.toml").is_file() else "symgen"
+    return f"pip install {'' if source == 'symgen' else '-e '}{shlex.quote(f'{source}[{extra}]')}"
+
+
+@contextmanager
+def lasting_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt between calls of CasADi, never within one.
+
+    Nothing changes in other threads than the main one, or where Ctrl-C is ignored.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    can_repeat = hasattr(signal, "pthread_kill")  # Windows cannot
+    if not is_main or not can_repeat or before is not signal.default_int_handler:
+        yield
+        return
+    left = threading.Event()
+
+    def repeat() -> None:
+        if not left.wait(AGAIN_S):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if _is_within_casadi(frame):
+            threading.Thread(target=repeat, daemon=True).start()
+            return
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        left.set()
+        signal.signal(signal.SIGINT, before)
+
+
+def _is_within_casadi(frame: FrameType | None) -> bool:
+    file = getattr(sys.modules.get("casadi"), "__file__", None)
+    folder = str(Path(file).parent) if file else ""
+    while folder and frame is not None:
+        if frame.f_code.co_filename.startswith(folder):
+            return True
+        frame = frame.f_back
+    return False

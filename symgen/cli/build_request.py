@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symgen.cli.common import say
+from runtime.common.terminal import say
 from symgen.errors import BuildError
 from symgen.make import bundled_name, bundled_robots
 

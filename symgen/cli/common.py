@@ -1,11 +1,9 @@
 """Parts that the commands share: application, console, options and folders."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from runtime.common.files import toml_of
 from symgen.errors import BuildError
@@ -13,16 +11,6 @@ from symgen.errors import BuildError
 if TYPE_CHECKING:
     from symgen.chain.mechanism import Mechanism
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Generate the rigid-body model of a robot arm as C and compile it: "
-    "from a URDF to generated/<robot>/.",
-)
-console = Console()
 
 RootOption = Annotated[
     Path, typer.Option("--out", help="Folder with one subfolder per robot.", show_default=True)
@@ -70,30 +58,6 @@ ConfigOption = Annotated[
     ),
 ]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
-
-
-def as_typed(text: str) -> str:
-    """A sentence whose commands begin with `symgen` where the user started that."""
-    is_console = Path(sys.argv[0]).stem == "symgen"
-    return text.replace("python -m symgen ", "symgen ") if is_console else text
-
-
-def say(sentence: str) -> None:
-    """Print one line: no wrapping, highlighting or markup, commands as the user types them."""
-    console.print(as_typed(sentence), highlight=False, soft_wrap=True, markup=False)
-
-
-def flowing(doc: str) -> str:
-    r"""Return a docstring as help text.
-
-    Lines of a paragraph are joined, so that it is wrapped by the terminal; a paragraph after \b
-    keeps its lines.
-    """
-    blocks = doc.split("\n\n")
-    return "\n\n".join(
-        block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
-        for block in blocks
-    )
 
 
 def read_urdf(urdf: Path) -> str:

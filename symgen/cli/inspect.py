@@ -9,13 +9,13 @@ import typer
 from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
-from symgen.cli.common import OverwriteOption, app, console, say
+from runtime.common.terminal import console, say
+from symgen.cli.common import OverwriteOption
 
 if TYPE_CHECKING:
     from symgen.inspect import Inspection, Repair
 
 
-@app.command("inspect")
 def inspect_command(
     model: Annotated[Path, typer.Argument(help="URDF, expanded xacro or MJCF file.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.common.terminal import completing, console, say
 from symgen.cli.build_request import changed_request, levels_of, request_from_urdf, vector_of
 from symgen.cli.common import (
     DEFAULT_ROOT,
@@ -24,21 +25,23 @@ from symgen.cli.common import (
     PackageOption,
     RootOption,
     TipOption,
-    app,
-    console,
     folders_of,
     read_arguments,
     read_locks,
     read_mechanism,
-    say,
 )
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 
 
-@app.command("build")
 def build_command(
-    robot: Annotated[str, typer.Option(help="Name of a bundled robot, see `symgen list`.")] = "fr3",
+    robot: Annotated[
+        str,
+        typer.Option(
+            autocompletion=completing(bundled_robots()),
+            help="Name of a bundled robot, see `symgen list`.",
+        ),
+    ] = "fr3",
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -206,7 +209,6 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-@app.command("check")
 def check_command(
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
@@ -241,7 +243,6 @@ def check_command(
     raise typer.Exit(int(bool(different)))
 
 
-@app.command("clean")
 def clean_command(
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")

@@ -9,17 +9,15 @@ import typer
 from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
+from runtime.common.terminal import console, say
 from symgen.cli.common import (
     BaseOption,
     ConfigOption,
     LockOption,
     OverwriteOption,
     TipOption,
-    app,
-    console,
     read_locks,
     read_urdf,
-    say,
 )
 from symgen.collision import MARGIN, CollisionModel
 from symgen.collision.model import toml_from_collision
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
     from symgen.collision.selection import Selection
 
 
-@app.command("proxies")
 def proxies_command(
     urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)],
     out: Annotated[

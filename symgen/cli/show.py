@@ -9,15 +9,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from runtime.common.files import json_of
-from symgen.cli.common import (
-    DEFAULT_ROOT,
-    RootOption,
-    app,
-    console,
-    folders_of,
-    generated_here,
-    say,
-)
+from runtime.common.terminal import console, say
+from symgen.cli.common import DEFAULT_ROOT, RootOption, folders_of, generated_here
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination
@@ -31,7 +24,6 @@ _DAMAGE = (
 _LIMITS = ("lower", "upper", "velocity", "effort")
 
 
-@app.command("list")
 def list_command(out: RootOption = DEFAULT_ROOT) -> None:
     """List bundled and generated robots.
 
@@ -72,7 +64,6 @@ def _state(name: str, folder: Path) -> str:
     return "built" if is_current(bundled_request(name), folder) else "stale"
 
 
-@app.command("describe")
 def describe_command(
     robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

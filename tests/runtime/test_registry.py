@@ -1,6 +1,5 @@
 """registry: records by name, built in or added by another package."""
 
-import sys
 from importlib import metadata
 from types import SimpleNamespace
 
@@ -9,7 +8,6 @@ import pytest
 from runtime import registry
 from runtime.errors import RuntimeFault
 from runtime.registry import Registry
-from runtime.startup import entry_points
 from tests.plugins import install_toy
 
 
@@ -82,18 +80,9 @@ def test_entry_points_of_python_are_asked_for():
     assert list(Registry("symgen.nothing", Thing, "thing", HERE)) == ["one"]
 
 
-def test_groups_of_installed_packages_are_found_without_metadata(tmp_path, monkeypatch) -> None:
-    """Oracle: importlib.metadata; a package that appears while Python runs counts, too."""
-    assert not entry_points.entry_points("symgen.fruits")
+def test_groups_of_installed_packages_are_found(tmp_path, monkeypatch) -> None:
+    """Property: a package that appears while Python runs counts in registries made later."""
+    assert list(Registry("symgen.fruits", Thing, "thing", HERE)) == ["one"]
     install_toy(tmp_path, "symgen.fruits", "pear", "PEAR = 1\n", "PEAR")
     monkeypatch.syspath_prepend(tmp_path)
-    known = list(metadata.entry_points(group="symgen.fruits"))
-    assert entry_points.entry_points("symgen.fruits") == known != []
-    install_toy(tmp_path, "symgen.roots", "carrot", "CARROT = 1\n", "CARROT")
-    assert [point.name for point in entry_points.entry_points("symgen.roots")] == ["carrot"]
-    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path / "packages.zip")])
-    (tmp_path / "packages.zip").write_bytes(b"")
-    read = []
-    monkeypatch.setattr(metadata, "entry_points", lambda group: read.append(group) or [])
-    entry_points.entry_points("symgen.leaves")  # an archive may hold any package
-    assert read == ["symgen.leaves"]
+    assert list(Registry("symgen.fruits", Thing, "thing", HERE)) == ["one", "pear"]

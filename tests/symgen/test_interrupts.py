@@ -7,7 +7,7 @@ import time
 import casadi
 import pytest
 
-from symgen.cli.interrupts import lasting_interrupts
+from symgen.cli import lasting_interrupts
 
 CALLBACK = """
 def callback(press):

@@ -1,0 +1,300 @@
+"""The commands of `symgen`, `python -m runtime` and `python -m symgen`, imported when they run.
+
+The two packages of commands never import each other, so modules are named as text. `symgen --help`
+prints the sentences of the list; the help of one command comes from its docstring.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from inspect import getdoc
+from typing import Annotated, Any, ClassVar
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from runtime.common.errors import RuntimeFault
+from runtime.common.terminal import as_typed, flowing
+
+INTERRUPTED = 130
+"""Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12
+"""Sizes of the numbers of options, besides 0, in SI units: beyond them results overflow."""
+CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One line of the overview; NAME_command of the module runs it.
+
+    Attributes:
+        name: word after `symgen`.
+        module: module of its function.
+        sentence: first sentence of the command's own help.
+        argument: what distinguishes two commands of one name.
+    """
+
+    name: str
+    module: str
+    sentence: str
+    argument: str = ""
+
+    @property
+    def package(self) -> str:
+        """Package of the command, symgen or runtime."""
+        return self.module.partition(".")[0]
+
+
+def _build(module: str, name: str, sentence: str, argument: str = "") -> Command:
+    return Command(name, f"symgen.cli.{module}", sentence, argument)
+
+
+def _run(name: str, sentence: str, argument: str = "") -> Command:
+    return Command(name, f"runtime.cli.{name}", sentence, argument)
+
+
+GROUPS: dict[str, tuple[Command, ...]] = {
+    "Build the library of a robot": (
+        _build("make", "build", "Generate and compile the C library of a robot arm."),
+        _build(
+            "make", "check", "Compare generated files with the C code that symgen writes today."
+        ),
+        _build("show", "list", "List bundled and generated robots."),
+        _build("show", "describe", "Show joints, limits, base parameters and kernels of a robot."),
+        _build(
+            "proxies",
+            "proxies",
+            "Fit collision capsules to a robot and choose the pairs to check.",
+        ),
+        _build("make", "clean", "Delete compiled libraries and generated folders."),
+    ),
+    "Check the input": (
+        _build("inspect", "inspect", "Check the inertial parameters of a robot model.", "MODEL"),
+        _run("inspect", "Check a log and propose a recipe that reads it.", "LOG"),
+        _run("locate", "Print the folder of a known data set or of a robot."),
+    ),
+    "Plan a motion": (
+        _run("excite", "Design an excitation motion within all limits of a robot."),
+        _run("approach", "Plan the way to the start of a motion and back."),
+        _run("predict", "Predict the accuracy that a motion or a log allows."),
+        _run("simulate", "Simulate the log of a robot with known parameters."),
+        _run(
+            "campaign",
+            "Design, run and identify until a target is reached, on a virtual or real arm.",
+        ),
+    ),
+    "Identify": (
+        _run("identify", "Identify the inertial parameters of a robot from logs."),
+        _run("friction", "Identify friction anew and keep the links of an earlier result."),
+        _run("payload", "Identify mass, centre of mass and inertia of a payload."),
+        _run("gains", "Identify gain and bias of every torque sensor or drive."),
+        _run("fleet", "Compute the prior of a type of robot from many units of it."),
+        _run("compare", "Compare all identification methods on one log."),
+    ),
+    "Use a result": (
+        _run("evaluate", "Evaluate an identified model on another log."),
+        _run("observe", "Compute the external torque of a log and find contacts."),
+        _run("watch", "Test whether a robot has changed since its model was identified."),
+        _run("sample", "Draw models from the posterior of an identification."),
+        _run("export", "Export an identified model to simulators and controllers."),
+        _run("report", "Write the results of a folder as one HTML page."),
+        _run("view", "Show the moving robot in a web browser."),
+    ),
+    "Learn": (
+        _run("tutorial", "Show a tutorial."),
+        Command(
+            "reproduce",
+            "runtime.experiments.command",
+            "Reproduce the tables and figures of the document.",
+        ),
+    ),
+}
+"""All commands in the order of the overview."""
+
+
+class CheckedCommand(TyperCommand):
+    """A command that refuses numbers of absurd size."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line."""
+        rest: list[str] = super().parse_args(ctx, args)
+        for param in self.params:
+            if param.param_type_name == "option" and param.name in ctx.params:
+                _require_usual(param.opts[0], ctx.params[param.name])
+        return rest
+
+
+def _require_usual(option: str, value: Any) -> None:
+    """Refuse numbers of an option, alone or with commas, beyond the smallest and the largest."""
+    for each in value if isinstance(value, (list, tuple)) else [value]:
+        for word in str(each).split(",") if isinstance(each, (str, float)) else []:
+            with suppress(ValueError):  # a name
+                size = abs(float(word))
+                if 0 < size < SMALLEST_NUMBER or size > LARGEST_NUMBER:
+                    raise RuntimeFault(
+                        f"{option} expects a number from {SMALLEST_NUMBER:g} to "
+                        f"{LARGEST_NUMBER:g} in size, got {word[:40]}; give it in SI units"
+                    )
+
+
+def imported(command: Command) -> Any:
+    """Command of Typer, from its module."""
+    function = getattr(import_module(command.module), f"{command.name}_command")
+    app = typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings=CONTEXT,
+    )
+    app.command(command.name, cls=CheckedCommand, help=flowing(getdoc(function) or ""))(function)
+    return typer.main.get_command(app)
+
+
+class _Imports(Mapping[str, Any]):
+    """Commands by name, each imported when it is looked up."""
+
+    def __init__(self, listed: Sequence[Command]) -> None:
+        self._commands = {command.name: command for command in listed}
+
+    def __getitem__(self, name: str) -> Any:
+        return imported(self._commands[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._commands)
+
+    def __len__(self) -> int:
+        return len(self._commands)
+
+
+class Commands(TyperGroup):
+    """Commands of one package, or of all, of which only the one that runs is imported.
+
+    Attributes:
+        package: package of the commands; empty for all.
+    """
+
+    package: ClassVar[str] = ""
+
+    def __init__(self, **attributes: Any) -> None:
+        """A group without commands of its own."""
+        super().__init__(**attributes)
+        self._groups = {
+            head: [command for command in group if command.package.startswith(self.package)]
+            for head, group in GROUPS.items()
+        }
+        self.listed = [command for group in self._groups.values() for command in group]
+        self.commands = _Imports(self.listed)  # type: ignore[assignment]  # nothing is added
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands."""
+        return list(self.commands)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the overview."""
+        self._overview().format_help(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Names of commands that begin so."""
+        overview = self._overview(with_arguments=False)
+        with overview.make_context(ctx.info_name, [], resilient_parsing=True) as context:
+            return overview.shell_complete(context, incomplete)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Import the command of a command line."""
+        named = [command for command in self.listed if command.name == args[0]]
+        if named or ctx.resilient_parsing:
+            return args[0], imported(self.chosen(ctx, named, args[1:])) if named else None, args[1:]
+        near = get_close_matches(args[0], list(self.commands), 1, 0.0) or list(self.commands)
+        raise RuntimeFault(
+            f"expected a command such as '{near[0]}', got '{args[0]}'; "
+            f"run: {ctx.find_root().info_name} --help"
+        )
+
+    def chosen(self, ctx: Any, named: Sequence[Command], words: Sequence[str]) -> Command:
+        """Command that runs, of those of one name."""
+        return named[0]
+
+    def _overview(self, with_arguments: bool = True) -> TyperGroup:
+        """The same group with the sentences in place of the commands."""
+        lines: dict[str, Any] = {}
+        for head, group in self._groups.items():
+            for command in group:
+                twice = sum(other.name == command.name for other in self.listed) > 1
+                argument = command.argument if twice and with_arguments else ""
+                title = f"{command.name} {argument}".strip()
+                lines[title] = TyperCommand(title, help=command.sentence, rich_help_panel=head)
+        return TyperGroup(
+            name=self.name,
+            commands=lines,
+            params=self.params,
+            help=self.help,
+            epilog=self.epilog,
+            rich_markup_mode=self.rich_markup_mode,
+        )
+
+
+def application(
+    group: type[Commands], purpose: str, version: str, add_completion: bool = False
+) -> typer.Typer:
+    """The application of a group of commands."""
+
+    def print_version(ctx: typer.Context, requested: bool) -> None:
+        if requested:
+            print(f"{str(ctx.find_root().info_name).split()[-1]} {version}")
+            raise typer.Exit
+
+    def options(
+        version: Annotated[
+            bool,
+            typer.Option(
+                "--version", is_eager=True, callback=print_version, help="Print the version."
+            ),
+        ] = False,
+    ) -> None:
+        """Options without a command."""
+
+    app = typer.Typer(
+        cls=group,
+        no_args_is_help=True,
+        add_completion=add_completion,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings=CONTEXT,
+        help=purpose,
+        epilog="COMMAND --help describes a command with all its options.",
+    )
+    app.callback()(options)
+    return app
+
+
+def run(app: typer.Typer, name: str) -> None:
+    """Run a command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
+    # a command's processor time. NumPy and worker processes read this when they start.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        app()
+    except RuntimeFault as error:
+        print(f"{name}: {as_typed(str(error))}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except OSError as error:
+        if error.filename is None:
+            raise
+        place = str(error.filename)
+        short = place if len(place) <= 100 else place[:100] + "…"
+        print(
+            f"{name}: cannot use '{short}' ({error.strerror}); choose another path",
+            file=sys.stderr,
+        )
+        raise SystemExit(2) from None
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            print(
+                f"{name}: interrupted; files that were finished before stay as they are",
+                file=sys.stderr,
+            )
+        raise

@@ -1,1 +1,0 @@
-"""What keeps the start of a command short: imports at first use."""

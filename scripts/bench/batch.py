@@ -1,6 +1,7 @@
 """Batch of states, torques and parameters, the same for every contender."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -45,3 +46,42 @@ def make_batch(lib: Library, samples: int, seed: int = 0) -> Batch:
     tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + rng.normal(0, 1, (samples, n))
     beta = lib.base_matrix @ lib.pi0
     return Batch(q, dq, ddq, tau, lib.pi0, lib.lam0, beta, np.ones(n), np.zeros(n))
+
+
+@dataclass(frozen=True, slots=True)
+class Symbolic:
+    """Expressions of one kernel."""
+
+    function: Any  # of CasADi
+    inputs: tuple[str, ...]  # their names
+    operations: int  # per sample, without what depends on shared inputs alone
+    sines: int  # how many of them are sines and cosines
+
+
+def symbolic(lib: Library, names: tuple[str, ...]) -> dict[str, Symbolic]:
+    """Generate a library's kernels once more, from the URDF and options that it was built from."""
+    from symgen.catalogue import make_catalogue
+    from symgen.chain import read_chain
+    from symgen.make.request import request_from_folder
+
+    request = request_from_folder(lib.folder)
+    catalogue = make_catalogue(read_chain(request.urdf, request.options))
+    return {k.name: facts_of(k) for k in catalogue.kernels if k.name in names}
+
+
+def facts_of(kernel: Any) -> Symbolic:
+    """Counts of a kernel's instruction list; a sine or cosine is one operation."""
+    import casadi as ca
+
+    operations = sines = 0
+    per_sample: dict[int, bool] = {}
+    for op, ins, outs, _ in kernel.instructions:
+        if op == ca.OP_INPUT:
+            per_sample[outs[0]] = not kernel.inputs[ins[0]].shared
+        elif op == ca.OP_CONST:
+            per_sample[outs[0]] = False
+        elif op != ca.OP_OUTPUT:
+            per_sample[outs[0]] = any(per_sample[i] for i in ins)
+            operations += per_sample[outs[0]]
+            sines += per_sample[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
+    return Symbolic(kernel.function, tuple(a.name for a in kernel.inputs), operations, sines)

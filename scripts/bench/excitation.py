@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench import excitation_peers as peers
+from bench.compiled import processor
 from bench.excitation_peers import Start
 from bench.front import BenchError, Sheet
-from bench.machine import processor
 from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES
 from runtime.excitation.search.design_settings import SearchProblem

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bench.compiled import processor
 from bench.front import BenchError, Sheet
-from bench.machine import processor
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints

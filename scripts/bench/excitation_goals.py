@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.compiled import processor
 from bench.front import Sheet
-from bench.machine import processor
 from runtime.common.threads import cores
 from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bench.compiled import processor
 from bench.excitation_designs import NOISE, PREPARATION, RATE, TERMS, error_of, promised_of
 from bench.front import Sheet
-from bench.machine import processor
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library

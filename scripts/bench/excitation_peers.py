@@ -13,8 +13,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import minimize
 
-from bench.accuracy import parameter_order
-from bench.peers import pinocchio_model
+from bench.peers import parameter_order, pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
 from runtime.excitation.search.design_settings import SearchProblem

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from bench import doors, estimators, passes
-from bench.clock import interleave, ratio
+from bench.compiled import interleave, processor, ratio
 from bench.doors import Setting
 from bench.front import Sheet
-from bench.machine import processor
 from bench.passes import Passes
 from runtime.common.threads import one_blas_thread
 from runtime.library import Library

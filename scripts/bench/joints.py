@@ -14,11 +14,9 @@ import numpy as np
 from bench import pinocchio_cpp
 from bench.arms import Arm, build_arm, every_arm
 from bench.batch import make_batch
-from bench.clock import burst, interleave, ratio
-from bench.compiled import Compiler, find
+from bench.compiled import Compiler, burst, find, interleave, limits, processor, ratio
 from bench.front import BenchError, Sheet
 from bench.kernels import fitting
-from bench.machine import limits, processor
 from bench.ours import Ours
 from runtime.library import Array
 

@@ -5,15 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench import accuracy, peers
-from bench.batch import Batch, make_batch
-from bench.clock import burst, interleave, ratio
-from bench.compiled import find
+from bench import peers
+from bench.batch import Batch, Symbolic, make_batch, symbolic
+from bench.compiled import burst, cycle, find, interleave, limits, processor, ratio
 from bench.front import BenchError, Sheet
-from bench.machine import cycle, limits, processor
 from bench.ours import LANES, LAYOUTS, Contender, Ours
 from bench.pinocchio_cpp import pinocchio_cpp
-from bench.symbolic import Symbolic, symbolic
 from runtime.library import Array, Library
 
 KERNELS = (
@@ -205,7 +202,7 @@ def _compare(label: str, name: str, rival: peers.Contender, ours: Contender | No
     if rival.last is None or ours is None:
         return
     ours.run(1)
-    difference = accuracy.deviation(ours.answer()[-1:], np.ravel(rival.last())[None])
+    difference = peers.deviation(ours.answer()[-1:], np.ravel(rival.last())[None])
     if not difference < AGREEMENT:
         raise BenchError(
             f"{rival.algorithm} of {label} and our {name} differ by {difference:.1e} of the "
@@ -218,13 +215,13 @@ def _deviations(
 ) -> dict[Key, float]:
     """Of every row from Pinocchio; none without Pinocchio."""
     try:
-        expected = accuracy.oracle(lib, batch)
+        expected = peers.oracle(lib, batch)
     except BenchError as error:
         missing["accuracy"] = str(error)
         return {}
     deviations: dict[Key, float] = {}
     for key, one in ours.items():
-        deviations[key] = accuracy.deviation(one.answer(), expected[key[0]][: one.samples])
+        deviations[key] = peers.deviation(one.answer(), expected[key[0]][: one.samples])
         if not deviations[key] < AGREEMENT:
             raise BenchError(
                 f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by "

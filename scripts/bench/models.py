@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.chains import branching, serial
+from bench.arms import branching, serial
 from bench.front import Sheet
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.errors import SymgenError

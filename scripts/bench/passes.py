@@ -11,10 +11,8 @@ import numpy as np
 
 from bench import doors
 from bench.batch import make_batch
-from bench.clock import burst, interleave
-from bench.compiled import find
+from bench.compiled import burst, find, interleave, limits
 from bench.front import BenchError
-from bench.machine import limits
 from bench.ours import Ours
 from runtime.library import Library
 from symgen.emit.programs import eliminate

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 from scipy.optimize import minimize_scalar
 
-from bench.engines import TABLE, Engines
 from runtime import load
 from runtime.excitation import Limits, Safety, Trajectory, basis_of
 from runtime.excitation.limits.constraints import constraints
@@ -29,10 +29,14 @@ from symgen.collision.model import BASE, Pair, Proxy
 from symgen.make.config import RobotConfig
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
+from tests.collision_oracle import capsule_of, pair_distances
+from tests.oracle import pinocchio_model
 from tests.robots import CASES
 from tests.runtime.excitation.proof.spiked import Spiked
 
 ROBOTS = ("fr3", "ur5e", "xarm7", "gantry")
+TABLE = -0.2
+"""Height of the table, m."""
 DENSE, COARSE = 20_000, 1000
 """Rates of the check, Hz."""
 _RADIUS = 0.04
@@ -70,6 +74,34 @@ def robot(name: str, models: Path, root: Path) -> Library:
     )
     made: BuildRequest = replace(request, config=config)
     return load(build(made, root, levels=(load("fr3").level,)).folder)
+
+
+class Engines:
+    """Pinocchio's model of a robot, with the capsules of its links in coal."""
+
+    def __init__(self, lib: Library) -> None:
+        self.lib, self.model = lib, pinocchio_model(lib.urdf(), lib.gravity)
+        self._data = self.model.createData()
+        self._tip = self.model.getFrameId(lib.manifest.tip, pinocchio.BODY)
+        self._placed = {p.name: (p.joint + 1, *capsule_of(p)) for p in lib.proxies}
+
+    def torques(self, states: Array) -> Array:
+        """Torques of states (3 or more, N, n), (N, n)."""
+        rows = zip(*states[:3], strict=True)
+        return np.array([pinocchio.rnea(self.model, self._data, *row) for row in rows])
+
+    def tip_speeds(self, states: Array) -> Array:
+        """Speeds of the tip, (N,) m/s."""
+        speeds = []
+        for q, dq in zip(*states[:2], strict=True):
+            pinocchio.forwardKinematics(self.model, self._data, q, dq)
+            v = pinocchio.getFrameVelocity(self.model, self._data, self._tip)
+            speeds.append(np.linalg.norm(v.linear))
+        return np.array(speeds)
+
+    def distances(self, states: Array, pairs: list[tuple[str, str]]) -> Array:
+        """Distance of every pair, (N, R) m; the second of a pair may be "table"."""
+        return np.array(list(pair_distances(self.model, self._placed, TABLE, states[0], pairs)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import chains
+from bench import arms
 from bench.front import Sheet
 from runtime.library import load
 
 COUNTS = {7: (), 15: (1, 2, 7), 29: (1, 4, 7), 60: (4, 8, 7)}
-"""Joints → trunk, branches and joints per branch of `chains.branching`; empty: a serial arm."""
+"""Joints → trunk, branches and joints per branch of `arms.branching`; empty: a serial arm."""
 SAMPLES = 20_000
 """States of a timed batch."""
 _RUN = """
@@ -53,7 +53,7 @@ def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> lis
 
 
 def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
-    urdf = chains.branching(*shape) if shape else chains.serial(joints)
+    urdf = arms.branching(*shape) if shape else arms.serial(joints)
     name = f"size{joints}" if shape else f"serial{joints}"
     path = folder / f"{name}.urdf"
     path.write_text(urdf, encoding="utf-8")

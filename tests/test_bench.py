@@ -267,7 +267,7 @@ def test_coverage_of_intervals() -> None:
 def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: a trial of every case; a short log states the limit for the gain of joint 7."""
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
-    from bench.alarms import CASES, alarms
+    from bench.coverage import FAULTS as CASES, alarms
     from bench.trials import trajectories
 
     places = (

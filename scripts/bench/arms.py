@@ -1,4 +1,4 @@
-"""Arms of many lengths, built with the timed kernels only."""
+"""Artificial arms of any length, serial or branching, built with the timed kernels only."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Batch of states, torques and parameters, the same for every contender."""
+"""States, torques and parameters, the same for every contender, and operations of the kernels."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,8 @@
-"""C and C++ helpers of the benchmarks, compiled on first use and cached.
+"""Compiled helpers, limits of one core, and interleaved measurements on a noisy machine.
 
 A library lies under ~/.cache/symgen/bench/<hash of source, flags, compiler and versions>.so, so
-that Pinocchio's templates, a minute of compilation, are paid for once.
+that Pinocchio's templates, a minute of compilation, are paid for once. Of measurements the best of
+each round counts, and medians over rounds.
 """
 
 import ctypes

@@ -11,17 +11,14 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.compiled import compile_shared, find, open_shared
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.simulation import virtual_robot
 from runtime.simulation.plant import SimulatedMotion
 from runtime.simulation.virtual_robot import VirtualLog
-
-Array = NDArray[np.float64]
 
 SOURCE = Path(__file__).with_name("compiled_plant.c")
 

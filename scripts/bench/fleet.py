@@ -4,31 +4,39 @@ The units are virtual FR3s with friction, delay and sensor biases. Their links d
 those of a type, which is 20 % off the URDF. The test is a third motion of the same unit.
 """
 
+import os
+import subprocess
+import sys
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.compiled_plant import record
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
-from runtime.identification.statistics_file import statistics_of
-from runtime.library import Library
+from runtime.identification.statistics_file import (
+    FILE,
+    UnitStatistics,
+    statistics_of,
+    write_statistics,
+)
+from runtime.library import Array, Library
 from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, prior_text, write_prior
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
 from runtime.monitoring.fleet.unit import unit_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.recording.settings import EVERYTHING
+from runtime.simulation import Plant, ideal
 from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import perturbed
-
-Array = NDArray[np.float64]
 
 OF_TYPE, SPREAD = 0.2, 0.05
 """Distance of the type from the URDF, and spread of the units."""
@@ -146,3 +154,51 @@ def identified(
     """The unit by the default method with all rows."""
     settings = {"preparation": FILTERED, "friction_columns": terms, "splitting": EVERYTHING}
     return identify(log, lib, prior=prior, certify=certify, **settings)
+
+
+NOISE = 0.3
+"""Torque noise, N·m."""
+PLAIN = Friction(("viscous", "coulomb"))
+FRICTION = (0.5, 0.3)
+
+
+def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, float]:
+    """CPU and wall time of the command."""
+    motion = ideal(lib, design, Plant(lib.pi0), rate_hz=25.0)
+    samples = samples_of(prepare(motion, None, PLAIN, lib=lib), lib)
+    whole = compress(lib, samples, np.full(lib.n_joints, NOISE**-2))
+    rng = np.random.default_rng(0)
+    centre = perturbed(lib, lib.pi0, 4 * SPREAD, rng)
+    phi = np.tile(FRICTION, lib.n_joints)
+    widths = (PLAIN.coulomb_speed, PLAIN.stribeck_speed, PLAIN.dahl_stroke)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for k in range(count):
+            pi = perturbed(lib, centre, SPREAD, rng)
+            x = np.concatenate([lib.base_matrix @ pi, phi])
+            drawn = replace(
+                whole,
+                target=whole.factor @ x + rng.normal(size=x.size),
+                rest=float(lib.n_joints * len(samples)),
+            )
+            unit = folder / "units" / f"u{k:04d}"
+            unit.mkdir(parents=True)
+            known = UnitStatistics(
+                unit.name, lib.name, lib.joint_names, PLAIN.columns, widths, drawn, 1.0
+            )
+            write_statistics(known, unit / FILE)
+        words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "toml"]
+        paths = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
+        start, before = time.perf_counter(), os.times()
+        subprocess.run(
+            [sys.executable, "-m", "runtime", *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": paths},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        after, wall = os.times(), time.perf_counter() - start
+    cpu = after.children_user + after.children_system
+    cpu -= before.children_user + before.children_system
+    return cpu, wall

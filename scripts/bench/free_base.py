@@ -1,20 +1,25 @@
-"""Robots with a free base: recovery of virtual bodies of Go2 and G1.
+"""Free bases: virtual bodies of Go2 and G1 recovered, vertical forces of a walking iCub.
 
-The logs are computed by Pinocchio (`tests.free_base_logs`): motion, torques and six components of
-every contact wrench, with noise.
+Virtual logs are computed by Pinocchio (`tests.free_base_logs`): motion, torques and six components
+of every contact wrench, with noise. Of iCub the first half of the log predicts the second half.
 """
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bench.front import Sheet
 from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.noise import VerticalForce, vertical_force
 from runtime.library import Library, load, to_pinocchio_order
-from runtime.recording.free_base import free_base_of
+from runtime.recording.formats.npz import open_npz
+from runtime.recording.free_base import FreeBaseRecording, free_base_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
 from symgen.chain import ChainOptions
+from symgen.chain.document import MOVING, Document
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.free_base_logs import Experiment, virtual_log
@@ -134,3 +139,195 @@ def sheet(rows: list[Trials]) -> Sheet:
         lines.append((*sizes, *errors, *shares))
     title = "bodies recovered from virtual logs"
     return Sheet("free_base_table recovery", _RECOVERY, lines, rows, title)
+
+
+CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
+"""Low-passes of the walking log [Hz]."""
+DRIVER_HZ = 3.0
+"""First-order low-pass of the force sensors, the default of the robot's driver wholeBodyDynamics
+(forceTorqueFilterCutoffInHz), which its configuration leaves as it is. The model is identified in
+this band, and predicts in each."""
+SENSOR = (-0.0035, 0.0, -0.0605)
+"""Place of the force sensor of either foot in the frame of its link by the URDF, where both have
+the same axes [m]."""
+CROSSTALK = (0.0, 0.5)
+"""Standard deviation of what the sensors read of moments about x and y [N per N·m]: 0.39 to 0.69 in
+the secondary calibration of this robot's leg sensors (robots-configuration, iCubGenova04)."""
+OFFSET_N = 6.6
+"""Standard deviation of the offset of a foot's sensor, 2 % of the weight of the robot [N]."""
+SHARING = 0.1
+"""Standard deviation of γ, the relative error of the sensors while both feet carry load."""
+SHARE_OF_URDF, MOST = 0.8, 2.0
+"""Goal of the error: share of the URDF's, and largest value [% of the weight]."""
+TRIM_S = 0.3
+"""Rows at either end that are left out of the walking log [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """Vertical forces of the walking iCub at one low-pass, in % of the weight."""
+
+    cutoff: float  # [Hz]
+    urdf: float  # RMS error of the URDF on the second half
+    bar: float  # goal, `SHARE_OF_URDF` of that and at most `MOST`
+    identified: float  # RMS error of the model that was fitted to the first half at `DRIVER_HZ`
+    same_band: float  # RMS error of a model that was fitted to the first half at this low-pass
+    no_lag: float  # RMS error of a model without this error, at `DRIVER_HZ`
+    no_crosstalk: float
+    crosstalk: float  # coefficient about y, fitted to the first half at this low-pass [N per N·m]
+    constant: float  # standard deviation of the measured sum on the second half
+    best_mass: float  # RMS error of the URDF with the total mass that fits the second half best
+    mass: float  # mass, low, high: total mass and its 95 % interval [kg]
+    low: float
+    high: float
+    determined: int  # entries of π that the log determines, of all
+    entries: int  # number of entries of π
+
+
+def walking(data: Path, folder: Path) -> list[Walk]:
+    """iCub: first half of the log for the second half, at several low-passes."""
+    log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
+    urdf = (data / "model.urdf").read_text()
+    document = Document(urdf)
+    still = [
+        name
+        for name in document.joints
+        if document.kind(name) in MOVING and name not in set(map(str, log["joints"]))
+    ]
+    lib = library(urdf, "icub", folder, dict.fromkeys(still, 0.0))
+    arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
+        "t": log["t"] - log["t"][0],
+        "base_position": log["base_pos"],
+        "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
+        "contact_position": np.array([SENSOR, SENSOR]),
+        "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
+        "contact_force_z_sigma": np.full(2, OFFSET_N),
+        "contact_force_z_sharing": np.array(SHARING),
+        "contact_force_z_crosstalk": np.array(CROSSTALK),
+        "contact_force_z_cutoff": np.array(DRIVER_HZ),
+    }
+    recording = free_base_of(arrays, "walking.npz")
+
+    def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
+        return identify_free_base(read, lib, "base", cutoff_hz=cutoff, share=0.5, trim_s=TRIM_S)
+
+    result = identified(recording)
+    without = []
+    for key in ("contact_force_z_cutoff", "contact_force_z_crosstalk"):
+        fewer = {name: values for name, values in arrays.items() if name != key}
+        part = free_base_of(fewer, "walking.npz")
+        without.append((part, identified(part)))
+    mass, sigma = result.mass
+    rows = []
+    for cutoff in CUTOFFS:
+        vertical, here = _predicted(recording, result, cutoff), identified(recording, cutoff)
+        others = [_predicted(part, fit, cutoff) for part, fit in (*without, (recording, here))]
+        weight = vertical.weight
+        rows.append(
+            Walk(
+                cutoff,
+                100 * vertical.before / weight,
+                min(SHARE_OF_URDF * 100 * vertical.before / weight, MOST),
+                100 * vertical.after / weight,
+                100 * others[2].after / weight,
+                100 * others[0].after / weight,
+                100 * others[1].after / weight,
+                here.sensors["crosstalk_y"],
+                100 * vertical.spread / weight,
+                100 * _best_mass(vertical) / weight,
+                mass,
+                mass - NORMAL_95 * sigma,
+                mass + NORMAL_95 * sigma,
+                sum(verdict == "identified" for verdict in result.verdicts),
+                len(result.verdicts),
+            )
+        )
+    return rows
+
+
+def _predicted(
+    recording: FreeBaseRecording, result: FreeBaseIdentification, cutoff_hz: float
+) -> VerticalForce:
+    """Errors of an identified model on the second half, behind another low-pass."""
+    motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
+    second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
+    phi = np.array([list(result.sensors.values())])
+    rows = motion.rows(np.flatnonzero(second))
+    vertical = vertical_force(result.lib, rows, result.pi, phi)
+    if vertical is None:
+        raise RuntimeError("expected vertical forces of both feet in walking.npz")
+    return vertical
+
+
+def _best_mass(vertical: VerticalForce) -> float:
+    """RMS of f − s p at the best factor s of the URDF's force p [N]."""
+    p, f = vertical.predicted, vertical.measured
+    return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
+
+
+_WALK = ("low-pass Hz", "URDF %", "goal %", "identified at 3 Hz %", "without lag %",
+         "without crosstalk %", "identified in this band %", "crosstalk in this band N/(N·m)",
+         "URDF of the best mass %", "best constant %", "mass kg", "95 % interval")  # fmt: skip
+
+
+def walk_sheet(rows: list[Walk]) -> Sheet:
+    """One line per low-pass."""
+    lines = []
+    for r in rows:
+        numbers = (r.urdf, r.bar, r.identified, r.no_lag, r.no_crosstalk, r.same_band, r.crosstalk,
+                   r.best_mass, r.constant)  # fmt: skip
+        errors = tuple(f"{number:.2f}" for number in numbers)
+        lines.append((f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}"))
+    title = "iCub walking: error of ΣF_z on the second half"
+    return Sheet("free_base_table walking", _WALK, lines, rows, title)
+
+
+LOADED = 0.15
+"""Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
+SHORTEST_S = 0.1
+"""Shortest stance that is counted [s]."""
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """One kind of stance in one half of the log."""
+
+    half: str  # "first" or "second"
+    feet: str  # loaded feet
+    seconds: float  # time in it [s]
+    mass: float  # mean sum of both sensors over g [kg]
+    lifted: float | None  # mean reading of the lifted foot over g [kg]; None where both are loaded
+
+
+def stances(log: dict[str, Any]) -> list[Stance]:
+    """Stances of a log."""
+    forces = np.stack([log["lf_fz"], log["rf_fz"]], axis=1)
+    total, t = forces.sum(axis=1), log["t"] - log["t"][0]
+    loaded = forces > LOADED * np.median(total)
+    kinds = loaded[:, 0] * 1 + loaded[:, 1] * 2
+    step = float(np.median(np.diff(t)))
+    starts = np.flatnonzero(np.diff(kinds, prepend=-1))
+    long_enough = np.zeros(len(t), dtype=bool)
+    for first, last in zip(starts, [*starts[1:], len(t)], strict=True):
+        long_enough[first:last] = (last - first) * step >= SHORTEST_S
+    rows = []
+    for half, within in (("first", t < t[-1] / 2), ("second", t >= t[-1] / 2)):
+        for kind, feet in ((3, "both"), (1, "left"), (2, "right")):
+            chosen = within & long_enough & (kinds == kind)
+            if chosen.any():
+                lifted = None if kind == 3 else float(forces[chosen, 2 - kind].mean() / GRAVITY)
+                mass = float(total[chosen].mean() / GRAVITY)
+                rows.append(Stance(half, feet, float(chosen.sum() * step), mass, lifted))
+    return rows
+
+
+def stance_sheet(rows: list[Stance]) -> Sheet:
+    """One line per half of the log and stance."""
+    head = ("half", "loaded feet", "s", "mean ΣF_z / g, kg", "lifted foot / g, kg")
+    lines = [
+        (r.half, r.feet, f"{r.seconds:.2f}", f"{r.mass:.2f}", f"{r.lifted:.2f}" if r.lifted else "")
+        for r in rows
+    ]
+    title = "iCub walking: what the force sensors read"
+    return Sheet("free_base_table stances", head, lines, rows, title)

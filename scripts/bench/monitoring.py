@@ -1,28 +1,50 @@
-"""Monitoring: bands of drawn models, and results that are written and read again.
+"""Monitoring of virtual FR3s: bands of drawn models, pushes, changes, and the time of observer.c.
 
-Robots are drawn about the FR3's URDF.
+Pushes: the model is identified from `TRAINING` motions of 10 s with the default friction model, and
+thresholds are fitted to `CALIBRATION` further ones; every log is another motion with its own noise.
+Weeks: the robot repeats two motions, from which its model was identified, one of them every week.
+Finished logs and weeks are lines of a file, so that a run that was interrupted continues.
 """
 
-from dataclasses import dataclass
+import json
+import subprocess
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime import Identification, Recording, identify
+from bench.compiled_plant import record
+from bench.fleet import joined
+from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
-from runtime.library import Library
+from runtime.library import Array, Library
+from runtime.monitoring.calibration import calibrated, tails_of
+from runtime.monitoring.drift import Verdict, verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
+from runtime.monitoring.model import model_of
+from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.observation import (
+    Detector,
+    detector_for,
+    observation_of,
+    observe,
+    prepared_for,
+    signals_of,
+)
 from runtime.monitoring.posterior_draws import draw_models
+from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction, Preparation
+from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
+from runtime.simulation.box_payload import Box
+from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import perturbed
-
-Array = NDArray[np.float64]
 
 NOISE, SPREAD = 0.05, 0.1
 """Standard deviation of the torque noise, N·m, and spread of the robots about the URDF."""
@@ -75,3 +97,277 @@ def draws_coverage(
 def stated(per_hour: float) -> AlarmRate:
     """Rate of false alarms per hour."""
     return alarm_rate(f"{per_hour:g} per hour")
+
+
+SAMPLES, REPEATS, RUNS = 4000, 50, 7
+"""Samples of the log, how often it is passed over in a run, and number of runs."""
+DRIVER = """
+#define _POSIX_C_SOURCE 199309L
+#include <stdio.h>
+#include <time.h>
+#include "observer.h"
+static double log_[SAMPLES][21];
+static fr3_observer state;
+int main(void)
+{
+    double r[7], threshold[7];
+    unsigned contacts = 0;
+    struct timespec a, b;
+    if (fread(log_, sizeof log_, 1, stdin) != 1) return 1;
+    for (int run = 0; run < RUNS; ++run) {
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &a);
+        for (int k = 0; k < REPEATS; ++k)
+            for (int i = 0; i < SAMPLES; ++i)
+                contacts |= fr3_observer_update(&state, log_[i], log_[i] + 7, log_[i] + 14, r,
+                                                threshold);
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &b);
+        double seconds = b.tv_sec - a.tv_sec + 1e-9 * (b.tv_nsec - a.tv_nsec);
+        printf("%.9g\\n", seconds / SAMPLES / REPEATS);
+    }
+    fprintf(stderr, "%u\\n", contacts);
+    return 0;
+}
+"""
+
+
+def seconds_per_sample(lib: Library, design: Trajectory) -> float:
+    """CPU time of one update, the median of `RUNS` runs [s]."""
+    log = record(lib, design, seed=0).recording
+    result = identify(log, lib, preparation=FILTERED, friction_columns=OF_ARM)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        known = saved_of(lib, result, folder)
+        model = model_of(known.saved, lib)
+        data = prepared_for(log.take(slice(0, SAMPLES), "part"), model)
+        held_out = read_held_out(folder, model)
+        detector = detector_for(lib, model, data, held_out, stated(1.0))
+        texts = observer_c(lib, detector, np.zeros(lib.n_joints))
+        for file, text in {**texts, "driver.c": DRIVER}.items():
+            (folder / file).write_text(text)
+        sources = [folder / "driver.c", folder / "observer.c"]
+        sources += [lib.folder / "kernels.c", lib.folder / "update.c"]
+        facts = {"SAMPLES": SAMPLES, "REPEATS": REPEATS, "RUNS": RUNS}
+        defined = [f"-D{key}={value}" for key, value in facts.items()]
+        words = ["cc", "-std=c99", "-O2", *defined, f"-I{lib.folder}", f"-I{folder}"]
+        program = str(folder / "run")
+        subprocess.run([*words, *map(str, sources), "-lm", "-o", program], check=True)
+        rows = np.hstack([data.q, data.dq, data.tau])
+        done = subprocess.run([program], input=rows.tobytes(), capture_output=True, check=True)
+    return float(np.median([float(line) for line in done.stdout.split()]))
+
+
+TRAINING, FIRST_SEED = 6, 100_000
+"""Number of training motions, and the seed of the first one that is drawn."""
+CALIBRATION, CALIBRATION_SEED = 180, 200_000
+"""The same of motions without contacts to which thresholds are fitted: half an hour."""
+PUSH = (3.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0)
+"""Size of the pushes, N·m."""
+WITHIN_S, PERIOD_S, LENGTH_S = 0.02, 0.5, 0.25
+"""Time within which a push has to be found, time between two pushes, and their length, s."""
+USED = 0.95
+"""Share of the limits of speed and acceleration that a drawn motion may use."""
+STATED = (1.0, 10.0, 100.0)
+"""Stated rates of false alarms, 1/h; pushes are counted at `AT`, one of them."""
+AT = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Alarms and pushes."""
+
+    hours: float  # of free motion
+    alarms: dict[float, int]  # stated rate [1/h] → alarms that were counted
+    pushes: int  # number of pushes
+    missed: tuple[int, ...]  # joint of every push that was not found in time, from 1
+
+
+def seen_by_observer(
+    lib: Library, designs: tuple[Trajectory, ...], logs: int, pushed_logs: int, done: Path
+) -> Seen:
+    """Count alarms and pushes on motions that were not in the training."""
+    lines = done.read_text().splitlines() if done.exists() else []
+    known = {line[0]: line[1:] for line in map(json.loads, lines)}
+    if any(k not in known for k in range(logs)):
+        for k, row in _watched(
+            lib, designs, [k for k in range(logs) if k not in known], pushed_logs
+        ):
+            known[k] = row
+            with done.open("a") as file:
+                file.write(json.dumps([k, *row]) + "\n")
+    rows = [known[k] for k in range(logs)]
+    hits = [hit for row in rows for hit in row[2]]
+    return Seen(
+        sum(row[0] for row in rows) / 3600,
+        {rate: sum(row[1][k] for row in rows) for k, rate in enumerate(STATED)},
+        len(hits),
+        tuple(j + 1 for j, is_found in hits if not is_found),
+    )
+
+
+def _watched(
+    lib: Library, designs: tuple[Trajectory, ...], wanted: list[int], pushed_logs: int
+) -> Iterator[tuple[int, list[object]]]:
+    """Number of a log; its seconds, alarms by rate, and joint and success of its pushes."""
+    log = record(lib, designs[0], seed=FIRST_SEED).recording
+    for k in range(1, TRAINING):
+        motion = designs[1] if k == 1 else drawn_motion(lib, designs, FIRST_SEED + k)
+        log = joined(log, record(lib, motion, seed=FIRST_SEED + k).recording, 0.5)
+    terms = choose_default_friction(log, lib, FILTERED).terms
+    result = identify(log, lib, preparation=FILTERED, friction_columns=terms, refit=True)
+    with TemporaryDirectory() as folder:
+        known = saved_of(lib, result, Path(folder))
+        model = model_of(known.saved, lib)
+        held_out = read_held_out(Path(folder), model)
+    root = known.posterior.root(lib)
+
+    def free(k: int) -> Recording:
+        return prepared_for(record(lib, drawn_motion(lib, designs, k), seed=k + 1).recording, model)
+
+    first = free(CALIBRATION_SEED)
+    plain = [
+        detector_for(lib, model, first, held_out, stated(rate), WITHIN_S, root) for rate in STATED
+    ]
+    # One observer for all rates: a rate changes the levels alone.
+    one = plain[STATED.index(AT)]
+    tails = tails_of(
+        (signals_of(lib, one, free(CALIBRATION_SEED + k)) for k in range(CALIBRATION)),
+        one.settings.rate_hz,
+    )
+    detectors = [calibrated(replace(one, rate=each.rate), tails) for each in plain]
+    for k in wanted:
+        data = free(k)
+        signals = signals_of(lib, one, data)
+        seen = [observation_of(lib, each, signals) for each in detectors]
+        at = detectors[STATED.index(AT)]
+        hits = pushed(lib, at, data, k) if k < pushed_logs else []
+        yield k, [seen[0].seconds, [len(each.contacts) for each in seen], hits]
+
+
+def drawn_motion(lib: Library, designs: tuple[Trajectory, ...], seed: int) -> Trajectory:
+    """Mixture of two motions with weights of its own per joint, within the limits of the joints."""
+    rng = np.random.default_rng([8, seed])
+    weights = rng.uniform(-1, 1, size=(2, lib.n_joints, 1))
+    motion = sum(w * d.coefficients for w, d in zip(weights, designs, strict=True))
+    duration, limits = designs[0].duration, lib.limits()
+    t = np.arange(0, duration, 0.01)
+    q, dq, ddq, _ = Trajectory(lib.home, motion, duration).at(lib, t)
+    away = q - lib.home
+    scale = np.minimum.reduce(
+        [
+            np.ones(lib.n_joints),
+            (limits["upper"] - 0.05 - lib.home) / np.maximum(away.max(axis=0), 1e-9),
+            (lib.home - limits["lower"] - 0.05) / np.maximum(-away.min(axis=0), 1e-9),
+            USED * limits["velocity"] / np.abs(dq).max(axis=0),
+            USED * limits["acceleration"] / np.abs(ddq).max(axis=0),
+        ]
+    )
+    return Trajectory(lib.home, motion * scale[:, None], duration)
+
+
+def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list[tuple[int, bool]]:
+    """Joint of pushes that are added to a log, and whether each was found in time."""
+    starts = np.arange(data.t[0] + PERIOD_S, data.t[-1] - PERIOD_S, PERIOD_S)
+    joints = [(turn + k) % lib.n_joints for k in range(len(starts))]
+    tau = np.array(data.tau)
+    for start, j in zip(starts, joints, strict=True):
+        tau[(data.t >= start) & (data.t < start + LENGTH_S), j] -= PUSH[j]
+    seen = observe(lib, detector, data.replace(tau=tau))
+    return [
+        (j, any(c.number == j and 0 <= c.time_s - start <= WITHIN_S for c in seen.contacts))
+        for start, j in zip(starts, joints, strict=True)
+    ]
+
+
+CHANGES = ("sensor gain", "payload", "friction", "clock", "model")
+WEEKS_SEED, PAUSE_S = 1000, 0.5
+"""Seed of the training log, and the pause between its two motions, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """The model that is watched."""
+
+    saved: SavedResult  # the result
+    root: Array  # root of the covariance of [β; φ]
+    sigma: Array  # RMS residual of its test part, (n,) [N·m]
+
+
+def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
+    """Identify the virtual FR3 from both weekly motions, with the default friction model."""
+    one, two = (
+        record(lib, design, seed=WEEKS_SEED + k).recording for k, design in enumerate(designs)
+    )
+    log = joined(one, two, PAUSE_S)
+    terms = choose_default_friction(log, lib, FILTERED).terms
+    result = identify(log, lib, preparation=FILTERED, friction_columns=terms, refit=True)
+    with TemporaryDirectory() as folder:
+        known = saved_of(lib, result, Path(folder))
+        sigma = read_held_out(Path(folder), model_of(known.saved, lib)).rest.std(axis=0)
+    return Watched(known.saved, known.posterior.root(lib), sigma)
+
+
+def weeks(
+    lib: Library, designs: tuple[Trajectory, ...], counts: dict[float, int], done: Path
+) -> dict[tuple[float, str], tuple[int, int, int]]:
+    """Verdicts on weekly logs of the virtual FR3 with and without a change."""
+    lines = done.read_text().splitlines() if done.exists() else []
+    known = {tuple(line[:3]): line[3:] for line in map(json.loads, lines)}
+    model = watched(lib, designs)
+    wanted = list(_wanted(counts))
+    for level, change, week in wanted:
+        if (level, change, week) in known:
+            continue
+        log, joint = changed_log(lib, designs, change, level, week)
+        prepared = prepare(log, FILTERED, model.saved.friction, lib=lib)
+        verdict = verdict_of(lib, model.saved, model.root, model.sigma, prepared)
+        known[level, change, week] = [verdict.changed, _is_right(verdict, change, joint)]
+        with done.open("a") as file:
+            best = [verdict.best.group, verdict.best.where, verdict.p_value]
+            file.write(json.dumps([level, change, week, *known[level, change, week], *best]) + "\n")
+    logs, seen, right = Counter(), Counter(), Counter()
+    for level, change, week in wanted:
+        logs[level, change] += 1
+        seen[level, change] += known[level, change, week][0]
+        right[level, change] += known[level, change, week][1]
+    return {key: (logs[key], seen[key], right[key]) for key in logs}
+
+
+def _wanted(counts: dict[float, int]) -> Iterable[tuple[float, str, int]]:
+    """Size, change and week, week by week, the largest size first."""
+    for level in sorted(counts, reverse=True):
+        for week in range(counts[level]):
+            for change in ("", *CHANGES) if level == max(counts) else CHANGES:
+                yield level, change, week
+
+
+def _is_right(verdict: Verdict, change: str, joint: str) -> bool:
+    best = verdict.best
+    is_place = change != "sensor gain" or best.where == joint
+    return bool(verdict.changed and best.group == change and is_place)
+
+
+def changed_log(
+    lib: Library, designs: tuple[Trajectory, ...], change: str, level: float, week: int
+) -> tuple[Recording, str]:
+    """Log of one week after a change of the virtual FR3, and the joint whose gain changed."""
+    settings = now = settings_of(lib)
+    payload, truth = None, 0
+    if change == "friction":
+        more, friction = 1 + 0.2 * level, settings.friction
+        friction = replace(
+            friction, coulomb=more * friction.coulomb, viscous=more * friction.viscous
+        )
+        now = replace(settings, friction=friction)
+    if change == "payload":
+        payload = Box(0.2 * level, (0.0, 0.0, 0.17), (0.05, 0.05, 0.05), "fr3_link7")
+    if change == "model":
+        now, truth = replace(settings, spread=settings.spread * 2 * level), 100 + week
+    log = record(
+        lib, designs[week % 2], now, seed=week + 1, truth_seed=truth, payload=payload
+    ).recording
+    tau, t, joint = np.array(log.tau), log.t, week // 2 % lib.n_joints
+    if change == "sensor gain":
+        tau[:, joint] *= 1 + 0.05 * level
+    if change == "clock":
+        tau = np.stack([np.interp(t - 0.005 * level, t, row) for row in tau.T], axis=1)
+    return log.replace(tau=tau), lib.joint_names[joint]

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from bench import single
+from bench import ours
 from bench.batch import make_batch
 from bench.compiled import find
 from bench.front import Sheet
@@ -94,7 +94,7 @@ def measure(lib: Library, seconds: float) -> list[Rate]:
 def _single(lib: Library, seconds: float, count: int) -> Rate:
     """Rate of the same kernel compiled with `float`; the remark states its rounding."""
     batches = [make_batch(lib, SAMPLES, seed=k) for k in range(count)]
-    each = [single.contender(lib, find(("gcc", "cc")), batch) for batch in batches]
+    each = [ours.single_contender(lib, find(("gcc", "cc")), batch) for batch in batches]
     rate, first = _rate(each, seconds), batches[0]
     tau = lib.base_inverse_dynamics(first.q, first.dq, first.ddq, first.beta)
     error = float(np.abs(each[0].answer() - tau).max() / np.abs(tau).max())

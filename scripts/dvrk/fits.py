@@ -5,10 +5,14 @@ has a memory (Dahl), and the joints are weighted by their residuals in `PASSES` 
 PC-IDIM-OLS.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import butter, sosfiltfilt
 
 from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.regression.samples import Samples, samples_of
@@ -18,6 +22,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording
+from runtime.recording.preprocessing import prepare
 
 RATE = 200.0
 """Of the logs, Hz."""
@@ -107,3 +112,168 @@ def _steps(cutoff: float) -> Preparation:
     return Preparation(
         filter="butterworth", cutoff_hz=cutoff, trim_s=1.0, regressor="momentum", motion_hz=MOTION
     )
+
+
+WRIST = slice(3, 7)
+PERIOD = 6.0
+"""Of the motions, s."""
+
+
+def _low_passed(values: Array, cutoff: float) -> Array:
+    sos = butter(4, cutoff, fs=RATE, output="sos")
+    return np.asarray(sosfiltfilt(sos, values, axis=0))
+
+
+def published_wrist(
+    lib: Library, data: Path, run: str, rows: Sequence[Mapping[str, Any]]
+) -> tuple[Array, Array, Array]:
+    """Relative errors of the published wrist on a run, and the level of its friction there.
+
+    Both sides pass the same low-pass, as in `fits`.
+    """
+    recording = log(data, run)
+    q, dq = _low_passed(recording.q, MOTION), _low_passed(recording.required("dq"), MOTION)
+    ddq = np.gradient(dq, 1.0 / RATE, axis=0)
+    friction, rest = np.zeros_like(q), np.zeros_like(q)
+    for row in rows:
+        to_x = np.array([row["of"].get(name, 0.0) for name in lib.joint_names])
+        x, dx, ddx = q @ to_x, dq @ to_x, ddq @ to_x
+        friction += (row["coulomb"] * np.sign(dx) + row["viscous"] * dx)[:, None] * to_x
+        rest += (row["rotor"] * ddx + row["offset"] + row["stiffness"] * x)[:, None] * to_x
+    inner = slice(round(RATE), -round(RATE))
+    tau, friction, rest, q, ddq = (
+        _low_passed(values, CUTOFF)[inner, WRIST]
+        for values in (recording.required("tau"), friction, rest, q, ddq)
+    )
+    errors = np.linalg.norm(tau - friction - rest, axis=0) / np.linalg.norm(tau, axis=0)
+    levels = _levels(tau, friction, q, ddq)
+    length = round(PERIOD * RATE)
+    parts = [slice(k, k + length) for k in range(0, len(tau) - length, length)]
+    single = [_levels(tau[s], friction[s], q[s], ddq[s]) for s in parts]
+    return errors, levels, np.std(single, axis=0, ddof=1)
+
+
+def _levels(tau: Array, friction: Array, q: Array, ddq: Array) -> Array:
+    """s of each joint, beside a free offset, stiffness and rotor."""
+    levels = []
+    for k in range(tau.shape[1]):
+        columns = np.stack([friction[:, k], np.ones(len(tau)), q[:, k], ddq[:, k]], axis=1)
+        levels.append(np.linalg.lstsq(columns, tau[:, k], rcond=None)[0][0])
+    return np.array(levels)
+
+
+def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array, Array]:
+    """One level of friction of the whole wrist and an offset per joint, of the first seconds."""
+    phi = fit.phi.copy()
+    phi[:, fit.columns.index("offset")] = 0.0
+    friction = fit.test.friction(phi)
+    others = fit.residual(phi) + friction  # τ minus the links
+    wrist = friction.copy()
+    wrist[:, : WRIST.start] = 0.0
+    others -= friction - wrist
+    n = others.shape[1]
+    offsets = np.broadcast_to(np.eye(n), (len(others), n, n))
+    columns = np.concatenate([wrist[:, :, None], offsets], axis=2)
+    start, scale = slice(0, round(seconds * RATE)), 1.0 / fit.test.tau.std(axis=0)
+    rows = (columns[start] * scale[:, None]).reshape(-1, n + 1)
+    x = np.linalg.lstsq(rows, (others[start] * scale).ravel(), rcond=None)[0]
+    change = x[1:] - fit.phi[:, fit.columns.index("offset")]
+    return float(x[0]), change, np.asarray(others - columns @ x)
+
+
+JOINTS = 3
+"""Joints of the arm, which the load acts on."""
+END = 0.5
+"""Largest angle of the pitch, rad."""
+STEP = 5
+"""Every fifth row is taken: 40 Hz."""
+SPEED = 0.05
+"""Width of the sign of dq [rad/s, m/s]."""
+PLACES = (-0.15, 0.15)
+"""First guesses of each coordinate of r, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadFit:
+    """Load on one body."""
+
+    link: str  # name of the body
+    mass: float  # kg
+    spread: float  # standard error of the mass from those of single periods, kg
+    place: Array  # r in the frame of the body, (3,) [m]
+    errors: Array  # per joint, norm of the residual over that of the difference less its mean, (3,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Difference of two runs at N instants."""
+
+    difference: Array  # of the torques, less that of the motions, (N, 3) [N·m, N]
+    terms: Array  # free terms of each joint, (3, N, 4)
+    regressor: Array  # of all bodies, (N, 3, 10 n)
+    periods: Array  # number of the period of each row, (N,)
+
+    def of_period(self, number: int) -> "Rows":
+        """Rows of one period."""
+        taken = self.periods == number
+        return Rows(
+            self.difference[taken], self.terms[:, taken], self.regressor[taken], self.periods[taken]
+        )
+
+    def unexplained(self, torque: Array) -> Array:
+        """Difference less a torque (N, 3) and the best free terms, over its size per joint."""
+        rest = self.difference - torque
+        for k in range(JOINTS):
+            terms = self.terms[k]
+            rest[:, k] -= terms @ np.linalg.lstsq(terms, rest[:, k], rcond=None)[0]
+        return np.asarray(rest / self.difference.std(axis=0))
+
+
+def difference(lib: Library, data: Path, empty: str, loaded: str) -> Rows:
+    """Difference of the run with the load to that without."""
+    pi = fitted(lib, data, empty, empty).pi
+    steps = Preparation(filter="butterworth", cutoff_hz=CUTOFF, trim_s=1.0)
+    tau, rigid, moved = [], [], None
+    for run in (empty, loaded):
+        moved = prepare(log(data, run), steps, Friction(()), lib=lib)
+        tau.append(moved.required("tau")[:, :JOINTS])
+        motion = (moved.q, moved.required("dq"), moved.required("ddq"))
+        rigid.append(lib.inverse_dynamics(*motion, pi)[:, :JOINTS])
+    taken = np.flatnonzero(motion[0][:, 1] < END)[::STEP]
+    dq, before = motion[1][taken, :JOINTS], tau[0][taken]
+    terms = [np.ones_like(dq), dq, np.tanh(dq / SPEED), before]
+    return Rows(
+        (tau[1] - tau[0] - rigid[1] + rigid[0])[taken],
+        np.stack(terms, axis=-1).transpose(1, 0, 2),
+        lib.regressor(*(values[taken] for values in motion))[:, :JOINTS],
+        taken // round(PERIOD * RATE),
+    )
+
+
+def point(mass: float, r: Array) -> Array:
+    """π of a point of a mass [kg] at r (3,) [m]: mass, first moment, inertia about the origin."""
+    inertia = mass * (r @ r * np.eye(3) - np.outer(r, r))
+    xx, xy, xz, yy, yz, zz = inertia[np.triu_indices(3)]
+    return np.array([mass, *(mass * r), xx, yy, zz, xy, xz, yz])
+
+
+def load_on(rows: Rows, body: int, name: str) -> LoadFit:
+    """The load as a point on one of the bodies."""
+    starts = [np.array([0.1, x, y, z]) for x in PLACES for y in PLACES for z in PLACES]
+    best = min((_fit(rows, body, start) for start in starts), key=lambda each: float(each[1]))[0]
+    single = [_fit(rows.of_period(k), body, best)[0][0] for k in np.unique(rows.periods)]
+    spread = np.std(single, ddof=1) / np.sqrt(len(single))
+    rest = rows.unexplained(_torque(rows, body, best))
+    return LoadFit(name, float(best[0]), float(spread), best[1:], np.sqrt(np.mean(rest**2, axis=0)))
+
+
+def _torque(rows: Rows, body: int, x: Array) -> Array:
+    return np.asarray(rows.regressor[..., 10 * body : 10 * body + 10] @ point(x[0], x[1:]))
+
+
+def _fit(rows: Rows, body: int, start: Array) -> tuple[Array, float]:
+    def rest(x: Array) -> Array:
+        return rows.unexplained(_torque(rows, body, x)).ravel()
+
+    found = least_squares(rest, start, x_scale=np.array([0.05, 0.1, 0.1, 0.1]), max_nfev=60)
+    return found.x, found.cost

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
     sys.path.insert(0, str(ROOT))
 
-from scripts.site import api, c_api, commands  # noqa: E402
+from scripts.site import api, commands  # noqa: E402
 
 API = "Python API"
 PICTURE, BOTH = (
@@ -53,7 +53,32 @@ def generated_pages() -> Iterator[tuple[str, str]]:
         yield f"tutorials/{tutorial.name}", PICTURE.sub(BOTH, text)
     yield "changelog.md", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     yield "reference/commands.md", commands.markdown()
-    yield "reference/c.md", c_api.markdown()
+    yield "reference/c.md", _c_api()
     yield "reference/api/index.md", api.index()
     for room in api.rooms():
         yield api.page(room), api.room_page(room)
+
+
+C_API = """# C API
+
+`symgen build` writes this folder for every robot, here for the FR3. [Use the C code](../howto/c.md)
+shows how to call it.
+
+{readme}
+
+## The header
+
+```c
+{header}
+```
+"""
+
+
+def _c_api() -> str:
+    """Text of the robot's README, headings one level deeper, then the header."""
+    folder = ROOT / "generated" / "fr3"
+    readme, header = (
+        (folder / name).read_text(encoding="utf-8") for name in ("README.md", "fr3.h")
+    )
+    body = re.sub(r"^#", "##", readme, flags=re.MULTILINE)
+    return C_API.format(readme=body, header=header.rstrip())

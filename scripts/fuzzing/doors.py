@@ -43,7 +43,7 @@ from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
 from runtime.simulation.settings import settings_of
-from scripts.fuzzing import data_sets, goods, models
+from scripts.fuzzing import goods
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_mechanism, read_urdf
@@ -261,13 +261,13 @@ DOORS: dict[str, Door] = {
     "csv-gz": Door("log.csv.gz", goods.zipped, _log),
     "npz": Door("log.npz", goods.log("log.npz"), _log),
     "parquet": Door("log.parquet", goods.log("log.parquet"), _log),
-    "hdf5": Door("log.h5", data_sets.hdf5, _log),
-    "matlab": Door("log.mat", data_sets.hdf5, _log),
-    "stream-hdf5": Door("log.h5", data_sets.hdf5, _streamed),
-    "lerobot": Door("meta/info.json", data_sets.lerobot, lambda p, _: read_recording(p.parents[1])),
+    "hdf5": Door("log.h5", goods.hdf5, _log),
+    "matlab": Door("log.mat", goods.hdf5, _log),
+    "stream-hdf5": Door("log.h5", goods.hdf5, _streamed),
+    "lerobot": Door("meta/info.json", goods.lerobot, lambda p, _: read_recording(p.parents[1])),
     "lerobot-frames": Door(
         "data/chunk-000/file-000.parquet",
-        data_sets.lerobot,
+        goods.lerobot,
         lambda path, _: read_recording(path.parents[2]),
     ),
     "mcap": Door("log.mcap", goods.mcap, _log),
@@ -289,34 +289,34 @@ DOORS: dict[str, Door] = {
     "headless": Door("log.csv", goods.headless, _headless),
     "recipe": Door("recipe.toml", goods.recipe, _alone(load_recipe)),
     # Models.
-    "urdf": Door("robot.urdf", models.urdf, _chain),
-    "inspect": Door("robot.urdf", models.urdf, _model_seen),
+    "urdf": Door("robot.urdf", goods.urdf, _chain),
+    "inspect": Door("robot.urdf", goods.urdf, _model_seen),
     "repair": Door(
         "robot.urdf",
-        models.urdf,
+        goods.urdf,
         lambda path, _: repaired(inspect_file(path, with_base=False), path),
     ),
-    "mjcf": Door("robot.xml", models.mjcf, _model_seen),
+    "mjcf": Door("robot.xml", goods.mjcf, _model_seen),
     **{
-        form: Door(f"mesh.{form}", models.mesh, _beside(f"{form}.urdf", _model_seen))
+        form: Door(f"mesh.{form}", goods.mesh, _beside(f"{form}.urdf", _model_seen))
         for form in ("stl", "obj", "dae")
     },
-    "view-urdf": Door("robot.urdf", models.urdf, lambda path, lib: look_of(lib, path)),
+    "view-urdf": Door("robot.urdf", goods.urdf, lambda path, lib: look_of(lib, path)),
     **{
         f"view-{form}": Door(
             f"mesh.{form}",
-            models.mesh,
+            goods.mesh,
             _beside(f"{form}.urdf", lambda path, lib: look_of(lib, path)),
         )
         for form in ("stl", "obj", "dae")
     },
-    "robot": Door("robot.toml", models.robot_config, _alone(read_config)),
-    "mechanism": Door("mechanism.toml", models.mechanism, _mechanism),
-    "dh": Door("rows.toml", models.dh, _model),
-    "build-mjcf": Door("robot.xml", models.mjcf, _model),
-    "build-sdf": Door("robot.sdf", models.sdf, _model),
-    "build-xacro": Door("robot.xacro", models.xacro, _xacro, programs=(sys.executable,)),
-    "masses": Door("masses.toml", models.masses, _masses),
+    "robot": Door("robot.toml", goods.robot, _alone(read_config)),
+    "mechanism": Door("mechanism.toml", goods.mechanism, _mechanism),
+    "dh": Door("rows.toml", goods.dh, _model),
+    "build-mjcf": Door("robot.xml", goods.mjcf, _model),
+    "build-sdf": Door("robot.sdf", goods.sdf, _model),
+    "build-xacro": Door("robot.xacro", goods.xacro, _xacro, programs=(sys.executable,)),
+    "masses": Door("masses.toml", goods.masses, _masses),
     # Generated folders.
     "manifest": Door("manifest.json", goods.generated, _alone(read_manifest)),
     "library": Door("manifest.json", goods.generated, _folder(load)),

@@ -2,23 +2,33 @@
 
 import gzip
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 
 import runtime
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.experiments.storage.result_files import CONFIG, write_json, write_outcome
 from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
+from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
+from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
+from runtime.monitoring.fleet.gather import gather
+from runtime.monitoring.fleet.hierarchy import fit_fleet
 from runtime.recording import Friction, Preparation, Recording, write_recording
+from runtime.recording.preprocessing import prepare
 from runtime.simulation import Controller, settings_of, write_controller
 from scripts.fuzzing import bags
-from scripts.fuzzing.texts import BOX, PRIOR, RECIPE
+from scripts.fuzzing.texts import BOX, MECHANISM, MJCF, PRIOR, RECIPE, XACRO
+from tests.symgen.make.test_sdf import LOOP
 
 OPTIONS = {
     "identify": {
@@ -37,6 +47,8 @@ OPTIONS = {
 }
 """Options with numbers, by command."""
 MARK = "ab" * 32
+ROOT = Path(__file__).parents[2]
+Furnish = Callable[[Path, Library], None]
 
 
 def motion(lib: Library, rows: int = 60) -> Recording:
@@ -50,15 +62,70 @@ def motion(lib: Library, rows: int = 60) -> Recording:
     return Recording(t=t, q=q, tau=tau, name="log")
 
 
+def text(file: str, content: str) -> Furnish:
+    """A document; {link} and {joint} are its last link and first joint of the robot."""
+
+    def furnish(folder: Path, lib: Library) -> None:
+        named = content.replace("{link}", lib.link_names[-1]).replace("{joint}", lib.joint_names[0])
+        (folder / file).write_text(named)
+        (folder / "robot.urdf").write_text(lib.urdf())
+
+    return furnish
+
+
+prior = text("prior.toml", PRIOR)
+mjcf, sdf = text("robot.xml", MJCF), text("robot.sdf", LOOP)
+xacro, mechanism = text("robot.xacro", XACRO), text("mechanism.toml", MECHANISM)
+robot = text("robot.toml", (ROOT / "symgen/robots/fr3.toml").read_text())
+_BODY = {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]}
+_ROW = {"a": 0.0, "alpha": 0.0, "d": 0.0, "theta": 0.0} | _BODY
+_ROWS = [
+    _ROW | {"name": "upper", "parent": "base", "d": 0.3, "joint": "q1"},
+    _ROW | {"name": "lower", "parent": "upper", "a": 0.2, "alpha": 1.57, "joint": "q2"},
+    _ROW | {"name": "rail", "parent": "lower", "a": 0.1, "kind": "prismatic", "of": {"q1": 0.5}},
+]
+dh = text("rows.toml", tomli_w.dumps({"name": "two", "link": _ROWS}))
+
+
+def urdf(folder: Path, lib: Library) -> None:
+    """The robot's URDF."""
+    (folder / "robot.urdf").write_text(lib.urdf())
+
+
+def mesh(folder: Path, lib: Library) -> None:
+    """A URDF of one link whose shape is a mesh, in three formats."""
+    import trimesh
+
+    solid = trimesh.creation.icosphere(1, 0.1)
+    for form in ("stl", "obj", "dae"):
+        data = solid.export(file_type=form)
+        text = data.decode("latin1") if isinstance(data, bytes) else data
+        text = re.sub(r"[0-9a-f]{32}|<(created|modified)>[^<]*</\1>", "", text)  # once and for all
+        (folder / f"mesh.{form}").write_bytes(text.encode("latin1"))
+        text = lib.urdf().replace(
+            "</inertial>",
+            "</inertial>"
+            + "".join(
+                f'<{tag}><geometry><mesh filename="mesh.{form}"/></geometry></{tag}>'
+                for tag in ("visual", "collision")
+            ),
+            1,
+        )
+        (folder / f"{form}.urdf").write_text(text)
+
+
+def masses(folder: Path, lib: Library) -> None:
+    """Masses of links, and a URDF without <inertial>."""
+    text = "".join(f'"{name}" = 1.5\n' for name in lib.link_names)
+    (folder / "masses.toml").write_text(text)
+    bare = re.sub(r"<inertial>.*?</inertial>", "", lib.urdf(), flags=re.DOTALL)
+    (folder / "robot.urdf").write_text(bare)
+
+
 def generated(folder: Path, lib: Library) -> None:
     """A generated folder; its name is the robot's."""
     shutil.copytree(lib.folder, folder, dirs_exist_ok=True)
     (folder / f"{folder.name}.urdf").write_text(lib.urdf())
-
-
-def prior(folder: Path, lib: Library) -> None:
-    """Inertial prior of an arm."""
-    (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
 
 
 def headless(folder: Path, lib: Library) -> None:
@@ -86,16 +153,11 @@ def trajectory(folder: Path, lib: Library) -> None:
 
 def virtual(folder: Path, lib: Library) -> None:
     """Settings of a virtual robot, and its payload."""
-    tables = settings_of(lib).facts()
-    lines = [
-        f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in entries.items())
-        for name, entries in tables.items()
-    ]
-    (folder / "settings.toml").write_text("\n".join(lines))
-    (folder / "box.toml").write_text(BOX.format(link=lib.link_names[-1]))
+    (folder / "settings.toml").write_text(tomli_w.dumps(settings_of(lib).facts()))
+    text("box.toml", BOX)(folder, lib)
 
 
-def log(file: str, rows: int = 60) -> Callable[[Path, Library], None]:
+def log(file: str, rows: int = 60) -> Furnish:
     """A log in a file of one name."""
     return lambda folder, lib: write_recording(motion(lib, rows), folder / file)
 
@@ -118,7 +180,7 @@ def ros1(folder: Path, lib: Library) -> None:
     (folder / "log.bag").write_bytes(bags.ros1(bags.payloads(motion(lib), "ros1")))
 
 
-def ros2(mode: str = "NONE") -> Callable[[Path, Library], None]:
+def ros2(mode: str = "NONE") -> Furnish:
     """A ROS 2 bag; mode is NONE, FILE or MESSAGE."""
     return lambda folder, lib: bags.furnish_ros2(folder, motion(lib), mode)
 
@@ -182,18 +244,12 @@ def payload(folder: Path, lib: Library) -> None:
 
 def statistics(folder: Path, lib: Library) -> None:
     """The triangular factor of a log."""
-    from runtime.estimators.regression import compress
-    from runtime.estimators.regression.samples import samples_of
-    from runtime.recording.preprocessing import prepare
-
     samples = samples_of(prepare(motion(lib), Preparation(), lib=lib), lib)
     compress(lib, samples, np.ones(lib.n_joints)).save(folder / "statistics.npz")
 
 
 def units(folder: Path, lib: Library) -> None:
     """Compressed logs of three units."""
-    from runtime.identification.statistics_file import statistics_of, write_statistics
-
     log, terms = motion(lib, 300), Friction(("viscous", "coulomb"))
     for k in range(3):
         noise = np.random.default_rng(k + 1).normal(scale=0.05, size=log.tau.shape)
@@ -206,10 +262,6 @@ def units(folder: Path, lib: Library) -> None:
 
 def fleet(folder: Path, lib: Library) -> None:
     """Prior of a type of robot."""
-    from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
-    from runtime.monitoring.fleet.gather import gather
-    from runtime.monitoring.fleet.hierarchy import fit_fleet
-
     units(folder, lib)
     known = gather(lib, folder / "units", folder / "parts")
     shutil.rmtree(folder / "parts")
@@ -281,3 +333,48 @@ def study(folder: Path, lib: Library) -> None:
     write_json(place / CONFIG, {"config_hash": MARK, "trials": 3, "config": config})
     finished = StudyOutcome(series, {"rate_hz": 100.0})
     write_outcome(toy, place, lib, config, MARK, 3, rows, finished, "reproduce")
+
+
+def hdf5(folder: Path, lib: Library) -> None:
+    """A log as arrays of HDF5, at the top and in a struct of MATLAB."""
+    import h5py
+
+    log = motion(lib)
+    with h5py.File(folder / "log.h5", "w") as file:
+        for name in ("t", "q", "tau"):
+            file.create_dataset(name, data=getattr(log, name), track_times=False)
+    with h5py.File(folder / "log.mat", "w", userblock_size=512) as file:
+        arm = file.create_group("arm", track_times=False)
+        for name in ("t", "q", "tau"):
+            values = np.atleast_2d(getattr(log, name).T)
+            arm.create_dataset(name, data=values, track_times=False)
+            arm[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def lerobot(folder: Path, lib: Library) -> None:
+    """A data set of version 3 with one episode, and its recipe."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    log = motion(lib)
+    joints = [f"joint{k}.pos" for k in range(1, lib.n_joints + 1)]
+    rows = {
+        "observation.state": pa.array(np.degrees(log.q).tolist()),
+        "action": pa.array(np.degrees(log.q + 0.01).tolist()),
+        "timestamp": pa.array(log.t),
+        "episode_index": pa.array(np.zeros(len(log.t), dtype=int)),
+    }
+    (folder / "data/chunk-000").mkdir(parents=True)
+    (folder / "meta").mkdir()
+    pq.write_table(pa.table(rows), folder / "data/chunk-000/file-000.parquet")
+    wide = {"dtype": "float32", "shape": [len(joints)], "names": joints}
+    one = {"dtype": "float32", "shape": [1], "names": None}
+    features = {key: one if key[0] in "te" else wide for key in rows}
+    info = {"codebase_version": "v3.0", "fps": 100, "features": features}
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    (folder / "recipe.toml").write_text(
+        f'[time]\nkey = "timestamp"\nunit = "s"\n'
+        f'[position]\nkey = "observation.state"\ncolumns = {json.dumps(joints)}\nunit = "deg"\n'
+        f'[torque]\nlaw = "pd"\nkp = {[2.0] * len(joints)}\nkd = 0.0\n'
+        f"q_des = {json.dumps(joints)}\n"
+    )

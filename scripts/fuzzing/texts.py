@@ -67,52 +67,15 @@ rest = 0.1
 stiffness = 5.0
 [[spring]]
 name = "unknown"
-of = {{"{joint}" = 1.0}}
+of = {"{joint}" = 1.0}
 [[known_torque]]
 joint = "{joint}"
 x = [-1.0, 0.0, 1.0]
 torque = [0.5, 0.0, -0.5]
 [[friction]]
 name = "motor"
-of = {{"{joint}" = 100.0}}
+of = {"{joint}" = 100.0}
 """
-DH = """name = "two"
-[[link]]
-name = "upper"
-parent = "base"
-a = 0.0
-alpha = 0.0
-d = 0.3
-theta = 0.0
-joint = "q1"
-mass = 2.0
-com = [0.0, 0.0, 0.1]
-inertia = [0.02, 0.02, 0.01, 0.0, 0.0, 0.0]
-[[link]]
-name = "lower"
-parent = "upper"
-a = 0.2
-alpha = 1.57
-d = 0.0
-theta = 0.5
-joint = "q2"
-mass = 1.0
-com = [0.0, 0.0, 0.1]
-inertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]
-[[link]]
-name = "rail"
-parent = "lower"
-a = 0.1
-alpha = 0.0
-d = 0.0
-theta = 0.0
-kind = "prismatic"
-mass = 0.5
-com = [0.0, 0.0, 0.1]
-inertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]
-of = {q1 = 0.5}
-"""
-
 XACRO = """<?xml version="1.0"?>
 <robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="mass" default="1.5"/>
@@ -132,19 +95,3 @@ XACRO = """<?xml version="1.0"?>
 <xacro:unless value="true"><link name="none"/></xacro:unless>
 </robot>"""
 """Macros, blocks, conditions and expressions of xacro."""
-SDF = """<sdf version="1.9"><model name="bar">
-<link name="A"><inertial><pose>0.2 0.01 0 0 0 0.3</pose><mass>1.1</mass><inertia><ixx>0.01</ixx>
-<iyy>0.03</iyy><izz>0.03</izz></inertia></inertial></link>
-<link name="B"><pose relative_to="A">0.4 0 0 0 0 -1.0</pose><inertial><mass>0.7</mass><inertia>
-<ixx>0.01</ixx><iyy>0.02</iyy><izz>0.02</izz></inertia></inertial></link>
-<link name="C"><pose>0.7 0 0 0 0 0</pose><inertial><mass>0.9</mass><inertia><ixx>0.01</ixx>
-<iyy>0.02</iyy><izz>0.02</izz></inertia></inertial></link>
-<joint name="a" type="revolute"><parent>world</parent><child>A</child><axis><xyz>0 0 1</xyz><limit>
-<lower>-2</lower><upper>2</upper></limit><dynamics><damping>0.4</damping></dynamics></axis></joint>
-<joint name="b" type="continuous"><parent>A</parent><child>B</child><axis><xyz
-expressed_in="A">0 0 1</xyz></axis></joint>
-<joint name="c" type="continuous"><parent>world</parent><child>C</child><axis><xyz>0 0 1</xyz>
-</axis></joint><loop_joint name="d" type="revolute"><parent>B</parent><child>C</child><pose
-relative_to="C">-0.1 0.4 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></loop_joint>
-</model></sdf>"""
-"""A four-bar with a loop joint."""

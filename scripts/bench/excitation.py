@@ -191,19 +191,6 @@ class Row:
         return None
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Measurements of one run."""
-
-    robot: str
-    level: str
-    processor: str
-    duration: float
-    harmonics: int
-    rows: tuple[Row, ...]
-    skipped: dict[str, str]
-
-
 @one_blas_thread
 def measure(
     lib: Library,
@@ -212,7 +199,7 @@ def measure(
     harmonics: int,
     seed: int,
     report: Callable[[str], None],
-) -> Report:
+) -> Sheet:
     """Run every optimiser from the same random motions, one start after another."""
     problem = SearchProblem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
     rows, skipped = list[Row](), dict[str, str]()
@@ -227,32 +214,25 @@ def measure(
             result.append(timed(work, number))
             report(f"{label}: start {number + 1} of {starts}, cond {result[-1].condition:.3f}")
         rows.append(Row(name, label, tuple(result)))
-    return Report(lib.name, lib.level, processor(), duration, harmonics, tuple(rows), skipped)
-
-
-_HEAD = (
-    *("optimiser", "starts", "best", "median", "worst", "CPU s / start", "wall s / start"),
-    f"wall s to < {DOCUMENT}",
-)
-
-
-def sheet(report: Report) -> Sheet:
-    """One line per optimiser and one for the document."""
     title = (
-        f"{report.robot}: condition numbers, t_f {report.duration:g} s, M "
-        f"{report.harmonics}, {report.level}, {report.processor}"
+        f"{lib.name}: condition numbers, t_f {duration:g} s, M {harmonics}, {lib.level}, "
+        f"{processor()}"
     )
     caption = (
         f"Column-normalised base regressor at {COST_SAMPLES} samples; position, velocity and "
         "acceleration limits kept at 1 kHz; the same random starts for all, one process. "
         "Document: five starts of 50 iterations, its own machine, t_f not stated."
     )
-    notes = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
-    return Sheet("bench_excitation", _HEAD, [*_lines(report)], report, title, caption, notes)
+    head = ("optimiser", "starts", "best", "median", "worst", "CPU s / start", "wall s / start")
+    head = (*head, f"wall s to < {DOCUMENT}")
+    notes = [f"skipped: {label}: {why}." for label, why in skipped.items()]
+    facts = {"robot": lib.name, "level": lib.level, "processor": processor(), "rows": rows}
+    facts |= {"duration": duration, "harmonics": harmonics, "skipped": skipped}
+    return Sheet("bench_excitation", head, [*_lines(rows)], facts, title, caption, notes)
 
 
-def _lines(report: Report) -> Iterator[tuple[str, ...]]:
-    for row in report.rows:
+def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
+    for row in rows:
         passed = row.beats_document
         yield (
             row.label,

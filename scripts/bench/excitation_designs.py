@@ -76,18 +76,6 @@ class Row:
     cpu: float  # seconds of the design
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Measurements of one run."""
-
-    robot: str
-    processor: str
-    starts: int
-    draws: int
-    arms: int
-    rows: tuple[Row, ...]
-
-
 def measure(
     lib: Library,
     shapes: tuple[Shape, ...],
@@ -96,14 +84,23 @@ def measure(
     arms: int,
     seed: int,
     say: Callable[[str], None],
-) -> Report:
+) -> Sheet:
     """Design, record and identify."""
     rows = []
     for shape in shapes:
         row = _row(lib, shape, starts, draws, arms, seed)
         say(f"M {shape.harmonics}, {shape.duration:g} s: {1e3 * row.virtual:.0f} mN·m")
         rows.append(row)
-    return Report(lib.name, processor(), starts, draws, arms, tuple(rows))
+    title = f"{lib.name}: designs and what identify makes of them, {processor()}"
+    caption = (
+        f"Criterion mixed, all limits and a table, best of {starts} starts. Errors: RMS "
+        f"torque error on unseen motions, mN·m, over {draws} ideal and {arms} "
+        "virtual arms. Expected, by residuals and with gains: what predict states of the planned "
+        "motion and of the logs, with the gain error of the virtual sensors."
+    )
+    facts = {"robot": lib.name, "processor": processor(), "starts": starts, "draws": draws}
+    facts |= {"arms": arms, "rows": rows}
+    return Sheet("bench_excitation_designs", _HEAD, [*_lines(rows)], facts, title, caption)
 
 
 def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: int) -> Row:
@@ -195,20 +192,8 @@ _HEAD = (
 )
 
 
-def sheet(report: Report) -> Sheet:
-    """One line per design."""
-    title = f"{report.robot}: designs and what identify makes of them, {report.processor}"
-    caption = (
-        f"Criterion mixed, all limits and a table, best of {report.starts} starts. Errors: RMS "
-        f"torque error on unseen motions, mN·m, over {report.draws} ideal and {report.arms} "
-        "virtual arms. Expected, by residuals and with gains: what predict states of the planned "
-        "motion and of the logs, with the gain error of the virtual sensors."
-    )
-    return Sheet("bench_excitation_designs", _HEAD, [*_lines(report)], report, title, caption)
-
-
-def _lines(report: Report) -> Iterator[tuple[str, ...]]:
-    for row in report.rows:
+def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
+    for row in rows:
         yield (
             str(row.shape.harmonics),
             f"{row.shape.duration:g}",
@@ -238,18 +223,7 @@ class Part:
     from_residuals: float  # of `predict` with the residuals of the logs
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """Measurements of one run."""
-
-    robot: str
-    processor: str
-    starts: int
-    arms: int
-    rows: tuple[Part, ...]
-
-
-def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Parts:
+def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Sheet:
     """Design, record and identify with and without each cause."""
     motion = design(
         lib,
@@ -269,8 +243,16 @@ def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], 
             errors.setdefault(label, []).append((real, promised_of(lib, log, joints)[0]))
         say(f"arm {arm}: {1e3 * errors['all'][-1][0]:.0f} mN·m")
     means = {label: np.sqrt(np.mean(np.square(pairs), axis=0)) for label, pairs in errors.items()}
-    rows = tuple(Part(label, float(real), float(low)) for label, (real, low) in means.items())
-    return Parts(lib.name, processor(), starts, arms, rows)
+    rows = [Part(label, float(real), float(low)) for label, (real, low) in means.items()]
+    title = f"{lib.name}: causes of the real error, {processor()}"
+    caption = (
+        f"Criterion mixed, {DURATION:g} s, best of {starts} starts. RMS torque error on "
+        f"unseen motions, mN·m, over {arms} virtual arms."
+    )
+    facts = {"robot": lib.name, "processor": processor(), "starts": starts, "arms": arms}
+    head = ("the logs contain", "real", "by residuals")
+    lines = [(r.label, f"{1e3 * r.real:.0f}", f"{1e3 * r.from_residuals:.0f}") for r in rows]
+    return Sheet("bench_excitation_parts", head, lines, facts | {"rows": rows}, title, caption)
 
 
 def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recording, Array]]:
@@ -307,23 +289,3 @@ def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recordi
         )
         for label, ((q, dq), tau) in torques.items()
     }
-
-
-_PARTS_HEAD = "the logs contain", "real", "by residuals"
-
-
-def parts_sheet(report: Parts) -> Sheet:
-    """One line per set of causes."""
-    title = f"{report.robot}: causes of the real error, {report.processor}"
-    caption = (
-        f"Criterion mixed, {DURATION:g} s, best of {report.starts} starts. RMS torque error on "
-        f"unseen motions, mN·m, over {report.arms} virtual arms."
-    )
-    return Sheet(
-        "bench_excitation_parts", _PARTS_HEAD, [*_part_lines(report)], report, title, caption
-    )
-
-
-def _part_lines(report: Parts) -> Iterator[tuple[str, ...]]:
-    for row in report.rows:
-        yield row.label, f"{1e3 * row.real:.0f}", f"{1e3 * row.from_residuals:.0f}"

@@ -81,23 +81,22 @@ class Row:
     unmet: tuple[str, ...]  # bounds that it missed
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Measurements of one run."""
-
-    robot: str
-    processor: str
-    rows: tuple[Row, ...]
-
-
-def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Report:
+def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Sheet:
     """Design for every goal, on as many processes as there are cores."""
     rows = []
     for goal in goals:
         row = _reached(lib, goal, seed, say)
         say(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
         rows.append(row)
-    return Report(lib.name, processor(), tuple(rows))
+    title = f"{lib.name}: best of the starts, {processor()}"
+    caption = (
+        "cond: column-normalised base regressor at 80 samples. A: RMS relative error of the "
+        "base parameters, V: RMS error of the torque on unseen motions, both expected of "
+        f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
+        "there are cores, their start included."
+    )
+    facts = {"robot": lib.name, "processor": processor(), "rows": rows}
+    return Sheet("bench_excitation_goals", _HEAD, [*_lines(rows)], facts, title, caption)
 
 
 def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) -> Row:
@@ -160,20 +159,8 @@ _HEAD = (
 )
 
 
-def sheet(report: Report) -> Sheet:
-    """One line per design."""
-    title = f"{report.robot}: best of the starts, {report.processor}"
-    caption = (
-        "cond: column-normalised base regressor at 80 samples. A: RMS relative error of the "
-        "base parameters, V: RMS error of the torque on unseen motions, both expected of "
-        f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
-        "there are cores, their start included."
-    )
-    return Sheet("bench_excitation_goals", _HEAD, [*_lines(report)], report, title, caption)
-
-
-def _lines(report: Report) -> Iterator[tuple[str, ...]]:
-    for row in report.rows:
+def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
+    for row in rows:
         goal = row.goal
         bounds = (
             ("cond", goal.condition, 1.0, ""),

@@ -24,86 +24,34 @@ from symgen.emit.programs import eliminate
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One quantity."""
+    """One quantity; its name in JSON is that of the function `ours`."""
 
-    name: str  # of it in JSON
     label: str  # of it in tables
     needs: str  # C function of the level, without robot and level
     ours: Callable[[Setting], Callable[[], float]]  # makes what returns s per unit
-    numpy: Callable[[Setting], Callable[[], float]] | None
+    numpy: Callable[[Setting], Callable[[], float]] | None = None
     document: float | None = None  # seconds in the document, None where it states none
     once: bool = False  # too long for rounds: measured once, NumPy not at all
 
 
+_TRIALS = f"{doors.TRIALS} trials, ideal case, p = {doors.PERTURBATION}"
+_COST, _EXACT = "excitation_cost", "statistics, rows eliminated, per sample"
+_WHOLE, _FALL = f"MAP from {doors.SAMPLES} samples", "log-Cholesky–Levenberg, error to 1/1000"
+_FULL, _BATCH = "Adam iteration, all samples", "Adam iteration, mini-batch of 64"
+_BOTH = "excitation, value and gradient"
 ENTRIES = (
-    Entry(
-        "statistics",
-        "statistics, per sample",
-        "statistics",
-        doors.statistics,
-        doors.numpy_statistics,
-    ),
-    Entry(
-        "statistics_of_exact",
-        "statistics, rows eliminated, per sample",
-        "statistics",
-        doors.statistics_of_exact,
-        None,
-    ),
-    Entry(
-        "adam_full", "Adam iteration, all samples", "adam", doors.adam_full, doors.numpy_adam_full
-    ),
-    Entry(
-        "adam_batch",
-        "Adam iteration, mini-batch of 64",
-        "adam",
-        doors.adam_batch,
-        doors.numpy_adam_batch,
-        document=75e-3,
-    ),
-    Entry(
-        "levenberg", "Levenberg–Marquardt step", "levenberg", doors.levenberg, doors.numpy_levenberg
-    ),
-    Entry("map", "MAP, compressed data", "convex", doors.most_probable, None),
-    Entry("path", "PC-IDIM-OLS path, compressed data", "convex", doors.path, None, document=78.0),
-    Entry(
-        "log_cholesky",
-        "log-Cholesky–Levenberg, error to 1/1000",
-        "levenberg",
-        doors.log_cholesky,
-        None,
-    ),
-    Entry(
-        "identified",
-        f"MAP from {doors.SAMPLES} samples",
-        "convex",
-        doors.identified,
-        None,
-        document=33.0,
-    ),
-    Entry(
-        "excitation_value",
-        "excitation, value",
-        "excitation_cost",
-        doors.excitation_value,
-        doors.numpy_excitation_value,
-    ),
-    Entry(
-        "excitation_gradient",
-        "excitation, value and gradient",
-        "excitation_cost",
-        doors.excitation_gradient,
-        doors.numpy_excitation_gradient,
-    ),
-    Entry(
-        "monte_carlo",
-        f"{doors.TRIALS} trials, ideal case, p = {doors.PERTURBATION}",
-        "adam",
-        doors.monte_carlo,
-        None,
-        document=doors.TRIALS * 57.0,
-        once=True,
-    ),
+    Entry("statistics, per sample", "statistics", doors.statistics, doors.numpy_statistics),
+    Entry(_EXACT, "statistics", doors.statistics_of_exact),
+    Entry(_FULL, "adam", doors.adam_full, doors.numpy_adam_full),
+    Entry(_BATCH, "adam", doors.adam_batch, doors.numpy_adam_batch, document=75e-3),
+    Entry("Levenberg–Marquardt step", "levenberg", doors.levenberg, doors.numpy_levenberg),
+    Entry("MAP, compressed data", "convex", doors.most_probable),
+    Entry("PC-IDIM-OLS path, compressed data", "convex", doors.path, document=78.0),
+    Entry(_FALL, "levenberg", doors.log_cholesky),
+    Entry(_WHOLE, "convex", doors.identified, document=33.0),
+    Entry("excitation, value", _COST, doors.excitation_value, doors.numpy_excitation_value),
+    Entry(_BOTH, _COST, doors.excitation_gradient, doors.numpy_excitation_gradient),
+    Entry(_TRIALS, "adam", doors.monte_carlo, document=doors.TRIALS * 57.0, once=True),
 )
 
 
@@ -120,35 +68,8 @@ class Row:
     document_ratio: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Passes:
-    """Seconds per sample; shares are medians of rounds."""
-
-    products: int  # multiply-adds of a Cholesky pass
-    elimination: int  # multiply-adds of Householder reflections
-    limit: float  # of the multiply-adds of a Cholesky pass on one core
-    rows: float  # of Y_b on tiles
-    share: float  # of the limit in the statistics without the time of Y_b
-    share_eliminated: float  # the same, where all rows are eliminated
-    share_of_all: float  # of the limit in the whole time of the statistics
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Everything that one run measured."""
-
-    robot: str
-    level: str
-    processor: str
-    rounds: int
-    samples: int
-    rows: tuple[Row, ...]
-    skipped: dict[str, str]  # label → why
-    passes: Passes  # the pass over the rows beside the limit of multiply-adds
-
-
 @one_blas_thread
-def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Report:
+def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Sheet:
     """Time every entry that the library has functions for."""
     setting, skipped, rows = doors.setting(lib), dict[str, str](), list[Row]()
     has = _functions(lib)
@@ -159,16 +80,28 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
             rows.append(_measured(entry, setting, rounds))
         else:
             skipped[entry.label] = why
-    return Report(
-        lib.name,
-        lib.level,
-        processor(),
-        rounds,
-        len(setting.train),
-        tuple(rows),
-        skipped,
-        passes_of(setting, rounds),
+    passes, samples = passes_of(setting, rounds), len(setting.train)
+    title = f"{lib.name}: identification and excitation, {lib.level}, {processor()}"
+    caption = (
+        f"Through the functions of runtime, one thread; {samples} training samples; the "
+        f"best of each of {rounds} interleaved rounds, medians over the rounds, ratios "
+        "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
+        "excitation gradient by differences. Document: its own times on its machine."
     )
+    lines = [
+        (
+            row.label,
+            _time(row.seconds),
+            *(_time(row.numpy), _times(row.numpy_ratio)),
+            *(_time(row.document), _times(row.document_ratio)),
+        )
+        for row in rows
+    ]
+    head = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
+    notes = [*(f"skipped: {label}: {why}." for label, why in skipped.items()), sentence(passes)]
+    facts = {"robot": lib.name, "level": lib.level, "processor": processor(), "rounds": rounds}
+    facts |= {"samples": samples, "rows": rows, "skipped": skipped, "passes": passes}
+    return Sheet("bench_identify", head, lines, facts, title, caption, notes)
 
 
 def _functions(lib: Library) -> Callable[[str], bool]:
@@ -200,7 +133,7 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
             )
     document = entry.document
     return Row(
-        entry.name,
+        entry.ours.__name__,
         entry.label,
         seconds,
         numpy,
@@ -208,32 +141,6 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
         document,
         None if document is None else document / seconds,
     )
-
-
-_HEAD = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
-
-
-def sheet(report: Report) -> Sheet:
-    """One line per entry."""
-    title = f"{report.robot}: identification and excitation, {report.level}, {report.processor}"
-    caption = (
-        f"Through the functions of runtime, one thread; {report.samples} training samples; the "
-        f"best of each of {report.rounds} interleaved rounds, medians over the rounds, ratios "
-        "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
-        "excitation gradient by differences. Document: its own times on its machine."
-    )
-    lines = [
-        (
-            row.label,
-            _time(row.seconds),
-            *(_time(row.numpy), _times(row.numpy_ratio)),
-            *(_time(row.document), _times(row.document_ratio)),
-        )
-        for row in report.rows
-    ]
-    notes = [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
-    notes.append(sentence(report.passes))
-    return Sheet("bench_identify", _HEAD, lines, report, title, caption, notes)
 
 
 def _time(seconds: float | None) -> str:
@@ -255,8 +162,12 @@ SHORT = 2e-3
 """Seconds of a measurement: as short as that of the limit, which other work disturbs less."""
 
 
-def passes_of(setting: doors.Setting, rounds: int) -> Passes:
-    """Time limit, Y_b and statistics in the same rounds."""
+def passes_of(setting: doors.Setting, rounds: int) -> dict[str, float]:
+    """The pass over the rows [Y_b τ] beside the limit of multiply-adds of a core, in s per sample.
+
+    A Cholesky pass multiplies the rows: RᵀR = AᵀA, the upper half. Householder reflections of the
+    same rows take 1.94 times as many multiply-adds on an FR3.
+    """
     lib = setting.lib
     compiler = find(("cc", "gcc", "clang"))
     products, elimination = multiply_adds(lib)
@@ -277,26 +188,25 @@ def passes_of(setting: doors.Setting, rounds: int) -> Passes:
     def share(name: str) -> float:
         return float(np.median(limit / (times[name] - rows)))
 
-    return Passes(
-        products,
-        elimination,
-        float(np.median(limit)),
-        float(np.median(rows)),
-        share("statistics"),
-        share("eliminated"),
-        float(np.median(limit / times["statistics"])),
-    )
+    return {
+        "products": products,
+        "elimination": elimination,
+        "limit": float(np.median(limit)),
+        "rows": float(np.median(rows)),
+        "share": share("statistics"),
+        "share_eliminated": share("eliminated"),
+        "share_of_all": float(np.median(limit / times["statistics"])),
+    }
 
 
-def sentence(passes: Passes) -> str:
+def sentence(passes: dict[str, float]) -> str:
     """One line for the end of a table."""
     return (
-        f"Statistics: a Cholesky pass over the rows takes {passes.products} multiply-adds "
-        f"({passes.limit * 1e9:.0f} ns at the limit), an elimination {passes.elimination}; without "
-        f"Y_b ({passes.rows * 1e9:.0f} ns) the statistics reach {passes.share:.2f} of the limit of "
-        f"the former, {passes.share_eliminated:.2f} where all rows are eliminated, and with Y_b "
-        f"{passes.share_of_all:.2f}."
-    )
+        "Statistics: a Cholesky pass over the rows takes {products} multiply-adds "
+        "({limit:.0f} ns at the limit), an elimination {elimination}; without Y_b ({rows:.0f} ns) "
+        "the statistics reach {share:.2f} of the limit of the former, {share_eliminated:.2f} where "
+        "all rows are eliminated, and with Y_b {share_of_all:.2f}."
+    ).format_map(passes | {key: 1e9 * passes[key] for key in ("limit", "rows")})
 
 
 def multiply_adds(lib: Library) -> tuple[int, int]:

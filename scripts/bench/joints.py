@@ -43,21 +43,9 @@ class Row:
     ratio: float | None  # how many times longer Pinocchio in C++ takes; None without it
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """All robots at the best level that runs here."""
-
-    level: str
-    processor: str
-    rounds: int
-    built: dict[str, float]  # robot → seconds of generation and compilation
-    missing: dict[str, str]  # robot → why it was not built
-    rows: tuple[Row, ...]
-
-
 def measure(
     level: str, counts: tuple[int, ...], rounds: int, cpp: bool, report: Callable[[str], None]
-) -> Report:
+) -> Sheet:
     """Build the arms one after the other, then time them all in the same rounds."""
     compiler = find(("cc", "gcc", "clang"))
     built: dict[str, float] = {}
@@ -80,7 +68,20 @@ def measure(
         report(f"{len(contenders)} measurements in {rounds} rounds")
         times = interleave(contenders, rounds)
         rows = tuple(_row(robot, kernel, times) for kernel in TIMED for robot in robots.values())
-    return Report(level, processor(), rounds, built, missing, rows)
+    facts = {"level": level, "processor": processor(), "rounds": rounds, "rows": rows}
+    facts |= {"built": built, "missing": missing}
+    title = f"ns per sample against the number of joints, {level}, {processor()}"
+    caption = (
+        f"Tiles in place, data in cache, sine and cosine included; the best of each of {rounds} "
+        "interleaved rounds, medians over the rounds. Serial arms and trees are made up: axes at "
+        "right angles, offsets and bodies at random. code: of one tile; what exceeds the "
+        "instruction cache of a core is fetched anew for every tile."
+    )
+    seconds = ", ".join(f"{robot} {value:.1f}" for robot, value in built.items())
+    notes = [f"built (only these kernels, one level), s: {seconds}"]
+    notes += [growth(tuple(r for r in rows if r.kernel == kernel)) for kernel in TIMED]
+    notes += [f"{label} was left out: {why}." for label, why in missing.items()]
+    return Sheet("bench_joints", _HEAD, [*map(_cells, rows)], facts, title, caption, notes)
 
 
 def _contenders(
@@ -136,27 +137,6 @@ def _code(library: Path, kernel: str) -> int | None:
     pattern = rf"^\w+ (\w+) \w (?:\w+_)?{kernel}_(?:tile|lanes)\b"
     sizes = re.findall(pattern, run.stdout, re.MULTILINE)
     return sum(int(size, 16) for size in sizes) or None
-
-
-def sheet(report: Report) -> Sheet:
-    """One line per robot and kernel."""
-    title = f"ns per sample against the number of joints, {report.level}, {report.processor}"
-    caption = (
-        f"Tiles in place, data in cache, sine and cosine included; the best of each of "
-        f"{report.rounds} interleaved rounds, medians over the rounds. Serial arms and trees "
-        "are made up: axes at right angles, offsets and bodies at random. code: of one tile; "
-        "what exceeds the instruction cache of a core is fetched anew for every tile."
-    )
-    lines = [_cells(row) for row in report.rows]
-    return Sheet("bench_joints", _HEAD, lines, report, title, caption, _notes(report))
-
-
-def _notes(report: Report) -> list[str]:
-    """Build times and missing robots, one line each."""
-    seconds = ", ".join(f"{robot} {value:.1f}" for robot, value in report.built.items())
-    lines = [f"built (only these kernels, one level), s: {seconds}"]
-    lines += [growth(tuple(r for r in report.rows if r.kernel == kernel)) for kernel in TIMED]
-    return lines + [f"{label} was left out: {why}." for label, why in report.missing.items()]
 
 
 def growth(rows: tuple[Row, ...]) -> str:

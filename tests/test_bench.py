@@ -267,7 +267,7 @@ def test_coverage_of_intervals() -> None:
 def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: a trial of every case; a short log states the limit for the gain of joint 7."""
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
-    from bench.coverage import FAULTS as CASES, alarms
+    from bench.coverage import FAULTS, alarms
     from bench.trials import trajectories
 
     places = (
@@ -275,7 +275,7 @@ def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None
     )
     designs, (long,) = (trajectories(place, fr3) for place in places)
     rows = {label: tuple(counts) for label, *counts in alarms(fr3, designs, long, 1)}
-    assert len(rows) == len(CASES)
+    assert len(rows) == len(FAULTS)
     clean = [label for label in rows if label.startswith("none")]
     assert [rows.pop(label) for label in clean] == 3 * [(0, 0, 0)]
     assert rows.pop("torque gain of joint 7 10 % off") == (0, 1, 0)

@@ -19,8 +19,8 @@ from bench.peers import parameter_order, pinocchio_model
 from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
-from runtime.excitation.search.measures import Measure
 from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.measures import Measure
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 

@@ -7,9 +7,6 @@ written without defaults and with one line per list, which tomli-w would break i
 import dataclasses
 import difflib
 import json
-import sys
-import types
-import typing
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,13 +14,21 @@ from typing import Any
 import numpy as np
 
 from runtime.common.files import toml_of
+from runtime.common.records import record_from_table
 from runtime.errors import RecordingError
-from runtime.recording.recipes.recipe import ControlLaw, Recipe
-from runtime.recording.settings import Friction
+from runtime.recording.recipes.recipe import ControlLaw, Recipe, Signal, Source, Time
+from runtime.recording.settings import Friction, Preparation, Split
 
 FOLDER = Path(__file__).resolve().parent
-_APART = ("gear", "law")
-"""Fields of a recipe that are tables of another form: [gear], and [torque] with a law."""
+_PARTS: dict[str, type] = {
+    "source": Source,
+    "time": Time,
+    **dict.fromkeys(("position", "velocity", "acceleration", "torque"), Signal),
+    "preparation": Preparation,
+    "split": Split,
+    "friction": Friction,
+}
+"""Table of a recipe → its record; [gear] and [torque] with a law have forms of their own."""
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -61,14 +66,19 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
 
 def recipe_from_table(table: dict[str, Any]) -> Recipe:
     """Recipe from the nested dictionary of a TOML file."""
-    table = dict(table)
-    gear = table.pop("gear", None)
+    keys = tuple(item.name for item in dataclasses.fields(Recipe) if item.name != "law")
+    _check_keys(table, keys, "")
     torque = table.get("torque")
     is_law = isinstance(torque, dict) and "law" in torque
-    law = _build(ControlLaw, table.pop("torque"), "torque") if is_law else None
-    recipe: Recipe = _build(Recipe, table, "")
-    recipe = recipe if law is None else recipe.replace(law=law)
-    return recipe if gear is None else recipe.replace(gear=_gear_matrix(gear))
+    parts: dict[str, Any] = {
+        key: _gear_matrix(value) if key == "gear" else _part(_PARTS[key], value, key)
+        for key, value in table.items()
+        if key in (*_PARTS, "gear") and not (is_law and key == "torque")
+    }
+    if is_law:
+        parts["law"] = _part(ControlLaw, torque, "torque")
+    others = {key: value for key, value in table.items() if key not in (*_PARTS, "gear")}
+    return record_from_table(Recipe, others | parts, "the recipe", RecordingError)
 
 
 def _default_name(path: Path) -> str:
@@ -96,27 +106,16 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in matrix)
 
 
-def _build(cls: type, table: dict[str, Any], where: str) -> Any:
-    """Frozen dataclass from a table; nested dataclasses from nested tables."""
-    kinds = typing.get_type_hints(cls)
-    fields = [item for item in dataclasses.fields(cls) if where or item.name not in _APART]
-    fields = [item for item in fields if cls is not Friction or item.name != "gear"]
-    valid = tuple(item.name for item in fields)
-    _check_keys(table, (*valid, "gear") if not where else valid, where)
-    for item in fields:
-        missing = dataclasses.MISSING
-        if item.default is missing and item.default_factory is missing and item.name not in table:
-            raise RecordingError(f"[{where}] expects the key {item.name}, got none; it is needed")
-    values = {
-        key: _convert(value, kinds[key], f"{where}.{key}".strip("."))
-        for key, value in table.items()
-    }
+def _part(kind: type, table: Any, where: str) -> Any:
+    """Record of one table of the recipe; the checks of the record name the table, too."""
+    if isinstance(table, dict):  # msgspec passes over other keys of a data class
+        names = tuple(item.name for item in dataclasses.fields(kind) if item.name != "gear")
+        _check_keys(table, (*names, "gear") if kind is ControlLaw else names, where)
     try:
-        return cls(**values)
+        return record_from_table(kind, table, f"[{where}]", RecordingError)
     except RecordingError as error:
         text = str(error)
-        prefix = "" if not where or f"[{where}" in text else f"[{where}] "
-        raise RecordingError(prefix + text) from error
+        raise RecordingError(text if f"[{where}" in text else f"[{where}] {text}") from error
 
 
 def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> None:
@@ -126,52 +125,6 @@ def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> No
             hint = f"did you mean {near[0]!r}?" if near else f"valid keys are {', '.join(valid)}"
             place = f"[{where}]" if where else "the recipe"
             raise RecordingError(f"{place} has the unknown key {key!r}; {hint}")
-
-
-def _convert(value: Any, kind: Any, where: str) -> Any:
-    """TOML value as the annotated type: lists → tuples, integers → floats where allowed."""
-    options = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
-    for option in options:
-        if option is type(None):
-            continue
-        if dataclasses.is_dataclass(option):
-            if isinstance(value, dict):
-                return _build(typing.cast(type, option), value, where)
-            continue
-        converted = _simple(value, option)
-        if converted is not None:
-            return converted
-    expected = " or ".join(
-        str(getattr(option, "__name__", option)) if not typing.get_args(option) else str(option)
-        for option in options
-        if option is not type(None)
-    )
-    raise RecordingError(f"{where} expects {expected}, got {value!r}; correct the type")
-
-
-def _simple(value: Any, kind: Any) -> Any:
-    """Value as a scalar, tuple or str → str dict of that kind; None if it is of another kind."""
-    origin, inner = typing.get_origin(kind), typing.get_args(kind)
-    if origin is tuple and isinstance(value, list):
-        kinds = inner[:1] * len(value) if inner[-1] is Ellipsis else inner
-        if len(kinds) != len(value):
-            return None
-        items = [_simple(item, each) for item, each in zip(value, kinds, strict=True)]
-        return None if any(item is None for item in items) else tuple(items)
-    if origin is dict and isinstance(value, dict):
-        return value if all(isinstance(item, str) for item in value.values()) else None
-    return _element(value, kind)
-
-
-def _element(value: Any, kind: Any) -> Any:
-    options = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
-    for option in options:
-        is_bool = isinstance(value, bool)
-        if option is float and isinstance(value, int | float) and not is_bool:
-            return float(value) if abs(value) <= sys.float_info.max else None
-        if option in {str, int, bool} and isinstance(value, option) and is_bool == (option is bool):
-            return value
-    return None
 
 
 def recipe_text(recipe: Recipe, *comments: str) -> str:

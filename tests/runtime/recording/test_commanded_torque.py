@@ -103,7 +103,10 @@ def test_limit_feed_forward_and_gear(tmp_path: Path) -> None:
         ({"law": "pid", "kp": 1.0, "kd": 1.0, "q_des": "a"}, "expects one of pd"),
         ({"law": "pd", "kp": -1.0, "kd": 1.0, "q_des": "a"}, "numbers from 0 on"),
         ({"law": "pd", "kp": 1.0, "kd": 1.0}, "q_des"),
-        ({"law": "pd", "kp": True, "kd": 1.0, "q_des": "a"}, "torque.kp expects"),
+        (
+            {"law": "pd", "kp": True, "kd": 1.0, "q_des": "a"},
+            r"\[torque\]: kp expects a number or a text or a list, got True",
+        ),
         ({"law": "pd", "kp": 1.0, "kd": 1.0, "q_des": "a", "unit": "A"}, "unknown key 'unit'"),
         ({"law": "pd", "kp": 1.0, "kd": 1.0, "q_des": "a", "gear": 0.0}, "gear"),
     ],

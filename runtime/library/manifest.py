@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.common.files import json_of
+from runtime.common.records import record_from_table
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError
 from runtime.library.parameters import PI_NAMES, Array
@@ -30,7 +31,7 @@ class ArgumentFacts:
     unit: str
     summed: bool = False
     shared: bool = False
-    size: int = field(init=False)
+    size: int = 0
 
     def __post_init__(self) -> None:
         # Every call of a kernel needs it several times.
@@ -135,7 +136,7 @@ class LoopJointFacts:
     child: FrameFacts
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Manifest:
     """The facts of one robot, see the fields of `manifest.json`.
 
@@ -158,11 +159,11 @@ class Manifest:
     gravity: tuple[float, ...]
     joints: tuple[JointFacts, ...]
     all_joints: tuple[JointFacts, ...]
-    coupling: CouplingFacts | None
-    loops: tuple[str, ...]
-    loop_joints: tuple[LoopJointFacts, ...]
-    friction_coordinates: dict[str, tuple[float, ...]]
-    springs: tuple[str, ...]
+    coupling: CouplingFacts | None = None
+    loops: tuple[str, ...] = ()
+    loop_joints: tuple[LoopJointFacts, ...] = ()
+    friction_coordinates: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    springs: tuple[str, ...] = ()
     home: tuple[float, ...]
     acceleration: tuple[float, ...] | None
     jerk: tuple[float, ...] | None
@@ -178,9 +179,9 @@ class Manifest:
     base_columns: tuple[int, ...]
     base_matrix: tuple[tuple[float, ...], ...]
     kernels: dict[str, KernelFacts]
-    assumed: dict[str, str]
-    floating: bool
-    omitted: dict[str, str]
+    assumed: dict[str, str] = field(default_factory=dict)
+    floating: bool = False
+    omitted: dict[str, str] = field(default_factory=dict)
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -199,55 +200,25 @@ def read_manifest(path: Path) -> Manifest:
             )
         if not NAME.fullmatch(raw["robot"]):
             raise TypeError("robot")  # it becomes part of paths
-        return Manifest(
-            robot=raw["robot"],
-            model_hash=raw["model_hash"],
-            versions=raw["versions"],
-            base=raw["base"],
-            tip=raw["tip"],
-            tip_frame=_frame(raw["tip_frame"]),
-            gravity=tuple(raw["gravity"]),
-            joints=tuple(_joint(joint) for joint in raw["joints"]),
-            all_joints=tuple(_joint(joint) for joint in raw.get("all_joints", raw["joints"])),
-            coupling=_coupling(raw["coupling"]) if "coupling" in raw else None,
-            loops=tuple(map(str, raw.get("loops", ()))),
-            loop_joints=tuple(
-                LoopJointFacts(each["kind"], _frame(each["parent"]), _frame(each["child"]))
-                for each in raw.get("loop_joints", ())
-            ),
-            friction_coordinates={
-                str(k): tuple(map(float, v)) for k, v in raw.get("friction_coordinates", {}).items()
-            },
-            springs=tuple(map(str, raw.get("springs", ()))),
-            home=tuple(raw["home"]),
-            acceleration=tuple(raw["acceleration"]) if raw["acceleration"] else None,
-            jerk=tuple(raw["jerk"]) if raw["jerk"] else None,
-            torque_rate=tuple(raw["torque_rate"]) if raw["torque_rate"] else None,
-            tip_speed=raw["tip_speed"],
-            braking=_braking(raw["braking"]),
-            proxies=tuple(
-                _proxy(entry, raw.get("all_joints", raw["joints"])) for entry in raw["proxy"]
-            ),
-            pairs=tuple(PairFacts(**entry) for entry in raw["pair"]),
-            moving_proxies=tuple(raw["moving_proxies"]),
-            lumped=tuple(raw["lumped"]),
-            pi0=tuple(raw["pi0"]),
-            lam0=tuple(raw["lam0"]),
-            base_columns=tuple(raw["base_parameters"]["columns"]),
-            base_matrix=tuple(tuple(row) for row in raw["base_parameters"]["matrix"]),
-            kernels={entry["name"]: _kernel(entry) for entry in raw["kernels"]},
-            assumed={str(link): str(source) for link, source in raw.get("assumed", {}).items()},
-            floating=bool(raw.get("floating", False)),
-            omitted={str(k): str(v) for k, v in raw.get("omitted", {}).items()},
-        )
+        joints, base = raw.get("all_joints", raw["joints"]), raw["base_parameters"]
+        places = {joint["link"]: k for k, joint in enumerate(joints)}
+        facts = raw | {
+            "all_joints": joints,
+            "coupling": _coupling(raw["coupling"]) if "coupling" in raw else None,
+            "braking": _braking(raw["braking"]),
+            "proxies": [each | {"joint": places.get(each["link"], -1)} for each in raw["proxy"]],
+            "pairs": raw["pair"],
+            "base_columns": base["columns"],
+            "base_matrix": base["matrix"],
+            "kernels": {entry["name"]: entry for entry in raw["kernels"]},
+        }
+        facts |= {key: facts[key] or None for key in ("acceleration", "jerk", "torque_rate")}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None
-
-
-def _joint(entry: dict[str, Any]) -> JointFacts:
-    rows = tuple(tuple(row) for row in entry["rotation"])
-    place = {key: tuple(entry[key]) for key in ("translation", "axis")}
-    return JointFacts(**entry | {"rotation": rows} | place)
+    try:
+        return record_from_table(Manifest, facts, "its table", LibraryError)
+    except LibraryError as error:
+        raise LibraryError(f"'{path}' is damaged ({error}); {again}") from None
 
 
 def _coupling(entry: dict[str, Any]) -> CouplingFacts:
@@ -258,39 +229,8 @@ def _coupling(entry: dict[str, Any]) -> CouplingFacts:
     return CouplingFacts(independent, matrix, offset)
 
 
-def _frame(entry: dict[str, Any]) -> FrameFacts:
-    rows = tuple(tuple(row) for row in entry["rotation"])
-    return FrameFacts(entry["link"], rows, tuple(entry["translation"]))
-
-
-def _kernel(entry: dict[str, Any]) -> KernelFacts:
-    def arguments(side: str) -> tuple[ArgumentFacts, ...]:
-        return tuple(ArgumentFacts(**{**a, "shape": tuple(a["shape"])}) for a in entry[side])
-
-    return KernelFacts(
-        name=entry["name"],
-        per=entry["per"],
-        equation=entry["equation"],
-        inputs=arguments("inputs"),
-        outputs=arguments("outputs"),
-        operations=entry["operations"],
-    )
-
-
 def _braking(entry: dict[str, list[float]] | None) -> BrakingFacts | None:
     return BrakingFacts(**{k: np.array(v) for k, v in entry.items()}) if entry else None
-
-
-def _proxy(entry: dict[str, Any], joints: list[dict[str, Any]]) -> ProxyFacts:
-    links = [joint["link"] for joint in joints]
-    return ProxyFacts(
-        name=entry["name"],
-        link=entry["link"],
-        joint=links.index(entry["link"]) if entry["link"] in links else -1,
-        start=tuple(entry["start"]),
-        end=tuple(entry["end"]),
-        radius=entry["radius"],
-    )
 
 
 def torque_units(manifest: Manifest) -> tuple[str, ...]:

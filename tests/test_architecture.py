@@ -195,7 +195,7 @@ def test_the_95_percent_quantile_has_one_place() -> None:
         for line in path.read_text(encoding="utf-8").splitlines()
         if pattern.search(line) and " σ" not in line
     }
-    assert places == {"runtime/estimators/regression/residuals.py"}
+    assert places == {"runtime/estimators/regression/samples.py"}
 
 
 def test_modules_are_found() -> None:

@@ -16,12 +16,11 @@ from runtime.campaign.gear_friction import (
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE
 from runtime.estimators.convex.constraints import Constraints
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import samples_of
-from runtime.estimators.uncertainty import Uncertainty
+from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.several_logs.joint_fit import joined
 from runtime.identification.single_log import identify

@@ -15,7 +15,7 @@ from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.sensor_gains.estimate import Gains, identify_gains
 from runtime.library import Library

@@ -13,7 +13,7 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex import prior_of
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.prior_file import TRUST
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.excitation import Safety
 from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
 from runtime.excitation.limits.constraints import TABLE_MARGIN

@@ -11,7 +11,7 @@ from runtime.cli.overwriting import write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.library import Library

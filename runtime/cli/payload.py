@@ -13,7 +13,7 @@ from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_fold
 from runtime.cli.prepared_log import preparation_of
 from runtime.common.terminal import command_line, console, say
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
 from runtime.identification.payload.estimate import identify_payload

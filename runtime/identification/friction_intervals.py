@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.convex.eliminate_friction import RANK_TOLERANCE
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import Posterior
 from runtime.library import Array

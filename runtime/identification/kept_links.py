@@ -20,8 +20,7 @@ from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, with
 from runtime.estimators.problem import FrictionPrior, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.residuals import residuals
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, TrainedModel
 from runtime.identification.metrics import TorqueError, torque_error
 from runtime.identification.problem_setup import Assembly, assemble

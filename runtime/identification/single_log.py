@@ -23,15 +23,13 @@ from runtime.common.threads import one_blas_thread
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
 from runtime.estimators.friction_bounds import bounds_of
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
-from runtime.estimators.regression.residuals import residuals
-from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import require_robust, robust_problem
-from runtime.estimators.uncertainty import Uncertainty
+from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
 from runtime.identification.settings import Settings, settings_from

@@ -28,8 +28,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.residuals import NORMAL_95, weights_from
-from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library

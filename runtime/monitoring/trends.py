@@ -19,7 +19,7 @@ from scipy.special import stdtr, stdtrit
 
 from runtime.common.files import text_of
 from runtime.errors import RecordingError
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 
 KEYS = ("checked", "model_hash", "log", "changed", "p_value")

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import signal
 
 from runtime import Identification, Recording, identify, identify_payload
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation import Trajectory
 from runtime.identification.payload.arm import ArmModel

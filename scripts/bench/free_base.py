@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.front import Sheet
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.noise import VerticalForce, vertical_force
 from runtime.library import Library, load, to_pinocchio_order

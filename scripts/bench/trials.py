@@ -14,8 +14,7 @@ from runtime.common.threads import cores
 from runtime.estimators.classical.pc_ols import cone_optimum
 from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
 from runtime.estimators.regression import compress
-from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
 from runtime.experiments.trials.motions import document_robot
 from runtime.identification import metrics

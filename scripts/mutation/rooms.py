@@ -46,20 +46,20 @@ _EMIT = _in(
 
 ROOMS = {
     "convex": Room(
-        _in(f"{_E}/convex", "__init__ bodies compiled constraints eliminate_friction newton path"),
+        _in(f"{_E}/convex", "__init__ compiled constraints eliminate_friction newton path"),
         (f"{_T}/estimators/convex",),
     ),
     "posterior": Room(
         (
-            *_in(f"{_E}/convex", "map_estimate posterior_spread entropic_prior prior_test"),
-            *_in(_E, "armature_prior type_prior"),
+            *_in(f"{_E}/convex", "map_estimate entropic_prior prior_agreement"),
+            *_in(_E, "prior_file type_prior"),
         ),
         (f"{_T}/estimators/convex", f"{_T}/estimators/test_armature_prior.py"),
     ),
     "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
-    "uncertainty": Room(_in(_E, "uncertainty laplace"), (f"{_T}/estimators/test_uncertainty.py",)),
+    "uncertainty": Room(_in(_E, "uncertainty"), (f"{_T}/estimators/test_uncertainty.py",)),
     "residuals": Room(
-        _in(f"{_E}/regression", "residuals samples torque_objective score_test friction_test"),
+        _in(f"{_E}/regression", "samples omitted_columns deviation_tests"),
         (f"{_T}/estimators/regression",),
     ),
     "coloured noise": Room(

@@ -36,8 +36,7 @@ from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfi
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
-from runtime.estimators.regression.residuals import inflation
-from runtime.estimators.regression.samples import samples_of, thesis_weights
+from runtime.estimators.regression.samples import inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS

@@ -14,9 +14,12 @@ from runtime.estimators.convex.entropic_prior import (
     NONE,
     Bodies,
     Prior,
+    Spread,
     bodies_of,
+    com_sigma,
     prior_from,
     prior_of,
+    spread_of,
 )
 from runtime.estimators.convex.newton import (
     ConvexProblem,
@@ -28,7 +31,6 @@ from runtime.estimators.convex.newton import (
     minimise_anywhere,
 )
 from runtime.estimators.convex.path import Path, follow
-from runtime.estimators.convex.posterior_spread import Spread, com_sigma, spread_of
 
 __all__ = [
     "CAD",

@@ -25,8 +25,7 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.residuals import inflation, noise, residuals, weights_from
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 

@@ -24,8 +24,7 @@ from scipy.special import chdtri
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import triangle_of_joints
-from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED

@@ -17,10 +17,10 @@ from runtime.common.files import bytes_of, json_of
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NeedsError, RecordingError, RuntimeFault
 from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.methods import require_method
 from runtime.estimators.optimizers import Status
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification import metrics
 from runtime.identification.comparison.row import (
     FAILED,

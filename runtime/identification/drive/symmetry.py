@@ -33,8 +33,7 @@ from scipy.special import chdtri
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import Row
 from runtime.estimators.problem import FrictionPrior
-from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest, places_of
 from runtime.identification.identified import Identification

@@ -6,7 +6,7 @@
 
 W = diag σ⁻². u = N / N_eff is the variance inflation by correlated residuals; it decreases in
 proportion to the time for which the same motion continues. Earlier logs are further rows over β.
-d is the distance of the model of a log from its data (`runtime.estimators.laplace`).
+d is the distance of the model of a log from its data (`runtime.estimators.uncertainty`).
 
 Residuals show little of wrong gains of the torque sensors, whose error is
 

@@ -13,11 +13,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, prior_of, reduce
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.laplace import vague_posterior
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.residuals import residuals
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.samples import Samples, residuals, samples_of, thesis_weights
+from runtime.estimators.uncertainty import vague_posterior
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.library import Array, Library

@@ -15,12 +15,11 @@ from runtime.common.files import replacing
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
-from runtime.estimators.laplace import IDENTIFIED, PRIOR_DOMINATED, vague_posterior
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.estimators.regression.samples import thesis_weights
+from runtime.estimators.regression.samples import NORMAL_95, thesis_weights
+from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED, vague_posterior
 from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,
@@ -229,7 +228,7 @@ def identify_free_base(
 
 
 def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:
-    """Root of the covariance and share of the prior, as `estimators.laplace` computes them."""
+    """Root of the covariance and share of the prior, as `estimators.uncertainty` computes them."""
     lib, (_, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
         raise IdentificationError("expected statistics of the fit; use the method map")

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
-from runtime.estimators.regression.residuals import SILENT
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import SILENT, Samples
 from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, reading_errors
 from runtime.library import Array, Library
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion

@@ -29,9 +29,9 @@ from runtime.estimators.methods import (
     require_method,
 )
 from runtime.estimators.problem import Problem, mass_unit
-from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import (
     Samples,
+    residuals,
     samples_of,
     thesis_weights,
 )

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 from runtime.recording import Recording
 

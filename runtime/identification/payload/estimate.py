@@ -17,8 +17,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise_anywhere, prior_from
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
-from runtime.estimators.regression.residuals import NORMAL_95
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance
 from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
 from runtime.identification.payload.empty_run import empty_residual, posture_error

@@ -30,7 +30,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from runtime.common.files import replacing
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.body import NAMES, Body, Payload
 from runtime.identification.payload.known import FORMAT
 from runtime.library import Array, Library

@@ -21,8 +21,7 @@ from runtime.estimators.methods import (
     methods_from_statistics,
     require_method,
 )
-from runtime.estimators.regression.residuals import residuals
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import TorqueError, torque_error
 from runtime.identification.problem_setup import assemble, settings_for

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, read_history, trends_of
 from runtime.outputs.report.canvas import CYCLE, PAGE_INK, page_figure, svg

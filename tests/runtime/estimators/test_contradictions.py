@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from runtime import identify
-from runtime.estimators import laplace
+from runtime.estimators import uncertainty
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.convex.constraints import Constraints
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
 from runtime.identification.comparison.advice import advise
 from runtime.identification.comparison.run import compare
@@ -282,13 +282,13 @@ def test_described_friction_raises_no_alarm(lib, trajectories, seed):
 def test_a_refit_keeps_the_tests_of_the_training_rows(lib, trajectories, monkeypatch):
     """Property: the fit to all rows is not tested again, and its result has the same sentences."""
     calls = []
-    tested = laplace.free_fit
+    tested = uncertainty.free_fit
 
     def counted(*args):
         calls.append(len(args[1]))
         return tested(*args)
 
-    monkeypatch.setattr(laplace, "free_fit", counted)
+    monkeypatch.setattr(uncertainty, "free_fit", counted)
     log = gripping(logged(lib, trajectories[0], 1), (1,))
     result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, refit=True)
     assert len(calls) == 1

@@ -9,9 +9,9 @@ from scipy import signal
 
 from runtime import identify
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.library import Library
 from runtime.recording import Recording, Split
 from runtime.simulation import Plant, ideal

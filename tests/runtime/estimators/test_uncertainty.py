@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.residuals import LAGS, autocorrelation
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.samples import (
+    LAGS,
+    Samples,
+    autocorrelation,
+    samples_of,
+    thesis_weights,
+)
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.library import Library
 from runtime.recording import Recording
 

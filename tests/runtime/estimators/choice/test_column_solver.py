@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from runtime.estimators.choice import default_friction as module
-from runtime.estimators.choice.cross_validation import solved
 from runtime.estimators.choice.default_friction import column_solver
+from runtime.estimators.choice.friction_choice import solved
 from runtime.estimators.regression import Statistics
 
 BASE, OTHERS = 5, 9

@@ -12,11 +12,18 @@ from runtime.estimators.convex import CAD, GRIPPER, convex_problem, minimise, pr
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.descent.fit import fit_levenberg
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.residuals import autocorrelation, inflation, noise, residuals
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.samples import (
+    Samples,
+    autocorrelation,
+    inflation,
+    noise,
+    residuals,
+    samples_of,
+    thesis_weights,
+)
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import result_facts
 from runtime.recording import Friction

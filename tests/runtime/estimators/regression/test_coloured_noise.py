@@ -6,7 +6,6 @@ from scipy import signal
 from scipy.linalg import toeplitz
 
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.laplace import uncertainty_of
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import coloured_noise, compress
 from runtime.estimators.regression.coloured_noise import (
@@ -14,8 +13,14 @@ from runtime.estimators.regression.coloured_noise import (
     coloured_noise_of,
     coloured_noise_of_rows,
 )
-from runtime.estimators.regression.residuals import autocorrelation, noise
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.samples import (
+    Samples,
+    autocorrelation,
+    noise,
+    samples_of,
+    thesis_weights,
+)
+from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording

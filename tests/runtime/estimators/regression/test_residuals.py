@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.estimators.regression.residuals import autocorrelation, inflation, noise, weights_from
+from runtime.estimators.regression.samples import autocorrelation, inflation, noise, weights_from
 
 
 def test_autocorrelation_is_that_about_the_mean() -> None:

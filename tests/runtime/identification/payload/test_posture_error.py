@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify_payload
-from runtime.estimators.regression.residuals import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.body import Payload
 from runtime.identification.payload.empty_run import posture_error
 from runtime.library import Library

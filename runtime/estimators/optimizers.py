@@ -1,0 +1,446 @@
+"""The loop of every optimiser: init, step, status, until the status says why to stop.
+
+An optimiser is an object with three methods (`Optimiser`); its state is an `Iterate`. The loop
+counts steps, catches Ctrl-C and calls an observer after each step. Two observers are here: early
+stopping on validation samples (`descend_validated`) and a trace down to the end (`descend_traced`).
+Adam (Kingma & Ba 2015): m, v ← moving averages of g, g²; x ← x − η m̂ / (√v̂ + ε). Source: document
+Eqs. 4.42–4.46; ε stands outside the square root.
+
+Levenberg–Marquardt: minimise L(x) = (‖r(x)‖² + ρ) · scale by damped Gauss–Newton steps.
+(JᵀJ + μI) δ = −Jᵀr is solved as δ = −Jᵀ (JJᵀ + μI)⁻¹ r, which is smaller where x has more entries
+than r has, as λ does. μ follows the gain ratio of Madsen, Nielsen & Tingleff, *Methods for
+non-linear least squares problems*, 2004, algorithm 3.16.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LARGEST_DAMPING = 1e200
+"""μ beyond which no step is tried any more."""
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """Why the loop ended, as advice."""
+
+    PATIENCE = "converged: the validation loss stopped improving"
+    MAX_ITERATIONS = (
+        "stopped at the iteration limit while still improving; "
+        "allow more iterations, or take a larger step"
+    )
+    INTERRUPTED = "interrupted by the user; the best point so far is kept"
+    CONVERGED = "converged: no step lowers the loss noticeably any more"
+    STALLED = (
+        "stalled: no step lowers the loss, however small; the optimum may lie at the edge of "
+        "consistency, compare with pc-ols"
+    )
+    DIVERGED = "the loss became infinite or NaN; the best point before is kept, take a smaller step"
+
+
+class Iterate(Protocol):
+    """State of an optimiser between two steps."""
+
+    @property
+    def x(self) -> Array:
+        """Present point, (size,)."""
+
+    @property
+    def loss(self) -> float:
+        """Training loss that the last step has evaluated."""
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the last step has changed x."""
+
+
+class Optimiser(Protocol[S]):
+    """Three pure functions; an optimiser has no state besides what they return."""
+
+    def init(self, x: Array) -> S:
+        """State at the first point, (size,)."""
+
+    def step(self, state: S) -> S:
+        """State after one more step, accepted or not."""
+
+    def status(self, state: S) -> Status | None:
+        """Why to stop; None to go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoppingRule:
+    """When to validate and when to stop.
+
+    Attributes:
+        max_iterations: hard limit.
+        patience: iterations without improvement of the best validation loss.
+        validate_every: iterations between validations.
+        threshold: an improvement counts when it exceeds this, absolute.
+    """
+
+    max_iterations: int
+    patience: int
+    validate_every: int = 5
+    threshold: float = 2e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Losses at the iterations that were validated."""
+
+    iteration: tuple[int, ...]
+    training: tuple[float, ...]
+    validation: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Point that a descent ends with, its validation loss, and how it was reached."""
+
+    x: Array
+    validation: float
+    iterations: int
+    status: Status
+    trace: Trace
+
+
+def trace_of(rows: Sequence[tuple[int, float, float]]) -> Trace:
+    """Trace from rows of iteration, training loss and validation loss."""
+    columns = zip(*rows, strict=True) if rows else ((), (), ())
+    return Trace(*(tuple(column) for column in columns))
+
+
+def run(
+    optimiser: Optimiser[S],
+    start: Array,
+    max_iterations: int,
+    observe: Callable[[int, S], Status | None] | None = None,
+) -> tuple[S, int, Status]:
+    """Step until the optimiser, the observer or the limit ends it; Ctrl-C ends it, too.
+
+    Args:
+        optimiser: init, step and status.
+        start: first point, (size,).
+        max_iterations: limit of steps, accepted or not.
+        observe: called after each step with its number and the state; a status ends the loop.
+
+    Returns:
+        The last state, the number of steps begun, and why the loop ended.
+    """
+    state = optimiser.init(start)
+    status, iteration = optimiser.status(state), 0
+    try:
+        while status is None and iteration < max_iterations:
+            iteration += 1
+            state = optimiser.step(state)
+            status = optimiser.status(state)
+            if observe is not None:
+                status = observe(iteration, state) or status
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return state, iteration, status or Status.MAX_ITERATIONS
+
+
+class _EarlyStopping:
+    """Observer that validates now and then, keeps the best point and stops without progress."""
+
+    def __init__(
+        self,
+        start: Array,
+        validation: Callable[[Array], float],
+        rule: StoppingRule,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.validation, self.rule, self.progress = validation, rule, progress
+        self.best, self.best_x, self.improved_at = validation(start), start.copy(), 0
+        self.rows: list[tuple[int, float, float]] = []
+
+    def __call__(self, iteration: int, state: Iterate) -> Status | None:
+        if iteration % self.rule.validate_every == 0:
+            loss = self.validation(state.x)
+            if not np.isfinite(loss):
+                return Status.DIVERGED
+            self.rows.append((iteration, state.loss, loss))
+            if loss < self.best - self.rule.threshold:
+                self.best, self.best_x, self.improved_at = loss, state.x.copy(), iteration
+            if self.progress is not None:
+                self.progress(iteration, self.best)
+        return Status.PATIENCE if iteration - self.improved_at >= self.rule.patience else None
+
+
+def descend_validated(
+    optimiser: Optimiser[S],
+    start: Array,
+    validation: Callable[[Array], float],
+    rule: StoppingRule,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """Descend with early stopping; the point of the lowest validation loss is returned.
+
+    Args:
+        optimiser: init, step and status.
+        start: first point, (size,).
+        validation: loss that decides which point is best.
+        rule: when to validate and when to stop.
+        progress: called with iteration and best validation loss at every validation.
+
+    Returns:
+        The best validated point; DIVERGED at once where the start has no finite loss.
+    """
+    x = np.array(start, dtype=float)
+    observer = _EarlyStopping(x, validation, rule, progress)
+    if not np.isfinite(observer.best):
+        return Outcome(observer.best_x, observer.best, 0, Status.DIVERGED, trace_of(()))
+    _, iterations, status = run(optimiser, x, rule.max_iterations, observer)
+    trace = trace_of(observer.rows)
+    return Outcome(observer.best_x, observer.best, iterations, status, trace)
+
+
+def descend_traced(
+    optimiser: Optimiser[S],
+    start: Array,
+    validation: Callable[[Array], float],
+    max_iterations: int,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """Descend until the optimiser stops; the last point is returned.
+
+    Args:
+        optimiser: init, step and status.
+        start: first point, (size,).
+        validation: loss that is recorded at every new point; it does not stop the descent.
+        max_iterations: limit of steps, accepted or not.
+        progress: called with iteration and training loss after every step.
+
+    Returns:
+        The last point; its validation loss is ∞ where the training loss is not finite.
+    """
+    rows: list[tuple[int, float, float]] = []
+
+    def observe(iteration: int, state: S) -> None:
+        if state.is_new:
+            rows.append((iteration, state.loss, validation(state.x)))
+        if progress is not None:
+            progress(iteration, state.loss)
+
+    state, iterations, status = run(optimiser, start, max_iterations, observe)
+    validated = validation(state.x) if np.isfinite(state.loss) else np.inf
+    return Outcome(state.x, validated, iterations, status, trace_of(rows))
+
+
+@dataclass(frozen=True, slots=True)
+class AdamOptions:
+    """η, β₁, β₂, ε; a data class, whose names are keys of saved settings."""
+
+    learning_rate: float = 1e-3
+    beta1: float = 0.9
+    beta2: float = 0.999
+    epsilon: float = 1e-8
+
+
+S = TypeVar("S", bound=Iterate)
+
+
+@dataclass(frozen=True, slots=True)
+class AdamState:
+    """First and second moment and the number of steps taken."""
+
+    m: Array
+    v: Array
+    step: int
+
+
+@dataclass(frozen=True, slots=True)
+class AdamIterate:
+    """A point, the loss of the point before it, and the moments.
+
+    Attributes:
+        x: (size,).
+        loss: of the point that the last step began with; NaN before the first step.
+        moments: first and second moment.
+    """
+
+    x: Array
+    loss: float
+    moments: AdamState
+
+    @property
+    def is_new(self) -> bool:
+        """Adam accepts every step."""
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Adam:
+    """Adam as an `Optimiser`.
+
+    Attributes:
+        value_gradient: loss and gradient (size,) at x; it may draw a mini-batch at each call.
+        options: step size and decay of the moments.
+    """
+
+    value_gradient: Callable[[Array], tuple[float, Array]]
+    options: AdamOptions
+
+    def init(self, x: Array) -> AdamIterate:
+        """Zero moments at the first point, (size,)."""
+        return AdamIterate(np.array(x, dtype=float), np.nan, adam_start(x.size))
+
+    def step(self, state: AdamIterate) -> AdamIterate:
+        """One step along the moments of the gradient at the present point."""
+        loss, gradient = self.value_gradient(state.x)
+        moments, x = adam_step(state.moments, state.x, gradient, self.options)
+        return AdamIterate(x, loss, moments)
+
+    def status(self, state: AdamIterate) -> Status | None:
+        """None: a stochastic gradient shows no end; validation does."""
+        del state
+        return None
+
+
+def adam_start(size: int) -> AdamState:
+    """Zero moments of `size` unknowns."""
+    return AdamState(np.zeros(size), np.zeros(size), 0)
+
+
+def adam_step(
+    state: AdamState, x: Array, gradient: Array, options: AdamOptions
+) -> tuple[AdamState, Array]:
+    """Moments and point after one step.
+
+    Args:
+        state: moments before the step.
+        x: point before the step, (size,).
+        gradient: of the loss at x, (size,).
+        options: step size and decay of the moments.
+
+    Returns:
+        The moments and the point after the step.
+    """
+    step = state.step + 1
+    m = options.beta1 * state.m + (1 - options.beta1) * gradient
+    v = options.beta2 * state.v + (1 - options.beta2) * gradient**2
+    # The moments start at zero; dividing by 1 − βᵏ removes that bias.
+    m_hat = m / (1 - options.beta1**step)
+    v_hat = v / (1 - options.beta2**step)
+    moved = x - options.learning_rate * m_hat / (np.sqrt(v_hat) + options.epsilon)
+    return AdamState(m, v, step), moved
+
+
+@dataclass(frozen=True, slots=True)
+class LevenbergOptions:
+    """Settings of the descent.
+
+    Attributes:
+        max_iterations: steps tried, accepted or not.
+        first_damping: μ at the start, relative to the largest squared column of J.
+        step_tolerance: stop when ‖δ‖ falls below this fraction of ‖x‖.
+        decrease_tolerance: stop when a step lowers L by less than this fraction, as predicted.
+    """
+
+    max_iterations: int = 200
+    first_damping: float = 1e-8
+    step_tolerance: float = 1e-12
+    decrease_tolerance: float = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class LevenbergState:
+    """A point with its residual and damping.
+
+    Attributes:
+        x: (size,).
+        residual: r, (m,).
+        jacobian: J = ∂r/∂x, (m, size).
+        loss: L.
+        damping: μ of the next step.
+        growth: factor on μ where the next step is rejected.
+        ended: why to stop; None to go on.
+        is_new: whether the last step was accepted.
+    """
+
+    x: Array
+    residual: Array
+    jacobian: Array
+    loss: float
+    damping: float
+    growth: float = 2.0
+    ended: Status | None = None
+    is_new: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LevenbergMarquardt:
+    """Levenberg–Marquardt as an `Optimiser`.
+
+    Attributes:
+        residual_jacobian: r (m,) and J (m, size) at x.
+        options: damping and tolerances.
+        rest: ρ.
+        scale: factor of the loss.
+    """
+
+    residual_jacobian: Callable[[Array], tuple[Array, Array]]
+    options: LevenbergOptions
+    rest: float = 0.0
+    scale: float = 0.5
+
+    def init(self, x: Array) -> LevenbergState:
+        """First point, (size,), with a damping relative to the largest column of J."""
+        residual, jacobian = self.residual_jacobian(x)
+        loss = self._loss(residual)
+        damping = self.options.first_damping * float(np.max(np.sum(jacobian**2, axis=0)))
+        ended = None if np.isfinite(loss) else Status.DIVERGED
+        return LevenbergState(
+            np.array(x, dtype=float), residual, jacobian, loss, damping, ended=ended
+        )
+
+    def step(self, state: LevenbergState) -> LevenbergState:
+        """Try one step; a rejected one changes the damping only."""
+        x, residual, jacobian = state.x, state.residual, state.jacobian
+        # δ = −Jᵀ (JJᵀ + μI)⁻¹ r by a Cholesky factor of JJᵀ + μI.
+        normal = jacobian @ jacobian.T + state.damping * np.eye(len(residual))
+        try:
+            factor = np.linalg.cholesky(normal)
+        except np.linalg.LinAlgError:
+            return _rejected(state)
+        step = -jacobian.T @ np.linalg.solve(factor.T, np.linalg.solve(factor, residual))
+        tolerance = self.options.step_tolerance
+        if np.linalg.norm(step) <= tolerance * (np.linalg.norm(x) + tolerance):
+            return replace(state, ended=Status.CONVERGED, is_new=False)
+        # Decrease that the linear model of r predicts, and the one that comes.
+        predicted = float(step @ (state.damping * step - jacobian.T @ residual)) * self.scale
+        new_residual, new_jacobian = self.residual_jacobian(x + step)
+        loss = self._loss(new_residual)
+        if not (loss < state.loss and predicted > 0):
+            return _rejected(state)
+        # Their ratio near one: the model holds, μ falls by up to 3; near zero: μ grows.
+        gain, decrease = (state.loss - loss) / predicted, state.loss - loss
+        flat = max(decrease, predicted) <= self.options.decrease_tolerance * state.loss
+        return LevenbergState(
+            x + step,
+            new_residual,
+            new_jacobian,
+            loss,
+            state.damping * max(1 / 3, 1 - (2 * gain - 1) ** 3),
+            ended=Status.CONVERGED if flat else None,
+            is_new=True,
+        )
+
+    def status(self, state: LevenbergState) -> Status | None:
+        """Why to stop; None to go on."""
+        return state.ended
+
+    def _loss(self, residual: Array) -> float:
+        return float(residual @ residual + self.rest) * self.scale
+
+
+def _rejected(state: LevenbergState) -> LevenbergState:
+    """The same point with more damping; STALLED where no damping helps."""
+    damping = state.damping * state.growth
+    ended = None if damping < _LARGEST_DAMPING else Status.STALLED
+    return replace(state, damping=damping, growth=state.growth * 2, ended=ended, is_new=False)

@@ -3,6 +3,7 @@
 An optimiser is an object with three methods (`Optimiser`); its state is an `Iterate`. The loop
 counts steps, catches Ctrl-C and calls an observer after each step. Two observers are here: early
 stopping on validation samples (`descend_validated`) and a trace down to the end (`descend_traced`).
+
 Adam (Kingma & Ba 2015): m, v ← moving averages of g, g²; x ← x − η m̂ / (√v̂ + ε). Source: document
 Eqs. 4.42–4.46; ε stands outside the square root.
 
@@ -56,6 +57,9 @@ class Iterate(Protocol):
     @property
     def is_new(self) -> bool:
         """Whether the last step has changed x."""
+
+
+S = TypeVar("S", bound=Iterate)
 
 
 class Optimiser(Protocol[S]):
@@ -240,9 +244,6 @@ class AdamOptions:
     beta1: float = 0.9
     beta2: float = 0.999
     epsilon: float = 1e-8
-
-
-S = TypeVar("S", bound=Iterate)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ from runtime.library import Library, load
 
 NEEDED = ("inverse_dynamics", "torque")
 """Kernels that are always built: one for the states, one by which the library is identified."""
-REAL = "models/universal_robots/ur5_robot.urdf"
-"""Below $SYMGEN_DATA, default ../shared."""
+REAL = "models/universal_robots/ur5_robot.urdf"  # below $SYMGEN_DATA, default ../shared
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,10 +92,8 @@ def _processor() -> str:
 
 Key = TypeVar("Key", bound=Hashable)
 
-BURST = 3e5
-"""Nanoseconds of one measurement, after one call that is not timed."""
-PASSES = 5
-"""Measurements per contender and round; the smallest counts, because noise only adds."""
+BURST = 3e5  # nanoseconds of one measurement, after one call that is not timed
+PASSES = 5  # measurements per contender and round; the smallest counts, because noise only adds
 
 
 def interleave(

@@ -35,13 +35,10 @@ TERMS = Friction(("viscous", "coulomb", "offset"), 0.03)
 LINK = "fr3_link7"
 LOAD = Box(2.0, (0.01, 0.02, 0.15), (0.1, 0.08, 0.06), LINK)
 SPLIT = Split((0.0, 0.7), (0.7, 0.75), (0.75, 1.0))
-RHO = 0.9
-"""Correlation of coloured noise at 100 Hz: a time constant of 0.1 s."""
-GAIN, DELAY = 0.02, 0.003
-"""Relative standard deviation of wrong gains, and delay of the torque, s."""
+RHO = 0.9  # correlation of coloured noise at 100 Hz: a time constant of 0.1 s
+GAIN, DELAY = 0.02, 0.003  # relative standard deviation of wrong gains, and delay of the torque, s
 FILTERED = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)
-DISTRUST = ("do not trust", "too narrow")
-"""Parts of an advice that state a broken assumption."""
+DISTRUST = ("do not trust", "too narrow")  # parts of an advice that state a broken assumption
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,10 +169,8 @@ CASES: dict[str, tuple[str, Preparation | None]] = {
 
 
 WRONG_GAIN = 1.1
-LATE = 0.3
-"""Delay of the torque in rows of 10 ms."""
-PEAK, WIDTH = 1.0, 0.1
-"""Stribeck peak [N·m] and its speed [rad/s]."""
+LATE = 0.3  # delay of the torque in rows of 10 ms
+PEAK, WIDTH = 1.0, 0.1  # Stribeck peak [N·m] and its speed [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,10 +196,8 @@ LOGS = (
     LONG,
 )
 """Logs for which the smallest gain error that is named is measured."""
-POWERS = (0.05, 0.1, 0.2, 0.4)
-"""Errors of the gain."""
-WRIST = 6
-"""Index of the joint whose torque is mostly friction."""
+POWERS = (0.05, 0.1, 0.2, 0.4)  # errors of the gain
+WRIST = 6  # index of the joint whose torque is mostly friction
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,15 +31,11 @@ from runtime.library.compiled_descent import CompiledLevenberg
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal, perturbed_lam
 
-TRIALS, PERTURBATION = 150, 0.15
-"""Settings of the document's ideal case (Table 5.2)."""
+TRIALS, PERTURBATION = 150, 0.15  # settings of the document's ideal case (Table 5.2)
 BATCH = 64
-LEAST = 0.02
-"""Seconds of a measurement."""
-NOISE = 0.05
-"""Standard deviation of the noise of a torque sensor, N·m."""
-RATE = 1000.0
-"""Rate of the training samples, Hz."""
+LEAST = 0.02  # seconds of a measurement
+NOISE = 0.05  # standard deviation of the noise of a torque sensor, N·m
+RATE = 1000.0  # rate of the training samples, Hz
 _EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_trajectory.json"
 _SMALLER = (1.0, 0.9, 0.8)
 """Training, validation and test are the same trajectory, smaller and smaller."""
@@ -258,10 +254,8 @@ def _numpy_cost(s: Setting, which: int) -> Callable[[], float]:
     return repeated(lambda: work(t.coefficients))
 
 
-FALL = 1e-6
-"""Loss at which a descent counts as converged: a thousandth of the initial torque error."""
-SAMPLES = 20_000
-"""Number of samples of a whole identification."""
+FALL = 1e-6  # loss at which a descent counts as converged: a thousandth of the initial torque error
+SAMPLES = 20_000  # number of samples of a whole identification
 
 
 def most_probable(s: Setting) -> Callable[[], float]:

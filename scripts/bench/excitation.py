@@ -24,10 +24,8 @@ from runtime.excitation.search.measures import Measure
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
-DOCUMENT = 5.4178
-"""Condition number that the document reached (Sec. 3.4.2)."""
-DOCUMENT_SECONDS = 9 * 3600.0
-"""Least time of one run of 50 iterations in the document."""
+DOCUMENT = 5.4178  # condition number that the document reached (Sec. 3.4.2)
+DOCUMENT_SECONDS = 9 * 3600.0  # least time of one run of 50 iterations in the document
 Cost = Callable[[Array], tuple[float, Array | None]]
 """Objective of the coefficients (n, M) and its gradient, where there is one."""
 ITERATIONS = 200

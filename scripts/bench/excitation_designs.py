@@ -210,8 +210,7 @@ def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
         )
 
 
-DURATION, HARMONICS = 20.0, 8
-"""Of the design, s, and functions per joint."""
+DURATION, HARMONICS = 20.0, 8  # of the design, s, and functions per joint
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,9 @@ from runtime.excitation.search.information import information
 from runtime.excitation.search.prediction import predict
 from runtime.library import Library
 
-NOISE, RATE = 0.05, 100.0
-"""Torque noise, N·m, and rate, Hz, of the expected errors."""
-SAMPLES = 1000
-"""Samples of the expected errors; cond is of the cost's samples, as in the document."""
-ALL = Safety(table=0.0)
-"""Every limit of the robot and a table at the height of its base."""
+NOISE, RATE = 0.05, 100.0  # torque noise, N·m, and rate, Hz, of the expected errors
+SAMPLES = 1000  # samples of the expected errors; cond is of the cost's samples, as in the document
+ALL = Safety(table=0.0)  # every limit of the robot and a table at the height of its base
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +148,7 @@ def _cpu() -> float:
     return times.user + times.system + times.children_user + times.children_system
 
 
-KEYS = 3
-"""Number of first columns that name a row."""
+KEYS = 3  # number of first columns that name a row
 _HEAD = (
     *("problem", "t_f s", "starts", "cond", "median", "A %", "V mN·m", "wall s", "CPU s"),
     *("certified", "goal"),

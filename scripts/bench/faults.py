@@ -136,8 +136,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     "+ rotor, asymmetric": ("offset", "viscous", "coulomb", "rotor", "asymmetric"),
 }
 DEFAULT, AUTO = "default", "auto"
-OTHER_MOTION = 100
-"""Added to the seed of a robot for the motion that is predicted."""
+OTHER_MOTION = 100  # added to the seed of a robot for the motion that is predicted
 
 
 @dataclass(frozen=True, slots=True)

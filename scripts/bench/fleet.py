@@ -38,8 +38,7 @@ from runtime.simulation import Plant, ideal
 from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import perturbed
 
-OF_TYPE, SPREAD = 0.2, 0.05
-"""Distance of the type from the URDF, and spread of the units."""
+OF_TYPE, SPREAD = 0.2, 0.05  # distance of the type from the URDF, and spread of the units
 SHORT_S, PAUSE_S = 3.0, 10.0
 """Length of the short motion, and pause between two motions of a log, s."""
 TERMS = Friction(("viscous", "dahl", "offset", "stribeck", "load"))
@@ -54,8 +53,7 @@ WAYS = (
     "20 s, with the fleet",
 )
 """Without a fleet the friction model is that which `identify` chooses for the log."""
-SHORT = Path(__file__).with_name("fr3_short.json")
-"""Motion of 3 s that `excite` has designed."""
+SHORT = Path(__file__).with_name("fr3_short.json")  # motion of 3 s that `excite` has designed
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +154,7 @@ def identified(
     return identify(log, lib, prior=prior, certify=certify, **settings)
 
 
-NOISE = 0.3
-"""Torque noise, N·m."""
+NOISE = 0.3  # torque noise, N·m
 PLAIN = Friction(("viscous", "coulomb"))
 FRICTION = (0.5, 0.3)
 

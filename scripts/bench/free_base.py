@@ -141,8 +141,7 @@ def sheet(rows: list[Trials]) -> Sheet:
     return Sheet("free_base_table recovery", _RECOVERY, lines, rows, title)
 
 
-CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
-"""Low-passes of the walking log [Hz]."""
+CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)  # low-passes of the walking log [Hz]
 DRIVER_HZ = 3.0
 """First-order low-pass of the force sensors, the default of the robot's driver wholeBodyDynamics
 (forceTorqueFilterCutoffInHz), which its configuration leaves as it is. The model is identified in
@@ -159,8 +158,7 @@ SHARING = 0.1
 """Standard deviation of γ, the relative error of the sensors while both feet carry load."""
 SHARE_OF_URDF, MOST = 0.8, 2.0
 """Goal of the error: share of the URDF's, and largest value [% of the weight]."""
-TRIM_S = 0.3
-"""Rows at either end that are left out of the walking log [s]."""
+TRIM_S = 0.3  # rows at either end that are left out of the walking log [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,8 +282,7 @@ def walk_sheet(rows: list[Walk]) -> Sheet:
 
 LOADED = 0.15
 """Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
-SHORTEST_S = 0.1
-"""Shortest stance that is counted [s]."""
+SHORTEST_S = 0.1  # shortest stance that is counted [s]
 GRAVITY = 9.81
 
 

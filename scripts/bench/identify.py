@@ -156,8 +156,7 @@ def _times(value: float | None) -> str:
     return "" if value is None else f"{value:.{1 if value < 10 else 0}f}×"
 
 
-TILES = 512
-"""Samples whose Y_b stays in the second cache."""
+TILES = 512  # samples whose Y_b stays in the second cache
 SHORT = 2e-3
 """Seconds of a measurement: as short as that of the limit, which other work disturbs less."""
 

@@ -23,8 +23,7 @@ from runtime.library import Array
 COUNTS = (2, 3, 4, 6, 7, 9, 12, 16, 20)
 TIMED = ("base_inverse_dynamics", "base_regressor")
 SAMPLES = 256
-LONGEST = 300.0
-"""Build time after which no further robot is started, s."""
+LONGEST = 300.0  # build time after which no further robot is started, s
 
 
 @dataclass(frozen=True, slots=True)

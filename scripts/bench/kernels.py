@@ -48,8 +48,7 @@ RATIOS = (
 """Kernel, level, layout, how many times longer Pinocchio in C++ takes at least."""
 LONGEST = (("torque_jacobian", "v4", "tiles", 65.0),)
 """Kernel, level, layout, ns per sample at most."""
-DEVIATION = 1e-12
-"""Relative difference from Pinocchio at most, every kernel at every level."""
+DEVIATION = 1e-12  # relative difference from Pinocchio at most, every kernel at every level
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,12 +160,10 @@ TRAINING, FIRST_SEED = 6, 100_000
 """Number of training motions, and the seed of the first one that is drawn."""
 CALIBRATION, CALIBRATION_SEED = 180, 200_000
 """The same of motions without contacts to which thresholds are fitted: half an hour."""
-PUSH = (3.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0)
-"""Size of the pushes, N·m."""
+PUSH = (3.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0)  # size of the pushes, N·m
 WITHIN_S, PERIOD_S, LENGTH_S = 0.02, 0.5, 0.25
 """Time within which a push has to be found, time between two pushes, and their length, s."""
-USED = 0.95
-"""Share of the limits of speed and acceleration that a drawn motion may use."""
+USED = 0.95  # share of the limits of speed and acceleration that a drawn motion may use
 STATED = (1.0, 10.0, 100.0)
 """Stated rates of false alarms, 1/h; pushes are counted at `AT`, one of them."""
 AT = 1.0

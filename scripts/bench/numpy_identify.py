@@ -12,8 +12,7 @@ from runtime.estimators.regression.samples import Samples
 from runtime.excitation import COST_SAMPLES, fourier_basis
 from runtime.library import Array, Library
 
-STEP = 1e-7
-"""Step of the forward differences."""
+STEP = 1e-7  # step of the forward differences
 
 
 def gram(lib: Library, samples: Samples, weights: Array) -> tuple[Array, Array]:

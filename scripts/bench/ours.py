@@ -18,8 +18,7 @@ from bench.front import BenchError
 from runtime.library import Array, Library
 from runtime.library.manifest import KernelFacts
 
-LANES = 8
-"""Samples of a tile, at every level."""
+LANES = 8  # samples of a tile, at every level
 LAYOUTS = ("tiles", "stored", "batch")
 """Tile-major arrays in place, the same with stored sines and cosines, sample-major arrays."""
 
@@ -162,8 +161,7 @@ def _name(declaration: str) -> str:
 
 
 KERNEL = "base_inverse_dynamics"
-BYTES = {"v4": 64, "v3": 32}
-"""Width of a vector by level; 16 elsewhere."""
+BYTES = {"v4": 64, "v3": 32}  # width of a vector by level; 16 elsewhere
 _SOURCE = """
 #include <time.h>
 #define INLINE static inline __attribute__((always_inline))

@@ -35,20 +35,14 @@ from tests.robots import CASES
 from tests.runtime.excitation.proof.spiked import Spiked
 
 ROBOTS = ("fr3", "ur5e", "xarm7", "gantry")
-TABLE = -0.2
-"""Height of the table, m."""
-DENSE, COARSE = 20_000, 1000
-"""Rates of the check, Hz."""
-_RADIUS = 0.04
-"""Of capsules along the links of robots without proxies, m."""
-_SHRUNK = 0.7
-"""Factor of a motion that does not hold."""
-_GJK = 2e-6
-"""Coal's GJK ends at 1e-6 m."""
+TABLE = -0.2  # height of the table, m
+DENSE, COARSE = 20_000, 1000  # rates of the check, Hz
+_RADIUS = 0.04  # of capsules along the links of robots without proxies, m
+_SHRUNK = 0.7  # factor of a motion that does not hold
+_GJK = 2e-6  # Coal's GJK ends at 1e-6 m
 _SECANTS = 6
 """Steps to the height of a bump that dips by half a millimetre; closest points move with it."""
-BUMP = 0.3e-3
-"""Duration of a planted bump, s."""
+BUMP = 0.3e-3  # duration of a planted bump, s
 
 
 def robot(name: str, models: Path, root: Path) -> Library:

@@ -26,8 +26,7 @@ from runtime.library import load
 
 COUNTS = {7: (), 15: (1, 2, 7), 29: (1, 4, 7), 60: (4, 8, 7)}
 """Joints → trunk, branches and joints per branch of `arms.branching`; empty: a serial arm."""
-SAMPLES = 20_000
-"""States of a timed batch."""
+SAMPLES = 20_000  # states of a timed batch
 _RUN = """
 import json, resource, sys
 from pathlib import Path

@@ -21,8 +21,7 @@ COMMANDS = (
 )
 """Label, words of the interpreter, and largest CPU time on a quiet core [s]."""
 _BUILD = ("-m", "symgen", "build", "--urdf", "arm.urdf", "--name", "arm", "--snap", "1e-9")
-LONGEST_BUILD = 9.0
-"""CPU time of a build of an arm of seven joints, at most [s]."""
+LONGEST_BUILD = 9.0  # CPU time of a build of an arm of seven joints, at most [s]
 
 
 @dataclass(frozen=True, slots=True)

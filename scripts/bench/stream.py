@@ -123,8 +123,7 @@ def write_csv(lib: Library, rows: int, path: Path) -> None:
 
 
 WRITERS = {"parquet": write_parquet, "npz": write_npz, "csv": write_csv}
-TEXT = 2.4
-"""Ratio of the characters of a number with its comma to the bytes of a double."""
+TEXT = 2.4  # ratio of the characters of a number with its comma to the bytes of a double
 
 
 def measure(robot: str, kind: str, size: int, folder: Path) -> Row:

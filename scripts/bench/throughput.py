@@ -25,8 +25,7 @@ from runtime.common.threads import cores
 from runtime.library import Library
 
 KERNEL, SAMPLES = "base_inverse_dynamics", 256
-BURST = 4e-3
-"""Duration of one burst [s]."""
+BURST = 4e-3  # duration of one burst [s]
 PUBLISHED = (
     (
         "frax on a GPU, as published",
@@ -55,8 +54,7 @@ while time.perf_counter() - start < seconds:
     best = min(best, time.perf_counter() - before)
 print(count / best)
 """
-BATCHES = (256, 1024, 16384)
-"""Sizes of the batches of frax, of which the fastest counts."""
+BATCHES = (256, 1024, 16384)  # sizes of the batches of frax, of which the fastest counts
 
 
 @dataclass(frozen=True, slots=True)

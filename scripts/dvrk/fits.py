@@ -24,8 +24,7 @@ from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording
 from runtime.recording.preprocessing import prepare
 
-RATE = 200.0
-"""Of the logs, Hz."""
+RATE = 200.0  # of the logs, Hz
 COLUMNS = ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb", "dahl")
 STROKE = 0.03
 """Stroke of the Dahl column with the smallest error on `psm_one_no_weight` of 0.01 to 0.1, rad."""
@@ -115,8 +114,7 @@ def _steps(cutoff: float) -> Preparation:
 
 
 WRIST = slice(3, 7)
-PERIOD = 6.0
-"""Of the motions, s."""
+PERIOD = 6.0  # of the motions, s
 
 
 def _low_passed(values: Array, cutoff: float) -> Array:
@@ -181,16 +179,11 @@ def one_level(fit: ArmFit, seconds: float) -> tuple[float, Array, Array]:
     return float(x[0]), change, np.asarray(others - columns @ x)
 
 
-JOINTS = 3
-"""Joints of the arm, which the load acts on."""
-END = 0.5
-"""Largest angle of the pitch, rad."""
-STEP = 5
-"""Every fifth row is taken: 40 Hz."""
-SPEED = 0.05
-"""Width of the sign of dq [rad/s, m/s]."""
-PLACES = (-0.15, 0.15)
-"""First guesses of each coordinate of r, m."""
+JOINTS = 3  # joints of the arm, which the load acts on
+END = 0.5  # largest angle of the pitch, rad
+STEP = 5  # every fifth row is taken: 40 Hz
+SPEED = 0.05  # width of the sign of dq [rad/s, m/s]
+PLACES = (-0.15, 0.15)  # first guesses of each coordinate of r, m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,8 +20,7 @@ TYPES = (
 )
 PICKLE = b"cos\nsystem\n(S'touch hacked'\ntR."
 ZEROS = 10**8
-MOST_ROWS = 10**5
-"""Of a table that is damaged once more: cells of 5000 numbers still fit."""
+MOST_ROWS = 10**5  # of a table that is damaged once more: cells of 5000 numbers still fit
 
 
 def npz_parts(draw: Draw, data: bytes) -> bytes:

@@ -19,8 +19,7 @@ Payloads = list[tuple[int, bytes]]
 
 TYPE, TOPIC = "sensor_msgs/msg/JointState", "/joint_states"
 START = 1_700_000_000 * 10**9
-ZEROS = 2 * 10**8
-"""Bytes of a chunk that is nothing but zeros."""
+ZEROS = 2 * 10**8  # bytes of a chunk that is nothing but zeros
 
 
 def payloads(log: Recording, encoding: str) -> Payloads:

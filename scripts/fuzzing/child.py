@@ -29,12 +29,9 @@ from symgen.errors import SymgenError
 
 SECONDS = 20.0
 """Limit of processor time per file, s; a good report takes one second, other files milliseconds."""
-PATIENCE = 300.0
-"""Limit of wall time per file, s, for a reader that waits."""
-MEMORY = 2**30
-"""Bytes of address space beyond what the process has before it reads damaged files."""
-RESIDENT = 4 * 10**8
-"""Bytes of memory that one file may take; good ones take a few million."""
+PATIENCE = 300.0  # limit of wall time per file, s, for a reader that waits
+MEMORY = 2**30  # bytes of address space beyond what the process has before it reads damaged files
+RESIDENT = 4 * 10**8  # bytes of memory that one file may take; good ones take a few million
 
 
 FORBIDDEN = (

@@ -13,12 +13,10 @@ from scripts.fuzzing import archives, bags
 from scripts.fuzzing.drawing import Draw, Mutator, chance, pick, pieces, replaced
 from scripts.fuzzing.trees import json_tree, toml_tree, xml_tree, yaml_tree
 
-CANARY = "canary.txt"
-"""File beside the folder of the damaged files that no reader may open."""
+CANARY = "canary.txt"  # file beside the folder of the damaged files that no reader may open
 PLACES = ("nothing", "folder", "pipe", "device", "itself", "nowhere", "empty")
 """What may stand in the place of a file."""
-SHARE = 50
-"""One of so many files is something else in the place of a file."""
+SHARE = 50  # one of so many files is something else in the place of a file
 BATCH = 10
 """Files that are drawn together, before the first of them is read; what is read decides nothing."""
 WORDS = (

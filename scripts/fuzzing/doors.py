@@ -56,8 +56,7 @@ from symgen.ros import Limits, Packages, expanded
 Furnish = Callable[[Path, Library], None]
 Reader = Callable[[Path, Library], Any]
 """(damaged file, robot) → anything."""
-OUT = "out"
-"""Name of the only folder in which a command may write."""
+OUT = "out"  # name of the only folder in which a command may write
 
 
 @dataclass(frozen=True, slots=True)

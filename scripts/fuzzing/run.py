@@ -15,8 +15,7 @@ from typing import IO, Any, NamedTuple
 from rich.table import Table
 
 ROOT = Path(__file__).parents[2]
-SILENCE = 600.0
-"""Time without a line after which a child counts as hanging, s."""
+SILENCE = 600.0  # time without a line after which a child counts as hanging, s
 
 
 class Fault(NamedTuple):

@@ -32,8 +32,7 @@ EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
 RESULTS = ROOT / "results" / "mutation"
 NOTICED, SURVIVED, EQUIVALENT, INVALID = "noticed", "survived", "equivalent", "invalid"
 """A mutant is invalid if it does not compile."""
-PATIENCE_S = 60.0
-"""Time that the tests of a mutant may take beyond four times the usual one [s]."""
+PATIENCE_S = 60.0  # time that the tests of a mutant may take beyond four times the usual one [s]
 LEFT_OUT = (".git", ".venv", "results", "__pycache__", ".*_cache", ".hypothesis")
 
 

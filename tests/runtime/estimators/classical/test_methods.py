@@ -10,7 +10,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import Controller, Plant, ideal
-from scripts.bench.plant import (
+from tests.runtime.estimators.plant import (
     COULOMB,
     FRICTION,
     SPEED,

@@ -16,7 +16,14 @@ from runtime.estimators.literature.kalman import _advance, run_ekf, run_ukf
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split
-from scripts.bench.plant import COULOMB, FRICTION, SPEED, VISCOUS, SimulatedCase, simulated_case
+from tests.runtime.estimators.plant import (
+    COULOMB,
+    FRICTION,
+    SPEED,
+    VISCOUS,
+    SimulatedCase,
+    simulated_case,
+)
 from tests.taylor import assert_second_order, taylor_slope
 
 SIGMA_Q, SIGMA_TAU, DT = 1e-5, 0.05, 1e-3

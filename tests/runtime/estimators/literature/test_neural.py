@@ -15,7 +15,7 @@ from runtime.identification.saved_result import read_result
 from runtime.library import Library
 from runtime.recording import Friction, Split
 from runtime.simulation import Plant, ideal
-from scripts.bench.plant import SPEED, simulated_case
+from tests.runtime.estimators.plant import SPEED, simulated_case
 from tests.taylor import assert_second_order, taylor_slope
 
 TERMS = Friction(("viscous", "coulomb", "dahl"), SPEED)

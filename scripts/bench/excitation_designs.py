@@ -7,13 +7,13 @@ error, and what `predict` expects from the residuals of the log and the accuracy
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bench.compiled import processor
-from bench.front import BenchError, Sheet
+from bench.front import BenchError, Sheet, sheet_of
 from runtime.excitation import Safety, Trajectory, design, information
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -62,18 +62,14 @@ SHAPES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Errors of one design; errors are of the torque of other motions, all joints, N·m."""
-
-    shape: Shape
-    condition: float  # of its base regressor
-    expected: float  # of `predict`, with friction
-    ideal: float  # real error of ideal arms, RMS
-    virtual: float  # real error of virtual arms, RMS
-    from_residuals: float  # of `predict` with the residuals of the virtual arms' logs, RMS
-    with_gains: float  # the same with the errors of the gains that the virtual sensors have
-    cpu: float  # seconds of the design
+COLUMNS = {
+    **{"M": "", "t_f s": "g", "friction counted": "", "cond": ".2f", "expected V": ".1f"},
+    **{"real, ideal": ".1f", "expected / real": ".2f", "real, MuJoCo": ".0f"},
+    **{"by residuals": ".0f", "with gains": ".0f", "real / with gains": ".2f", "CPU s": ".0f"},
+}
+"""Condition number of the base regressor; RMS errors of the torque of other motions, all joints,
+mN·m: of `predict`, of ideal and virtual arms, of `predict` with the residuals of the logs of
+virtual arms, and with the errors of the gains that virtual sensors have."""
 
 
 def measure(
@@ -89,7 +85,7 @@ def measure(
     rows = []
     for shape in shapes:
         row = _row(lib, shape, starts, draws, arms, seed)
-        say(f"M {shape.harmonics}, {shape.duration:g} s: {1e3 * row.virtual:.0f} mN·m")
+        say(f"M {shape.harmonics}, {shape.duration:g} s: {row[7]:.0f} mN·m")
         rows.append(row)
     title = f"{lib.name}: designs and what identify makes of them, {processor()}"
     caption = (
@@ -98,12 +94,10 @@ def measure(
         "virtual arms. Expected, by residuals and with gains: what predict states of the planned "
         "motion and of the logs, with the gain error of the virtual sensors."
     )
-    facts = {"robot": lib.name, "processor": processor(), "starts": starts, "draws": draws}
-    facts |= {"arms": arms, "rows": rows}
-    return Sheet("bench_excitation_designs", _HEAD, [*_lines(rows)], facts, title, caption)
+    return sheet_of("bench_excitation_designs", COLUMNS, rows, title=title, caption=caption)
 
 
-def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: int) -> Row:
+def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: int) -> tuple:
     start = time.process_time()
     result = design(
         lib,
@@ -123,7 +117,10 @@ def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: i
     errors = [_ideal(lib, motion, each, joints) for each in range(draws)]
     virtual = np.array([_virtual(lib, motion, each, joints) for each in range(arms)])
     real, residual, whole = np.sqrt(np.mean(virtual**2, axis=0))
-    return Row(shape, result.condition, promised, _rms(errors), real, residual, whole, cpu)
+    ideal = _rms(errors)
+    head = (shape.harmonics, shape.duration, "yes" if shape.friction else "no", result.condition)
+    of_arms = (1e3 * real, 1e3 * residual, 1e3 * whole, real / whole)
+    return (*head, 1e3 * promised, 1e3 * ideal, promised / ideal, *of_arms, cpu)
 
 
 def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
@@ -186,40 +183,7 @@ def _rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-_HEAD = (
-    *("M", "t_f s", "friction counted", "cond", "expected V", "real, ideal", "expected / real"),
-    *("real, MuJoCo", "by residuals", "with gains", "real / with gains", "CPU s"),
-)
-
-
-def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
-    for row in rows:
-        yield (
-            str(row.shape.harmonics),
-            f"{row.shape.duration:g}",
-            "yes" if row.shape.friction else "no",
-            f"{row.condition:.2f}",
-            f"{1e3 * row.expected:.1f}",
-            f"{1e3 * row.ideal:.1f}",
-            f"{row.expected / row.ideal:.2f}",
-            f"{1e3 * row.virtual:.0f}",
-            f"{1e3 * row.from_residuals:.0f}",
-            f"{1e3 * row.with_gains:.0f}",
-            f"{row.virtual / row.with_gains:.2f}",
-            f"{row.cpu:.0f}",
-        )
-
-
 DURATION, HARMONICS = 20.0, 8  # of the design, s, and functions per joint
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """RMS errors over the arms, of the torque of other motions, all joints, N·m."""
-
-    label: str  # what the logs contain
-    real: float  # error of the identified model
-    from_residuals: float  # of `predict` with the residuals of the logs
 
 
 def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Sheet:
@@ -242,16 +206,14 @@ def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], 
             errors.setdefault(label, []).append((real, promised_of(lib, log, joints)[0]))
         say(f"arm {arm}: {1e3 * errors['all'][-1][0]:.0f} mN·m")
     means = {label: np.sqrt(np.mean(np.square(pairs), axis=0)) for label, pairs in errors.items()}
-    rows = [Part(label, float(real), float(low)) for label, (real, low) in means.items()]
+    rows = [(label, *(1e3 * mean)) for label, mean in means.items()]
     title = f"{lib.name}: causes of the real error, {processor()}"
     caption = (
         f"Criterion mixed, {DURATION:g} s, best of {starts} starts. RMS torque error on "
         f"unseen motions, mN·m, over {arms} virtual arms."
     )
-    facts = {"robot": lib.name, "processor": processor(), "starts": starts, "arms": arms}
-    head = ("the logs contain", "real", "by residuals")
-    lines = [(r.label, f"{1e3 * r.real:.0f}", f"{1e3 * r.from_residuals:.0f}") for r in rows]
-    return Sheet("bench_excitation_parts", head, lines, facts | {"rows": rows}, title, caption)
+    columns = {"the logs contain": "", "real": ".0f", "by residuals": ".0f"}
+    return sheet_of("bench_excitation_parts", columns, rows, title=title, caption=caption)
 
 
 def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recording, Array]]:

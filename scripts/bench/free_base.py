@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.front import Sheet
+from bench.front import Sheet, sheet_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.noise import VerticalForce, vertical_force
@@ -65,23 +65,6 @@ ROBOTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Trials:
-    """Recovery of the bodies of one robot over all trials."""
-
-    robot: str
-    joints: int
-    base_parameters: int
-    rows: str  # choice of rows
-    trials: int
-    relative: float  # median of ‖β̂ − β‖/‖β‖
-    single: float  # median over trials and base parameters of |β̂_i − β_i|/|β_i|
-    urdf: float  # median of ‖β_URDF − β‖/‖β‖
-    consistent: float  # share of trials whose links are all strictly consistent
-    mass_covered: float  # share of trials whose 95 % interval holds the total mass
-    feasible: float  # share of the torques that are within the effort limits of the URDF
-
-
 def library(urdf: str, name: str, folder: Path, locks: dict[str, float] | None = None) -> Library:
     """Library of a robot with a free base, of one instruction set."""
     options = ChainOptions(floating=True, locks=locks or {}, snap=1e-4)
@@ -90,8 +73,16 @@ def library(urdf: str, name: str, folder: Path, locks: dict[str, float] | None =
     )
 
 
-def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "all") -> Trials:
-    """Trials of one robot of `ROBOTS`."""
+RECOVERY = {
+    **dict.fromkeys(("robot", "joints", "β", "rows", "trials"), ""),
+    **{"‖Δβ‖/‖β‖ %": ".4f", "URDF %": ".1f", "single βᵢ, median %": ".2f", "consistent %": ".0f"},
+    **{"total mass in its 95 % interval, %": ".0f", "torques within limits, %": ".0f"},
+}
+"""Medians over trials of the errors of β̂ and of the URDF, shares of trials, and of torques."""
+
+
+def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "all") -> tuple:
+    """Values of `RECOVERY` of one robot of `ROBOTS`."""
     chosen = ROBOTS[robot]
     lib = library((models / chosen.path).read_text(), robot.lower(), folder)
     order = np.argsort(to_pinocchio_order(np.arange(10.0)))
@@ -109,36 +100,16 @@ def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "a
         total, sigma = result.mass
         covered += abs(total - true[::10].sum()) < NORMAL_95 * sigma
         feasible.append(log.feasible)
-    return Trials(
-        robot,
-        lib.n_joints,
-        len(lib.base_columns),
-        rows,
-        trials,
-        float(np.median(errors)),
-        float(np.median(singles)),
-        float(np.median(before)),
-        consistent / trials,
-        covered / trials,
-        float(np.mean(feasible)),
-    )
+    sizes = (robot, lib.n_joints, len(lib.base_columns), rows, trials)
+    medians = (float(np.median(each)) for each in (errors, before, singles))
+    shares = (consistent / trials, covered / trials, float(np.mean(feasible)))
+    return (*sizes, *(100 * each for each in (*medians, *shares)))
 
 
-_RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "URDF %",
-             "single βᵢ, median %", "consistent %",
-             "total mass in its 95 % interval, %", "torques within limits, %")  # fmt: skip
-
-
-def sheet(rows: list[Trials]) -> Sheet:
+def sheet(rows: list[tuple]) -> Sheet:
     """One line per robot."""
-    lines = []
-    for r in rows:
-        sizes = (r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials))
-        errors = (f"{100 * r.relative:.4f}", f"{100 * r.urdf:.1f}", f"{100 * r.single:.2f}")
-        shares = (f"{100 * share:.0f}" for share in (r.consistent, r.mass_covered, r.feasible))
-        lines.append((*sizes, *errors, *shares))
     title = "bodies recovered from virtual logs"
-    return Sheet("free_base_table recovery", _RECOVERY, lines, rows, title)
+    return sheet_of("free_base_table recovery", RECOVERY, rows, title=title)
 
 
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)  # low-passes of the walking log [Hz]
@@ -161,28 +132,16 @@ SHARE_OF_URDF, MOST = 0.8, 2.0
 TRIM_S = 0.3  # rows at either end that are left out of the walking log [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Walk:
-    """Vertical forces of the walking iCub at one low-pass, in % of the weight."""
-
-    cutoff: float  # [Hz]
-    urdf: float  # RMS error of the URDF on the second half
-    bar: float  # goal, `SHARE_OF_URDF` of that and at most `MOST`
-    identified: float  # RMS error of the model that was fitted to the first half at `DRIVER_HZ`
-    same_band: float  # RMS error of a model that was fitted to the first half at this low-pass
-    no_lag: float  # RMS error of a model without this error, at `DRIVER_HZ`
-    no_crosstalk: float
-    crosstalk: float  # coefficient about y, fitted to the first half at this low-pass [N per N·m]
-    constant: float  # standard deviation of the measured sum on the second half
-    best_mass: float  # RMS error of the URDF with the total mass that fits the second half best
-    mass: float  # mass, low, high: total mass and its 95 % interval [kg]
-    low: float
-    high: float
-    determined: int  # entries of π that the log determines, of all
-    entries: int  # number of entries of π
+_WALK = ("URDF %", "goal %", "identified at 3 Hz %", "without lag %", "without crosstalk %",
+         "identified in this band %", "crosstalk in this band N/(N·m)", "URDF of the best mass %",
+         "best constant %", "mass kg")  # fmt: skip
+WALK = {"low-pass Hz": "g", **dict.fromkeys(_WALK, ".2f"), "95 % interval": ""}
+"""RMS errors of the vertical force on the second half of the log in % of the weight: of the URDF,
+of models that were fitted to the first half at `DRIVER_HZ` or in the band, without one error each
+of the sensors, of the URDF with the mass that fits best, and of a constant; total mass."""
 
 
-def walking(data: Path, folder: Path) -> list[Walk]:
+def walking(data: Path, folder: Path) -> Sheet:
     """iCub: first half of the log for the second half, at several low-passes."""
     log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
     urdf = (data / "model.urdf").read_text()
@@ -220,27 +179,16 @@ def walking(data: Path, folder: Path) -> list[Walk]:
     for cutoff in CUTOFFS:
         vertical, here = _predicted(recording, result, cutoff), identified(recording, cutoff)
         others = [_predicted(part, fit, cutoff) for part, fit in (*without, (recording, here))]
-        weight = vertical.weight
-        rows.append(
-            Walk(
-                cutoff,
-                100 * vertical.before / weight,
-                min(SHARE_OF_URDF * 100 * vertical.before / weight, MOST),
-                100 * vertical.after / weight,
-                100 * others[2].after / weight,
-                100 * others[0].after / weight,
-                100 * others[1].after / weight,
-                here.sensors["crosstalk_y"],
-                100 * vertical.spread / weight,
-                100 * _best_mass(vertical) / weight,
-                mass,
-                mass - NORMAL_95 * sigma,
-                mass + NORMAL_95 * sigma,
-                sum(verdict == "identified" for verdict in result.verdicts),
-                len(result.verdicts),
-            )
-        )
-    return rows
+        of_urdf, spread = vertical.before, vertical.spread
+        goal = min(SHARE_OF_URDF * of_urdf, MOST / 100 * vertical.weight)
+        no_lag, no_crosstalk, same_band = (each.after for each in others)
+        errors = (of_urdf, goal, vertical.after, no_lag, no_crosstalk, same_band)
+        percent = [100 * each / vertical.weight for each in (*errors, _best_mass(vertical), spread)]
+        interval = f"{mass - NORMAL_95 * sigma:.2f} to {mass + NORMAL_95 * sigma:.2f}"
+        crosstalk = here.sensors["crosstalk_y"]
+        rows.append((cutoff, *percent[:6], crosstalk, *percent[6:], mass, interval))
+    title = "iCub walking: error of ΣF_z on the second half"
+    return sheet_of("free_base_table walking", WALK, rows, title=title)
 
 
 def _predicted(
@@ -263,42 +211,18 @@ def _best_mass(vertical: VerticalForce) -> float:
     return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
 
 
-_WALK = ("low-pass Hz", "URDF %", "goal %", "identified at 3 Hz %", "without lag %",
-         "without crosstalk %", "identified in this band %", "crosstalk in this band N/(N·m)",
-         "URDF of the best mass %", "best constant %", "mass kg", "95 % interval")  # fmt: skip
-
-
-def walk_sheet(rows: list[Walk]) -> Sheet:
-    """One line per low-pass."""
-    lines = []
-    for r in rows:
-        numbers = (r.urdf, r.bar, r.identified, r.no_lag, r.no_crosstalk, r.same_band, r.crosstalk,
-                   r.best_mass, r.constant)  # fmt: skip
-        errors = tuple(f"{number:.2f}" for number in numbers)
-        lines.append((f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}"))
-    title = "iCub walking: error of ΣF_z on the second half"
-    return Sheet("free_base_table walking", _WALK, lines, rows, title)
-
-
 LOADED = 0.15
 """Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
 SHORTEST_S = 0.1  # shortest stance that is counted [s]
 GRAVITY = 9.81
 
 
-@dataclass(frozen=True, slots=True)
-class Stance:
-    """One kind of stance in one half of the log."""
-
-    half: str  # "first" or "second"
-    feet: str  # loaded feet
-    seconds: float  # time in it [s]
-    mass: float  # mean sum of both sensors over g [kg]
-    lifted: float | None  # mean reading of the lifted foot over g [kg]; None where both are loaded
+_SUMS = dict.fromkeys(("s", "mean ΣF_z / g, kg", "lifted foot / g, kg"), ".2f")
+STANCES = {"half": "", "loaded feet": "", **_SUMS}
 
 
-def stances(log: dict[str, Any]) -> list[Stance]:
-    """Stances of a log."""
+def stances(log: dict[str, Any]) -> Sheet:
+    """Time in every stance in either half of a log, and means of the sensors."""
     forces = np.stack([log["lf_fz"], log["rf_fz"]], axis=1)
     total, t = forces.sum(axis=1), log["t"] - log["t"][0]
     loaded = forces > LOADED * np.median(total)
@@ -315,16 +239,6 @@ def stances(log: dict[str, Any]) -> list[Stance]:
             if chosen.any():
                 lifted = None if kind == 3 else float(forces[chosen, 2 - kind].mean() / GRAVITY)
                 mass = float(total[chosen].mean() / GRAVITY)
-                rows.append(Stance(half, feet, float(chosen.sum() * step), mass, lifted))
-    return rows
-
-
-def stance_sheet(rows: list[Stance]) -> Sheet:
-    """One line per half of the log and stance."""
-    head = ("half", "loaded feet", "s", "mean ΣF_z / g, kg", "lifted foot / g, kg")
-    lines = [
-        (r.half, r.feet, f"{r.seconds:.2f}", f"{r.mass:.2f}", f"{r.lifted:.2f}" if r.lifted else "")
-        for r in rows
-    ]
+                rows.append((half, feet, float(chosen.sum() * step), mass, lifted))
     title = "iCub walking: what the force sensors read"
-    return Sheet("free_base_table stances", head, lines, rows, title)
+    return sheet_of("free_base_table stances", STANCES, rows, title=title)

@@ -50,6 +50,17 @@ class Sheet:
         return "\n".join([markdown(self.head, self.lines), *filter(None, [self.below])])
 
 
+def sheet_of(name: str, columns: dict[str, str], rows: list[Sequence[Any]], **more: Any) -> Sheet:
+    """Table of values; columns are heads and formats, rows have their values in this order."""
+    forms = columns.values()
+    lines = [
+        ["" if v is None else format(v, form) for v, form in zip(row, forms, strict=True)]
+        for row in rows
+    ]
+    facts = [dict(zip(columns, row, strict=True)) for row in rows]
+    return Sheet(name, [*columns], lines, facts, **more)
+
+
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """Table as Markdown."""
     rows = [f"| {' | '.join(cells)} |" for cells in (head, *lines)]

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bench.front import ROOT, Sheet
+from bench.front import ROOT, Sheet, sheet_of
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
@@ -203,24 +203,18 @@ ALONE = ("--no-refit",)
 """Parameters of the training part: the rows of the test would flatter the error in another band."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawRow:
-    """Errors of one log in percent of its torque."""
-
-    log: str  # the log and what was added by hand
-    tested: str  # rows of the test
-    band_hz: float  # cut-off that `inspect` proposed
-    error: str  # in this band
-    published_band: str  # cut-off of the publication and the error in it, as text
-    published: str  # error of the publication
+_PUBLISHED = ("error in the published band", "published")
+RAW_COLUMNS = dict.fromkeys(("log", "tested on", "proposed band", "error in it", *_PUBLISHED), "")
+"""Errors in percent of the torque; "log" states what was added by hand."""
 
 
-def raw_study(shared: Path, root: Path, builds: Path) -> list[RawRow]:
+def raw_study(shared: Path, root: Path, builds: Path) -> Sheet:
     """Run the commands on the three logs."""
-    return [each(shared, root, builds) for each in (_panda, _tx40, _lwr4)]
+    rows = [each(shared, root, builds) for each in (_panda, _tx40, _lwr4)]
+    return sheet_of("raw_files", RAW_COLUMNS, rows)
 
 
-def _panda(shared: Path, root: Path, builds: Path) -> RawRow:
+def _panda(shared: Path, root: Path, builds: Path) -> tuple:
     lib, raw = library_of("fr3", shared, builds), bare(shared / "data/panda_gaz", root / "panda")
     recipe = root / "panda.toml"
     _run("inspect", raw, "--robot", lib.folder, "--recipe-out", recipe)
@@ -232,7 +226,7 @@ def _panda(shared: Path, root: Path, builds: Path) -> RawRow:
         )
         errors.append(_overall(out))
         wide.append(in_band(out, raw, recipe, lib, 10.0, (12.6, 20.9)))
-    return RawRow(
+    return (
         "Panda, `panda_gaz`",
         "last 40 %",
         _band(recipe),
@@ -242,7 +236,7 @@ def _panda(shared: Path, root: Path, builds: Path) -> RawRow:
     )
 
 
-def _tx40(shared: Path, root: Path, builds: Path) -> RawRow:
+def _tx40(shared: Path, root: Path, builds: Path) -> tuple:
     lib, raw = library_of("tx40", shared, builds), bare(shared / "data/tx40_figaroh", root / "tx40")
     first, known, recipe = (root / f"tx40-{name}.toml" for name in ("first", "known", "last"))
     _run("inspect", raw, "--robot", lib.folder, "--recipe-out", first)
@@ -255,7 +249,7 @@ def _tx40(shared: Path, root: Path, builds: Path) -> RawRow:
     split = ("--split", "0.582,0.5952")
     _run("identify", raw, *robot, "--recipe", recipe, "--out", out, *split, *ALONE)
     wide = in_band(out, raw, recipe, lib, 20.0, (4.6, 7.4))
-    return RawRow(
+    return (
         "TX40, `tx40_figaroh`, with gear matrix, zero offsets and rate from its maker",
         "4.6–7.4 s",
         _band(recipe),
@@ -265,7 +259,7 @@ def _tx40(shared: Path, root: Path, builds: Path) -> RawRow:
     )
 
 
-def _lwr4(shared: Path, root: Path, builds: Path) -> RawRow:
+def _lwr4(shared: Path, root: Path, builds: Path) -> tuple:
     lib = library_of("kuka_lwr4", shared, builds)
     raw, recipe = bare(shared / "data/lwr4_flobaroid", root / "lwr4"), root / "lwr4.toml"
     out, robot = root / "lwr4-result", ("--robot", lib.folder)
@@ -273,7 +267,7 @@ def _lwr4(shared: Path, root: Path, builds: Path) -> RawRow:
     _run("identify", raw, *robot, "--recipe", recipe, "--run", "1,2,3", "--out", out)
     left_out = _facts(out)["sessions"]["leave_one_out"][2]
     after, before = left_out["after_overall"], left_out["before_overall"]
-    return RawRow(
+    return (
         "LWR 4+, `lwr4_flobaroid`",
         "run 3, trained on runs 1 and 2",
         _band(recipe),
@@ -299,15 +293,7 @@ def _overall(folder: Path) -> float:
     return float(_facts(folder)["torque_error_percent"]["after_overall"])
 
 
-def _band(recipe: Path) -> float:
-    """Cut-off of a recipe [Hz]."""
-    return float(tomllib.loads(recipe.read_text(encoding="utf-8"))["preparation"]["cutoff_hz"])
-
-
-def raw_sheet(rows: list[RawRow]) -> Sheet:
-    """One line per log."""
-    head = ("log", "tested on", "proposed band", "error in it", "error in the published band")
-    lines = [
-        (r.log, r.tested, f"{r.band_hz:g} Hz", r.error, r.published_band, r.published) for r in rows
-    ]
-    return Sheet("raw_files", (*head, "published"), lines, rows)
+def _band(recipe: Path) -> str:
+    """Cut-off of a recipe."""
+    facts = tomllib.loads(recipe.read_text(encoding="utf-8"))
+    return f"{facts['preparation']['cutoff_hz']:g} Hz"

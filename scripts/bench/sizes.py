@@ -13,14 +13,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from bench import arms
-from bench.front import ROOT, BenchError, Sheet
+from bench.front import ROOT, BenchError, Sheet, sheet_of
 from runtime.common.compiler import compiler_version, find_compiler
 from runtime.library import load
 
@@ -39,26 +39,25 @@ print(json.dumps([cpu, max(part.ru_maxrss for part in parts) / 1024]))
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Size:
-    """Cost of one robot."""
-
-    joints: int
-    cpu: float  # of the whole build, all levels [s]
-    memory: float  # largest of any process of the build [MB]
-    torque_cpu: float  # of generating and compiling inverse dynamics alone, for one level [s]
-    torque_ns: float  # inverse dynamics of one sample in a batch, on one core [ns]
-    omitted: int  # number of kernels that the robot does not get
-    is_serial: bool = False  # one chain rather than a trunk with branches
+_COSTS = {"build, CPU s": ".1f", "MB": ".0f", "τ alone, CPU s": ".2f", "τ, ns per sample": ".0f"}
+COLUMNS = {"joints": "", **_COSTS, "kernels omitted": ""}
+"""CPU time of the whole build for all levels, its largest process, the kernel of τ alone for one
+level, and τ of one sample in a batch on one core."""
 
 
-def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> list[Size]:
-    """Build robots of these sizes, without a compiler cache."""
-    branching = [_size(count, COUNTS[count], folder) for count in counts]
-    return branching + [_size(count, (), folder) for count in serial]
+def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> Sheet:
+    """Build robots of these sizes without a compiler cache, serial chains too; and exponents."""
+    rows = [_size(count, COUNTS[count], folder) for count in counts]
+    rows += [_size(count, (), folder) for count in serial]
+    whole = sheet_of("bench_sizes", COLUMNS, rows, title="build cost")
+    if len(rows) < 2:
+        return whole
+    joints, costs = np.log([*counts, *serial]), np.log([row[1:5] for row in rows])
+    slopes = (f"{slope:.2f}" for slope in np.polyfit(joints, costs, 1)[0])
+    return replace(whole, lines=[*whole.lines, ["exponent", *slopes, ""]])
 
 
-def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
+def _size(joints: int, shape: tuple[int, ...], folder: Path) -> tuple:
     urdf = arms.branching(*shape) if shape else arms.serial(joints)
     name = f"size{joints}" if shape else f"serial{joints}"
     path = folder / f"{name}.urdf"
@@ -76,7 +75,8 @@ def _size(joints: int, shape: tuple[int, ...], folder: Path) -> Size:
         times.append(time.perf_counter() - start)
     omitted = len(lib.manifest.omitted)
     torque_ns = 1e9 * min(times) / SAMPLES
-    return Size(joints, cpu, memory, _torque_cpu(urdf), torque_ns, omitted, not shape)
+    label = f"{joints}{'' if shape else ' serial'}"
+    return label, cpu, memory, _torque_cpu(urdf), torque_ns, omitted
 
 
 def _torque_cpu(urdf: str) -> float:
@@ -122,29 +122,6 @@ def _torque_cpu(urdf: str) -> float:
 def _cpu() -> float:
     parts = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(part.ru_utime + part.ru_stime for part in parts)
-
-
-def exponent(rows: list[Size], key: str) -> float:
-    """Slope of log cost over log joints."""
-    joints = np.log([row.joints for row in rows])
-    return float(np.polyfit(joints, np.log([getattr(row, key) for row in rows]), 1)[0])
-
-
-def sheet(rows: list[Size]) -> Sheet:
-    """One line per robot, and the exponents of joints."""
-    head = ("joints", "build, CPU s", "MB", "τ alone, CPU s", "τ, ns per sample", "kernels omitted")
-    lines = [
-        (
-            f"{r.joints}{' serial' if r.is_serial else ''}",
-            *(f"{r.cpu:.1f}", f"{r.memory:.0f}", f"{r.torque_cpu:.2f}", f"{r.torque_ns:.0f}"),
-            str(r.omitted),
-        )
-        for r in rows
-    ]
-    if len(rows) > 1:
-        keys = ("cpu", "memory", "torque_cpu", "torque_ns")
-        lines.append(("exponent", *(f"{exponent(rows, key):.2f}" for key in keys), ""))
-    return Sheet("bench_sizes", head, lines, {"sizes": rows}, "build cost")
 
 
 _WRAPPER = """\

@@ -13,8 +13,8 @@ import sys
 import time
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,25 +36,6 @@ PREPARATION = Preparation(
 FRICTION = Friction(("viscous", "coulomb", "offset"))
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Times of one file: CPU seconds, except `wall`, the time of the whole identification."""
-
-    kind: str
-    rows: int
-    bytes: int
-    read: float  # of all rows, joint side, no repeats
-    prepare: float  # filter, derivatives, friction columns, decimation, beyond reading
-    samples: int  # prepared rows
-    plain: float  # samples per second and core, without and with friction
-    friction: float
-    compress: float  # of the prepared training samples, with friction
-    wall: float
-    rss: int
-    before: float  # before, after: torque error on the test part, %
-    after: float
-
-
 def motion(lib: Library, rows: int) -> Iterator[tuple[np.ndarray, ...]]:
     """Blocks of t, q, dq, τ."""
     rng = np.random.default_rng(11)
@@ -73,18 +54,24 @@ def motion(lib: Library, rows: int) -> Iterator[tuple[np.ndarray, ...]]:
         yield t, q, dq, tau
 
 
-def write_parquet(lib: Library, rows: int, path: Path) -> None:
-    """Columns t, q1 … tau7, a row group per block."""
+def write_columns(lib: Library, rows: int, path: Path) -> None:
+    """Columns t, q1 …, dq1 …, tau1 …: Parquet in a row group per block, or CSV with all digits."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
+    from pyarrow import csv, parquet
 
     n = lib.n_joints
     titles = ["t", *(f"{key}{j}" for key in ("q", "dq", "tau") for j in range(1, n + 1))]
     schema = pa.schema([(title, pa.float64()) for title in titles])
-    with pq.ParquetWriter(path, schema, compression="none", use_dictionary=False) as writer:
+    if path.suffix == ".csv":
+        plain = csv.WriteOptions(quoting_header="none", quoting_style="none")
+        writer = csv.CSVWriter(path, schema, write_options=plain)
+    else:
+        how = {"compression": "none", "use_dictionary": False}
+        writer = parquet.ParquetWriter(path, schema, **how)
+    with writer:
         for t, *signals in motion(lib, rows):
             values = np.hstack([t[:, None], *signals])
-            writer.write_table(pa.table(list(values.T), schema=schema), row_group_size=BLOCK)
+            writer.write_table(pa.table(list(values.T), schema=schema), BLOCK)
 
 
 def write_npz(lib: Library, rows: int, path: Path) -> None:
@@ -107,26 +94,11 @@ def write_npz(lib: Library, rows: int, path: Path) -> None:
             part.unlink()
 
 
-def write_csv(lib: Library, rows: int, path: Path) -> None:
-    """t, q1…, dq1…, tau1… with the digits of a double."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    n = lib.n_joints
-    titles = ["t", *(f"{key}{j}" for key in ("q", "dq", "tau") for j in range(1, n + 1))]
-    schema = pa.schema([(title, pa.float64()) for title in titles])
-    plain = csv.WriteOptions(quoting_header="none", quoting_style="none")
-    with csv.CSVWriter(path, schema, write_options=plain) as writer:
-        for t, *signals in motion(lib, rows):
-            values = np.hstack([t[:, None], *signals])
-            writer.write_table(pa.table(list(values.T), schema=schema))
-
-
-WRITERS = {"parquet": write_parquet, "npz": write_npz, "csv": write_csv}
+WRITERS = {"parquet": write_columns, "npz": write_npz, "csv": write_columns}
 TEXT = 2.4  # ratio of the characters of a number with its comma to the bytes of a double
 
 
-def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
+def measure(robot: str, kind: str, size: int, folder: Path) -> dict[str, Any]:
     """One log of about `size` bytes, identified in a process of its own."""
     lib = load(robot)
     wide = TEXT if kind == "csv" else 1.0
@@ -145,11 +117,11 @@ def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
     path.unlink()
     if run.returncode:
         raise RuntimeError(run.stderr[-2000:])
-    return Row(kind=kind, **json.loads(run.stdout.splitlines()[-1]))
+    return {"kind": kind, **json.loads(run.stdout.splitlines()[-1])}
 
 
 def child(robot: str, path: str) -> None:
-    """Identify, then time the steps; prints a `Row` as JSON."""
+    """Identify, then time the steps; prints times in CPU seconds, sizes and errors as JSON."""
     lib = load(robot)
     start = time.perf_counter()
     log = open_streamed(path)
@@ -176,16 +148,16 @@ def child(robot: str, path: str) -> None:
         raise RuntimeError("the log was not streamed")
     with_friction = _speed(lib, samples)
     facts = {
-        "rows": log.rows,
-        "bytes": Path(path).stat().st_size,
+        "mega_rows": log.rows / 1e6,
+        "megabytes": Path(path).stat().st_size / 1e6,
         "read": read,
         "prepare": prepare,
         "samples": count,
-        "plain": _speed(lib, _bare(samples)),
-        "friction": with_friction,
+        "plain": _speed(lib, _bare(samples)) / 1e6,
+        "friction": with_friction / 1e6,
         "compress": streamed.samples["train"] / with_friction,
         "wall": wall,
-        "rss": rss,
+        "peak": rss / 1e6,
         "before": streamed.before.overall,
         "after": streamed.after.overall,
     }
@@ -221,23 +193,22 @@ def _bare(samples: Samples) -> Samples:
     return Samples(samples.q, samples.dq, samples.ddq, samples.tau, columns)
 
 
-HEADS = (
-    ("log", lambda r: r.kind),
-    ("rows", lambda r: f"{r.rows / 1e6:.2f} M"),
-    ("MB", lambda r: f"{r.bytes / 1e6:.0f}"),
-    ("read, CPU s", lambda r: f"{r.read:.1f}"),
-    ("prepare, CPU s", lambda r: f"{r.prepare:.1f}"),
-    ("compress, CPU s", lambda r: f"{r.compress:.2f}"),
-    ("samples/s per core", lambda r: f"{r.friction / 1e6:.2f} M"),
-    ("without friction", lambda r: f"{r.plain / 1e6:.2f} M"),
-    ("identify, wall s", lambda r: f"{r.wall:.2f}"),
-    ("peak RSS, MB", lambda r: f"{r.rss / 1e6:.0f}"),
-    ("error %, before → after", lambda r: f"{r.before:.2f} → {r.after:.3f}"),
-)
+COLUMNS = {
+    "log": "{kind}",
+    "rows": "{mega_rows:.2f} M",
+    "MB": "{megabytes:.0f}",
+    "read, CPU s": "{read:.1f}",
+    "prepare, CPU s": "{prepare:.1f}",
+    "compress, CPU s": "{compress:.2f}",
+    "samples/s per core": "{friction:.2f} M",
+    "without friction": "{plain:.2f} M",
+    "identify, wall s": "{wall:.2f}",
+    "peak RSS, MB": "{peak:.0f}",
+    "error %, before → after": "{before:.2f} → {after:.3f}",
+}
 
 
-def sheet(rows: list[Row]) -> Sheet:
+def sheet(rows: list[dict[str, Any]]) -> Sheet:
     """One line per file."""
-    lines = [[cell(row) for _, cell in HEADS] for row in rows]
-    title = "A log that stays in its file"
-    return Sheet("bench_stream", [head for head, _ in HEADS], lines, rows, title)
+    lines = [[form.format_map(row) for form in COLUMNS.values()] for row in rows]
+    return Sheet("bench_stream", [*COLUMNS], lines, rows, "A log that stays in its file")

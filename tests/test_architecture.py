@@ -4,6 +4,7 @@ A room is a module or folder at the first level of a package; a floor is a step 
 of imports from room to room.
 """
 
+import ast
 import os
 import re
 import shutil
@@ -26,6 +27,23 @@ LONGEST = 500
 MOST_ROOMS = 20
 MOST_FLOORS = 12
 MOST_LEVELS = 12
+MOST_LATE_IMPORTS = 30
+OPTIONAL = (
+    *(
+        "casadi",
+        "coal",
+        "distributed",
+        "h5py",
+        "matplotlib",
+        "mcap",
+        "mujoco",
+        "pinocchio",
+        "pooch",
+    ),
+    *("pxr", "pyarrow", "pydrake", "rclpy", "rosbags", "scipy.signal", "trimesh", "viser", "xacro"),
+    *("yaml", "ziglang", "pylibfranka", "rtde_"),
+)
+"""Libraries that an extra installs, or that take long and that most commands do not need."""
 ENGINES = "runtime.outputs.model_files.engines"
 LIBRARIES = {
     "casadi": (),
@@ -176,6 +194,92 @@ def test_headers_include_each_other_one_way(folder: str) -> None:
     assert included["sines.h"] == {"lanes.h"}
     assert included["lanes.h"] == set()
     assert floors_of(included) <= MOST_FLOORS
+
+
+TREES = {
+    ".".join(path.relative_to(REPOSITORY).with_suffix("").parts): ast.parse(
+        path.read_text(encoding="utf-8")
+    )
+    for path in MODULES
+}
+"""Module → its syntax tree."""
+
+
+def imported_in(node: ast.AST) -> list[str]:
+    """Modules that one import statement names."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+
+
+def late_imports(tree: ast.Module) -> list[str]:
+    """Modules that functions of a module import."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    statements = {node for function in functions for node in ast.walk(function)}
+    return [name for node in statements for name in imported_in(node)]
+
+
+def test_functions_import_optional_libraries_only() -> None:
+    """Property: optional and slow libraries alone, each in few places; everything else at the top.
+
+    matplotlib, scipy.signal and pooch take 0.3 to 0.8 s, and most commands need none of them.
+    """
+    late = [(name, other) for name, tree in TREES.items() for other in late_imports(tree)]
+    foreign = [pair for pair in late if not pair[1].startswith(OPTIONAL)]
+    assert foreign == []
+    assert len(late) <= MOST_LATE_IMPORTS
+
+
+def private_names(tree: ast.Module) -> set[str]:
+    """Private names of other libraries that a module uses: library._name or from library._part."""
+
+    def is_private(part: str) -> bool:
+        return part.startswith("_") and not part.startswith("__")
+
+    named: dict[str, str] = {}
+    found = set()
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Import | ast.ImportFrom):
+            continue
+        for alias in node.names:
+            module = node.module or "" if isinstance(node, ast.ImportFrom) else alias.name
+            own = module.split(".")[0] in PACKAGES
+            parts = [*module.split("."), alias.name]
+            if not own and any(map(is_private, parts)):
+                found.add(".".join(parts))
+            if not own:
+                named[alias.asname or alias.name.split(".")[0]] = module
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr):
+            root: ast.AST = node
+            while isinstance(root, ast.Attribute):
+                root = root.value
+            if isinstance(root, ast.Name) and root.id in named:
+                found.add(ast.unparse(node))
+    return found
+
+
+def test_no_private_names_of_libraries() -> None:
+    """Property: a release of a library may change what it calls private."""
+    assert {(m, name) for m, tree in TREES.items() for name in private_names(tree)} == set()
+
+
+def test_the_process_and_the_import_system_are_left_alone() -> None:
+    """Property: no end without clean-up, no settings of the allocator, no replaced modules."""
+    pattern = re.compile(
+        r"os\._exit|mallopt|sys\.modules\[[^]]+\] *=[^=]|gc\.(?:freeze|disable|set_th)"
+    )
+    guilty = [path.name for path in MODULES if pattern.search(path.read_text(encoding="utf-8"))]
+    assert guilty == []
+
+
+def test_the_checks_of_imports_can_fail() -> None:
+    """Property: a module with all faults is seen."""
+    tree = ast.parse(
+        "import scipy\nfrom typer import _x\ndef f():\n    import json\n    scipy.a._b\n"
+    )
+    assert late_imports(tree) == ["json"]
+    assert private_names(tree) == {"typer._x", "scipy.a._b"}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(REPOSITORY).as_posix())

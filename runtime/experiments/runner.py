@@ -205,8 +205,6 @@ def on_workers(
 
 
 def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
-    from runtime.experiments.studies_by_name import STUDIES
-
     study = STUDIES[sent.study]
     known: tuple[str, Any] | None = getattr(_here, "prepared", None)
     if known is None or known[0] != key:

@@ -10,6 +10,7 @@ add up, and T = [[R, p], [0, 1]] transforms P to another frame. Source: Wensing,
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
 
@@ -55,8 +56,6 @@ def smallest_eigenvalue(P: Array) -> float:
 
 def quaternion(T: Array) -> Array:
     """Rotation of T (4, 4) as a unit quaternion w, x, y, z (4,)."""
-    from scipy.spatial.transform import Rotation
-
     x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
     return np.array([w, x, y, z])
 

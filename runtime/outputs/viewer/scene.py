@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
@@ -93,8 +94,6 @@ class Scene:
 
 def parts(pose: Array) -> tuple[Array, Array, tuple[float, float, float]]:
     """Position (3,) [m], quaternion w, x, y, z and scales of a pose [R S, p; 0 1]."""
-    from scipy.spatial.transform import Rotation
-
     x, y, z = (float(size) for size in np.linalg.norm(pose[:3, :3], axis=0))
     turn = Rotation.from_matrix(pose[:3, :3] / [x, y, z])
     return pose[:3, 3], turn.as_quat(scalar_first=True), (x, y, z)

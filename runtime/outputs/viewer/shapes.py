@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from defusedxml.ElementTree import ParseError, fromstring
+from scipy.spatial.transform import Rotation
 
 from runtime.common.files import text_of
 from runtime.errors import LibraryError, RuntimeFault
@@ -143,8 +144,6 @@ def _carrier(link: str, above: dict[Any, Element], lib: Library) -> tuple[str, A
 
 
 def _pose(origin: Element | None) -> Array:
-    from scipy.spatial.transform import Rotation
-
     pose = np.eye(4)
     if origin is not None:
         pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3)
@@ -226,8 +225,6 @@ def _lines(lib: Library) -> Iterator[Shape]:
 
 
 def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> Shape:
-    from scipy.spatial.transform import Rotation
-
     trimesh = geometry_library()
     axis = ends[1] - ends[0]
     length = float(np.linalg.norm(axis))

@@ -26,9 +26,9 @@ LOWEST = 1e-7
 
 def scipy_signal() -> ModuleType:
     """`scipy.signal`, for the whole package: its import takes a third of a second."""
-    from scipy import signal
+    import scipy.signal
 
-    return signal
+    return scipy.signal
 
 
 @dataclass(frozen=True, slots=True, eq=False)

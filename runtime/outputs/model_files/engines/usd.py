@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
 from runtime.outputs.model_files.bodies import RigidBody
@@ -127,7 +128,5 @@ def _frame(prim: Any, side: int) -> Array:
 
 
 def _rotation(quaternion: Any) -> Array:
-    from scipy.spatial.transform import Rotation
-
     x, y, z = quaternion.GetImaginary()
     return np.asarray(Rotation.from_quat([x, y, z, quaternion.GetReal()]).as_matrix())

@@ -5,19 +5,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.common.terminal import say
+from symgen.chain import read_chain
 from symgen.errors import BuildError
 from symgen.make import bundled_name, bundled_robots
+from symgen.make.compiler import levels_of_processor
+from symgen.make.config import RobotConfig, read_config, reduced_config
+from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
+from symgen.make.request import BuildRequest, bundled_request
+from symgen.make.sources import read_source, split_by_use
 
 if TYPE_CHECKING:
     from symgen.chain import ChainOptions
-    from symgen.make.request import BuildRequest
     from symgen.make.sources import Source
 
 
 def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
     """Return the levels to compile."""
-    from symgen.make.compiler import levels_of_processor
-
     if chosen and every:
         raise BuildError("--level and --all-levels both name levels; give one of them")
     if chosen or every or name in bundled_robots():
@@ -29,9 +32,6 @@ def changed_request(
     bundled: "BuildRequest", name: str | None, options: "ChainOptions"
 ) -> "BuildRequest":
     """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
-    from symgen.chain import read_chain
-    from symgen.make.config import reduced_config
-
     if name is None or name in bundled_robots():
         raise BuildError(
             f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
@@ -51,10 +51,6 @@ def request_from_urdf(
     densities: Path | None = None,
 ) -> "BuildRequest":
     """The robot of a file of the user."""
-    from symgen.make.config import RobotConfig, read_config
-    from symgen.make.request import BuildRequest, bundled_request
-    from symgen.make.sources import read_source, split_by_use
-
     if name is None:
         raise BuildError(
             "--urdf needs --name, the name of the folder and the prefix of the C functions"
@@ -67,8 +63,6 @@ def request_from_urdf(
     for sentence in notes:
         say(f"note: {sentence}")
     if densities is not None:
-        from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
-
         folder = source.packages.file(source.path).parent
         text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
         say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")

@@ -11,6 +11,8 @@ from rich.table import Column, Table
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
 from symgen.cli.common import OverwriteOption
+from symgen.inspect import ERROR, facts, inspect_file, repaired
+from symgen.inspect.inspection import INERTIAL
 
 if TYPE_CHECKING:
     from symgen.inspect import Inspection, Repair
@@ -53,8 +55,6 @@ def inspect_command(
     python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
-    from symgen.inspect import facts, inspect_file
-
     inspection = inspect_file(model, tuple(package_dir or ()))
     result: dict[str, Any] = facts(inspection)
     if not as_json:
@@ -111,9 +111,6 @@ def _repair(
     inspection: "Inspection", model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
-    from symgen.inspect import ERROR, repaired
-    from symgen.inspect.inspection import INERTIAL
-
     report = (lambda _: None) if quiet else say
     if not any(f.kind in INERTIAL for f in inspection.errors):
         left = [f for f in inspection.errors if f.where.startswith("link ")]

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from runtime.common.terminal import completing, console, say
+from symgen.chain import ChainOptions
 from symgen.cli.build_request import changed_request, levels_of, request_from_urdf, vector_of
 from symgen.cli.common import (
     DEFAULT_ROOT,
@@ -32,6 +33,10 @@ from symgen.cli.common import (
 )
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
+from symgen.make.config import read_masses
+from symgen.make.pipeline import build, generate
+from symgen.make.request import bundled_request, request_from_folder
+from symgen.make.sources import Packages, Source, published_urdf
 
 
 def build_command(
@@ -157,12 +162,6 @@ def build_command(
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     python -m symgen build --robot fr3 --name fr3_six --lock fr3_joint7=0
     """
-    from symgen.chain import ChainOptions
-    from symgen.make.config import read_masses
-    from symgen.make.pipeline import build
-    from symgen.make.request import bundled_request
-    from symgen.make.sources import Packages, Source, published_urdf
-
     options = ChainOptions(
         base, tip, vector_of(gravity), read_locks(lock or []), snap, floating=floating
     )
@@ -219,9 +218,6 @@ def check_command(
 
     Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """
-    from symgen.make.pipeline import generate
-    from symgen.make.request import bundled_request, request_from_folder
-
     different = []
     for folder in folders_of(out, robot):
         bundled = folder.name in bundled_robots()

@@ -10,6 +10,7 @@ from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
+from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import (
     BaseOption,
     ConfigOption,
@@ -20,8 +21,12 @@ from symgen.cli.common import (
     read_urdf,
 )
 from symgen.collision import MARGIN, CollisionModel
+from symgen.collision.capsules import coverage, fit_link
+from symgen.collision.geometry import read_geometry
 from symgen.collision.model import toml_from_collision
+from symgen.collision.selection import select_pairs
 from symgen.errors import BuildError, CollisionError
+from symgen.make.config import RobotConfig, home_of, read_config
 
 if TYPE_CHECKING:
     from symgen.collision.capsules import Coverage
@@ -60,14 +65,7 @@ def proxies_command(
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
-    from symgen.chain import ChainOptions, read_chain
-
     # scipy's optimisers take a while to load, and no other command needs them
-    from symgen.collision.capsules import coverage, fit_link
-    from symgen.collision.geometry import read_geometry
-    from symgen.collision.selection import select_pairs
-    from symgen.make.config import RobotConfig, home_of, read_config
-
     require_unused([out], overwrite, None)
     if not (math.isfinite(margin) and margin >= 0):
         raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")

@@ -32,10 +32,10 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
     place = folder
     if not (folder / name).exists():
         place = compiled_library(folder, manifest.robot, level)
-    digest = _open_library_checked(place, folder, name)
+    digest = _checked_library(place, folder, name)
     if place == folder and not is_user_build(folder / name, digest):
         place = compiled_library(folder, manifest.robot, level)
-        _open_library_checked(place, folder, name)
+        _checked_library(place, folder, name)
     path = place / name
     again = AGAIN if place == folder else "set SYMGEN_CACHE to another folder, or " + AGAIN
     try:
@@ -56,7 +56,7 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
     return dll
 
 
-def _open_library_checked(place: Path, folder: Path, name: str) -> str:
+def _checked_library(place: Path, folder: Path, name: str) -> str:
     """SHA-256 of a library whose bytes agree with its build.json and the manifest."""
     path = place / name
     try:

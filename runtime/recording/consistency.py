@@ -92,7 +92,7 @@ def slopes_of(recording: Recording) -> FloatArray:
     step, speed = np.diff(recording.t)[:, None], recording.required("dq")
     areas = np.cumsum(step * (speed[1:] + speed[:-1]) / 2.0, axis=0)
     integral = np.concatenate([np.zeros((1, speed.shape[1])), areas])
-    moved = recording.q[STRIDE:] - recording.q[:-STRIDE]
+    displaced = recording.q[STRIDE:] - recording.q[:-STRIDE]
     integrated = integral[STRIDE:] - integral[:-STRIDE]
     slopes = np.full(recording.n_joints, np.nan)
     for j in range(recording.n_joints):
@@ -100,7 +100,7 @@ def slopes_of(recording: Recording) -> FloatArray:
         fast &= np.abs(integrated[:, j]) > STILL
         if not fast.any():
             continue
-        ratio = moved[fast, j] / integrated[fast, j]
+        ratio = displaced[fast, j] / integrated[fast, j]
         spread = np.quantile(ratio, 0.75) - np.quantile(ratio, 0.25)
         if spread < np.abs(middle := np.median(ratio)):
             slopes[j] = middle
@@ -125,13 +125,13 @@ def _others(joints: NDArray[np.int64]) -> str:
     return f" (and at {joints.size - 1} more)" if joints.size > 1 else ""
 
 
-OUTSIDE = 1.0
+BEYOND_LIMIT = 1.0
 """Distance beyond a joint limit from which on the unit, order or robot is wrong [rad, m]."""
 
-SMALLEST = 1e-9
+LEAST_TORQUE = 1e-9
 """Largest torque below which nothing was measured, or the unit is wrong [N·m, N]."""
 
-SLOWEST = 2.0
+LEAST_RATE = 2.0
 """Rate below which differences of positions do not determine the velocity [Hz]."""
 
 
@@ -145,7 +145,7 @@ def require_plausible(recording: Recording, lib: Library) -> None:
             + "".join(f"; {step.removeprefix('Warning: ').rstrip('.')}" for step in unread)
         )
     largest = float(np.abs(recording.tau).max())
-    if largest < SMALLEST:
+    if largest < LEAST_TORQUE:
         much = (
             f"at most {largest:.2g} {common_unit(torque_units(lib.manifest))}"
             if largest
@@ -161,7 +161,7 @@ def require_plausible(recording: Recording, lib: Library) -> None:
 def require_motion(recording: Recording, lib: Library) -> None:
     """Require that the robot can make the motion."""
     require_joints(recording, lib)
-    if recording.dq is None and len(recording) > 1 and recording.rate_hz < SLOWEST:
+    if recording.dq is None and len(recording) > 1 and recording.rate_hz < LEAST_RATE:
         raise IdentificationError(
             f"the recording '{recording.name}' has no dq, and its rate of {recording.rate_hz:.3g} "
             "Hz is too low to differentiate q; if its time is in ms, state that in a recipe"
@@ -172,7 +172,7 @@ def require_motion(recording: Recording, lib: Library) -> None:
     low, high = joints.min(axis=1), joints.max(axis=1)
     beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
     worst = int(np.argmax(beyond))
-    if beyond[worst] > OUTSIDE:
+    if beyond[worst] > BEYOND_LIMIT:
         raise IdentificationError(
             f"joint '{lib.joint_names[worst]}' moves from {low[worst]:.3g} to {high[worst]:.3g}, "
             f"its limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-LARGEST = 0.1
+LARGEST_SIGMA = 0.1
 """Relative standard deviation above which a gain counts as not determined."""
 DETERMINED = "determined"
 UP_TO_FACTOR = "determined up to the common factor"

@@ -103,7 +103,7 @@ _KEYS = (
     *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_force_z_sharing"),
     *("contact_force_z_crosstalk", "contact_force_z_cutoff", "contact_flags", "contact_kind"),
 )
-_FEWEST = 8
+_FEWEST_ROWS = 8
 """Fewest instants of a recording."""
 
 
@@ -112,11 +112,7 @@ _ZIP = b"PK"
 
 
 def read_free_base(path: Path) -> FreeBaseRecording:
-    """Read an NPZ of this layout.
-
-    Raises:
-        RecordingError: unreadable, an array is missing, has another shape or unknown name.
-    """
+    """Read an NPZ of this layout."""
     try:
         data = bytes_of(path)
         if not data.startswith(_ZIP):
@@ -131,18 +127,7 @@ def read_free_base(path: Path) -> FreeBaseRecording:
 
 
 def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
-    """The recording that arrays of this layout hold.
-
-    Args:
-        arrays: by key.
-        name: of the file, for messages.
-
-    Returns:
-        The recording.
-
-    Raises:
-        RecordingError: an array is missing, has another shape or unknown name.
-    """
+    """The recording that arrays of this layout hold; the name of their file is for messages."""
     unknown = sorted(key for key in arrays if key.startswith(("base_", "contact_")))
     unknown = [key for key in unknown if key not in _KEYS]
     if unknown:
@@ -153,9 +138,10 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
     t = numbers_of(arrays, "t", name, ("N",))
     count = len(t)
     steps = np.diff(t)
-    if count < _FEWEST or not (steps > 0).all():
+    if count < _FEWEST_ROWS or not (steps > 0).all():
         raise RecordingError(
-            f"{name} needs {_FEWEST} or more instants t that increase, got {count}; sort the rows"
+            f"{name} needs {_FEWEST_ROWS} or more instants t that increase, got {count}; sort the "
+            "rows"
         )
     q = numbers_of(arrays, "q", name, (count, "n"))
     shape = q.shape
@@ -390,14 +376,14 @@ def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[Float
     return np.asarray(turn), position
 
 
-def word_of(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:
+def word_of(arrays: dict[str, NDArray], key: str, name: str, choices: tuple[str, ...]) -> str:
     """A word of a choice; the first where the file has none."""
-    value = np.asarray(arrays.get(key, known[0]))
+    value = np.asarray(arrays.get(key, choices[0]))
     value = value.reshape(()) if value.size == 1 else value
     word = str(_texts(value))
-    if word not in known:
+    if word not in choices:
         raise RecordingError(
-            f"{name}: {key} is '{word}', expected one of {', '.join(known)}; correct it"
+            f"{name}: {key} is '{word}', expected one of {', '.join(choices)}; correct it"
         )
     return word
 

@@ -166,7 +166,7 @@ WIDTHS = {
 }
 """Width of friction columns → symbol and unit."""
 
-SMALLEST = 1e-9
+LEAST_SETTING = 1e-9
 """Smallest setting, and the reciprocal of the largest [SI]: no filter, rate or width is beyond."""
 
 
@@ -319,10 +319,10 @@ def positive(what: str, value: float) -> None:
     """Require a finite number above 0 whose products with a clock are finite, too."""
     if isinstance(value, bool) or not (isfinite(value) and value > 0):
         raise RecordingError(f"{what} expects a number above 0, got {value}; correct it")
-    if not SMALLEST <= value <= 1.0 / SMALLEST:
+    if not LEAST_SETTING <= value <= 1.0 / LEAST_SETTING:
         raise RecordingError(
-            f"{what} expects a number from {SMALLEST:g} to {1.0 / SMALLEST:g}, got {value}; "
-            "correct it"
+            f"{what} expects a number from {LEAST_SETTING:g} to {1.0 / LEAST_SETTING:g}, got "
+            f"{value}; correct it"
         )
 
 

@@ -21,14 +21,14 @@ LEAST_S = 0.2
 """Shortest rest [s]."""
 APPROACH_S = 0.5
 """Time before a rest whose motion gives the side of the approach [s]."""
-MOVED = 2e-3
+LEAST_TRAVEL = 2e-3
 """Least motion of every joint on an approach [rad, m]: above the counts of a servo's encoder."""
 SAME = 0.01
 """Largest distance of two visits of one pose [rad, m]: the error of a controller against friction,
 and far below the length of an approach."""
 SHARE = 0.3
 """Share of the log that the arm rests, below which the log is one of motion."""
-FEWEST = 3
+FEWEST_PAIRS = 3
 """Number of pairs from which on a log is one of poses."""
 
 
@@ -51,7 +51,7 @@ def static_poses(recording: Recording) -> Recording | None:
         return None
     visits = _visits(recording, still)
     pairs = _pairs(visits)
-    if len(pairs) < FEWEST:
+    if len(pairs) < FEWEST_PAIRS:
         return None
     first, second = ([visits[pair[k]] for pair in pairs] for k in range(2))
     q = np.array([(a.q + b.q) / 2 for a, b in zip(first, second, strict=True)])
@@ -95,8 +95,8 @@ def _pairs(visits: list[_Visit]) -> list[tuple[int, int]]:
         one, other = visits[a], visits[b]
         gap = float(np.abs(one.q - other.q).max())
         opposite = (one.approach * other.approach < 0).all()
-        moved = min(np.abs(one.approach).min(), np.abs(other.approach).min()) > MOVED
-        if gap < SAME and opposite and moved:
+        is_far = min(np.abs(one.approach).min(), np.abs(other.approach).min()) > LEAST_TRAVEL
+        if gap < SAME and opposite and is_far:
             near.append((gap, a, b))
     taken: set[int] = set()
     pairs = []

@@ -30,7 +30,7 @@ from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.current_gains import (
     DETERMINED,
-    LARGEST,
+    LARGEST_SIGMA,
     OF_URDF,
     UNSEEN,
     UP_TO_FACTOR,
@@ -367,9 +367,9 @@ def _gains(
         UNSEEN
         if not seen[j]
         else DETERMINED
-        if alone[j] <= LARGEST
+        if alone[j] <= LARGEST_SIGMA
         else UP_TO_FACTOR
-        if ratio[j] <= LARGEST
+        if ratio[j] <= LARGEST_SIGMA
         else OF_URDF
         for j in range(len(c))
     )

@@ -7,7 +7,14 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
-from runtime.recording.consistency import DEGREE, OUTSIDE, SLOWEST, STRIDE, UNITS_OF_TIME, slopes_of
+from runtime.recording.consistency import (
+    BEYOND_LIMIT,
+    DEGREE,
+    LEAST_RATE,
+    STRIDE,
+    UNITS_OF_TIME,
+    slopes_of,
+)
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.recording import Recording
@@ -51,7 +58,7 @@ def require_clock(recording: FreeBaseRecording) -> None:
         measured = Recording(t, recording.position, dq=velocity)
     else:
         rate = 1.0 / float(np.median(np.diff(t)))
-        if rate < SLOWEST:
+        if rate < LEAST_RATE:
             raise IdentificationError(
                 f"{name} has no velocities, and its rate of {rate:.3g} Hz is too low to "
                 "differentiate the positions; give t in s"
@@ -82,7 +89,7 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
     low, high = q.min(axis=0), q.max(axis=0)
     beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
     worst = int(np.argmax(beyond))
-    if beyond[worst] > OUTSIDE:
+    if beyond[worst] > BEYOND_LIMIT:
         joint = lib.manifest.joints[worst]
         raise IdentificationError(
             f"{name}: joint '{joint.name}' moves from {low[worst]:.3g} to {high[worst]:.3g}, its "

@@ -1,4 +1,8 @@
-"""NPZ archives: all arrays at once, or rows of uncompressed arrays that stay in their file."""
+"""NPZ archives: all arrays at once, or rows of uncompressed arrays that stay in their file.
+
+Rows are read in place because NumPy maps no array of an archive, and `zipfile` cannot seek in a
+member: each block would be read, and hashed by CRC-32, from the beginning of its array on.
+"""
 
 import io
 import sys

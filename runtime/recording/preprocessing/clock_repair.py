@@ -44,20 +44,22 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
         )
     fresh = np.concatenate([[True], np.any(np.diff(recording.q, axis=0) != 0.0, axis=1)])
     count = int(np.sum(~fresh))
-    kept = recording.take(fresh, f"Dropped {count} rows that repeat the positions before them.")
-    if len(kept) < 2:
+    remaining = recording.take(
+        fresh, f"Dropped {count} rows that repeat the positions before them."
+    )
+    if len(remaining) < 2:
         raise RecordingError(
             "the robot never moves, so its clock cannot be rebuilt; leave clock_tick out"
         )
-    ticks = _ticks(kept.t, kept.q, recording.dq[fresh], tick, slow)
-    t = kept.t[0] + tick * np.concatenate([[0], np.cumsum(ticks)])
-    duration, logged = float(t[-1] - t[0]), kept.duration
+    ticks = _ticks(remaining.t, remaining.q, recording.dq[fresh], tick, slow)
+    t = remaining.t[0] + tick * np.concatenate([[0], np.cumsum(ticks)])
+    duration, logged = float(t[-1] - t[0]), remaining.duration
     if abs(duration - logged) > MAX_DRIFT * logged:
         raise RecordingError(
             f"the clock rebuilt from dq runs {duration:.4g} s, but the log {logged:.4g} s; "
             "check the units of dq and t, and the tick"
         )
-    return kept.replace(t=t).noted(
+    return remaining.replace(t=t).noted(
         f"Rebuilt the clock in ticks of {tick:g} s from dq = v·dt: {duration:.6g} s "
         f"({logged:.6g} s by the log), {int(np.sum(ticks - 1))} ticks were skipped."
     )

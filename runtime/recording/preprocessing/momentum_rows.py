@@ -29,7 +29,7 @@ CHUNK = 256
 """
 
 
-def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
+def smooth_motion(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
     """The recording with the q and dq for momentum and energy, and without ddq.
 
     A missing dq is the derivative of the cubic spline through the smoothed q, exact to h⁴.

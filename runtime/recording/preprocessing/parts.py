@@ -124,11 +124,11 @@ def prepared_parts(
             return done
         return done.take(rows, f"Dropped {(~rows).sum()} rows next to another part.")
 
-    seen = shares.joined() if is_joined else shares.train
-    train, test = prepared(raw[0], seen), prepared(raw[2], shares.test)
+    training = shares.joined() if is_joined else shares.train
+    train, test = prepared(raw[0], training), prepared(raw[2], shares.test)
     if not is_joined:
         return train, prepared(raw[1], shares.validation), test
-    span = span_of_part(ends, seen, for_part(preparation, raw[0].duration))
+    span = span_of_part(ends, training, for_part(preparation, raw[0].duration))
     rows = train.t >= validation_start(shares, span)
     validation = train.take(rows, f"Took the validation part of these rows ({rows.sum()} rows).")
     return train, validation.replace(name=raw[1].name), test

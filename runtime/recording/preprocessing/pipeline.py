@@ -11,7 +11,12 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
-from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of, torque_of_rows
+from runtime.recording.preprocessing.momentum_rows import (
+    balanced,
+    rows_of,
+    smooth_motion,
+    torque_of_rows,
+)
 from runtime.recording.preprocessing.segments import (
     advance_torque,
     decimate,
@@ -114,17 +119,17 @@ def _without_accelerations(
             f"the {preparation.regressor} regressor expects the library of the robot, got none; "
             "give lib, or use the regressor of accelerations"
         )
-    data = moved(data, lambda raw: _smooth_motion(raw, preparation))
+    data = smooth_motion(data, lambda raw: _smooth_motion(raw, preparation))
     whole = balanced(data, friction, lib, power)
-    kept = _kept(_filtered(whole, preparation), preparation)
+    reduced = _trimmed(_filtered(whole, preparation), preparation)
     if rows is not None:
-        return _finished(kept, preparation).replace(rows=rows)
+        return _finished(reduced, preparation).replace(rows=rows)
     bare = whole.replace(dq=None, tau=None, columns=None, column_names=(), motors=None)
     groups: list[Any] = [
-        _kept(_filtered(bare.replace(rows=part), preparation, ("rows",)), preparation).rows
+        _trimmed(_filtered(bare.replace(rows=part), preparation, ("rows",)), preparation).rows
         for part in rows_of(data, lib, power)
     ]
-    return _finished(kept.replace(rows=np.concatenate(groups, axis=2)), preparation)
+    return _finished(reduced.replace(rows=np.concatenate(groups, axis=2)), preparation)
 
 
 def momentum_torque(
@@ -144,10 +149,12 @@ def momentum_torque(
     Raises:
         RecordingError: a step cannot be taken.
     """
-    data = moved(on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
+    data = smooth_motion(
+        on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation)
+    )
     whole = balanced(data, (), lib, power=False)
     torque = torque_of_rows(data, lib, beta)
-    return _kept(_filtered(whole.replace(tau=torque), preparation), preparation)
+    return _trimmed(_filtered(whole.replace(tau=torque), preparation), preparation)
 
 
 def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
@@ -197,10 +204,10 @@ def _reduced(
         data = _derived(data, preparation)
     if late is not None:
         data = _filtered(late(data), preparation, ("columns",))
-    return _kept(data, preparation)
+    return _trimmed(data, preparation)
 
 
-def _kept(recording: Recording, preparation: Preparation) -> Recording:
+def _trimmed(recording: Recording, preparation: Preparation) -> Recording:
     """Apply trim and rate."""
     data = recording
     if preparation.trim_s is not None:

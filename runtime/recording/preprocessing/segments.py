@@ -210,21 +210,21 @@ def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> 
         )
     each = np.broadcast_to(delays, (n,))
     t = recording.t
-    moved, keep = np.array(recording.tau), np.zeros(len(t), dtype=bool)
+    advanced, keep = np.array(recording.tau), np.zeros(len(t), dtype=bool)
     slack = 1e-9
     for part in segments(t):
         logged = t[part]
-        moved[part] = np.stack(
+        advanced[part] = np.stack(
             [
                 np.interp(logged + delay, logged, row)
                 for row, delay in zip(recording.tau[part].T, each, strict=True)
             ],
             axis=1,
         )
-        known_from, known_to = logged[0] - delays.min(), logged[-1] - delays.max()
-        keep[part] = (logged >= known_from - slack) & (logged <= known_to + slack)
+        first, last = logged[0] - delays.min(), logged[-1] - delays.max()
+        keep[part] = (logged >= first - slack) & (logged <= last + slack)
     shown = ", ".join(f"{1e3 * delay:.3g}" for delay in delays)
-    return recording.replace(tau=moved).take(
+    return recording.replace(tau=advanced).take(
         keep, f"Advanced τ by {shown} ms, its delay behind q ({keep.sum()} rows left)."
     )
 

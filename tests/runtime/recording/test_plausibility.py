@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.library import Library
-from runtime.recording.consistency import OUTSIDE, require_plausible
+from runtime.recording.consistency import BEYOND_LIMIT, require_plausible
 
 
 def test_good_recordings_pass(
@@ -42,13 +42,13 @@ def test_one_joint_with_an_offset(lib: Library, noisy: Recording) -> None:
 def test_limits_may_be_overrun_by_a_little(
     lib: Library, noisy: Recording, beyond: float, upper: bool
 ) -> None:
-    """Property: refused exactly beyond OUTSIDE, on both sides."""
+    """Property: refused exactly beyond BEYOND_LIMIT, on both sides."""
     limits, q = lib.limits(), np.tile(lib.home, (len(noisy), 1))
     q[-1, 0] = limits["upper"][0] + beyond if upper else limits["lower"][0] - beyond
     recording = noisy.replace(q=q, tau=lib.inverse_dynamics(q, 0 * q, 0 * q, lib.pi0))
-    if abs(beyond - OUTSIDE) < 1e-9:
+    if abs(beyond - BEYOND_LIMIT) < 1e-9:
         return
-    if beyond > OUTSIDE:
+    if beyond > BEYOND_LIMIT:
         with pytest.raises(IdentificationError, match="'fr3_joint1' moves"):
             require_plausible(recording, lib)
     else:

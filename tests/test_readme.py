@@ -18,7 +18,7 @@ from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from symgen.chain.mechanism import Mechanism
-from symgen.cli.common import read_mechanism
+from symgen.cli.make import read_mechanism
 from symgen.make.config import read_config
 from symgen.make.sources import Source, read_source
 from tests.markdown import blocks, run_all

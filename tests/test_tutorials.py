@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.cli.tutorial import FOLDER, tutorial_command
+from runtime.cli.bundled import FOLDER, tutorial_command
 from runtime.errors import RuntimeFault
 from runtime.library import Library
 from tests.markdown import blocks, form, run

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Robot, Seed, Yes, numbers_option, open_robot, sentences_of
+from runtime.cli.common import Overwrite, Robot, Seed, Yes, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import (
     Box,
     Carry,
@@ -35,7 +35,6 @@ from runtime.cli.motion_output import (
     stage_speeds,
     write_motion_log,
 )
-from runtime.cli.overwriting import Overwrite
 from runtime.common.files import require_unused
 from runtime.common.terminal import completing, say
 from runtime.errors import RecordingError, RuntimeFault

@@ -8,8 +8,18 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from runtime.cli.common import Robot, Seed, Yes, counting, listed, open_robot, state
-from runtime.cli.identify_request import inputs_of
+from runtime.cli.common import (
+    Overwrite,
+    ResultFolder,
+    Robot,
+    Seed,
+    Yes,
+    counting,
+    listed,
+    open_robot,
+    require_result_folder,
+    state,
+)
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -23,8 +33,8 @@ from runtime.cli.log_options import (
     Regressor,
     Run,
     Stream,
+    inputs_of,
 )
-from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.table import Table
 
@@ -11,15 +11,16 @@ from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.cli.prepared_log import PreparedLog
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, require_method
+from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.regression.recorded_delay import sign_of_delay
+from runtime.identification.drive.result import DriveRequest
+from runtime.identification.drive.symmetry import mirrored_joints, mirrored_links
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction import default_terms
-
-if TYPE_CHECKING:
-    from runtime.estimators.prior_file import PriorFile
-    from runtime.identification.drive.result import DriveRequest
 
 
 def drive_request(
@@ -28,36 +29,30 @@ def drive_request(
     bias: bool | None,
     method: str,
     tied: tuple[str, ...] = (),
-) -> "DriveRequest | None":
+) -> DriveRequest | None:
     """What is estimated of the drives."""
     estimated = delay in {AUTO, PER_JOINT}
     commanded = recording.torque_source == COMMANDED
     wanted = bias if bias is not None else commanded and estimated
     if not (estimated or wanted or (commanded and method == "map")):
         return None
-    from runtime.identification.drive.result import DriveRequest
 
     return DriveRequest(estimated, delay == PER_JOINT, wanted, tied)
 
 
 def with_mirrored_links(
-    prior: "PriorFile | None", lib: Library, symmetric: tuple[str, ...], is_tied: bool
-) -> "PriorFile | None":
+    prior: PriorFile | None, lib: Library, symmetric: tuple[str, ...], is_tied: bool
+) -> PriorFile | None:
     """Inertial prior, with equations that tie the links of mirrored joints where requested."""
     if not is_tied and not symmetric:
         return prior
     if not is_tied:
-        from runtime.identification.drive.symmetry import mirrored_joints
-
         mirrored_joints(lib.joint_names, symmetric)
         return prior
     if not symmetric:
         raise IdentificationError(
             "--tie needs the names of the mirrored joints, got none; give --symmetric LEFT:RIGHT"
         )
-    from runtime.estimators.convex.constraints import Constraints
-    from runtime.estimators.prior_file import PriorFile
-    from runtime.identification.drive.symmetry import mirrored_links
 
     usual = prior or PriorFile(None, Constraints())
     rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))
@@ -92,7 +87,6 @@ def delayed(data: PreparedLog, delay: str | None, has_bias: bool) -> Preparation
         raise IdentificationError(
             f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
         ) from None
-    from runtime.estimators.regression.recorded_delay import sign_of_delay
 
     usual = preparation or recording.preparation
     return replace(usual, torque_delay_s=sign_of_delay(recording) * seconds or None)

@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.approach import FromPose, Return, session_plan
 from runtime.cli.common import (
+    Overwrite,
     Robot,
     Seed,
     Yes,
@@ -53,7 +54,6 @@ from runtime.cli.motion_limits import (
     table_height,
 )
 from runtime.cli.motion_output import EXPORT_MARGIN, ROWS_HZ, files_of, json_path, stage_speeds
-from runtime.cli.overwriting import Overwrite
 from runtime.cli.planned_log import (
     NOISE_HELP,
     WHITE,

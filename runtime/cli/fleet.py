@@ -8,8 +8,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Yes, counting, open_robot
-from runtime.cli.overwriting import Overwrite
+from runtime.cli.common import Overwrite, Yes, counting, open_robot
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
 from runtime.common.threads import one_blas_thread

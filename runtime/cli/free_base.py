@@ -1,19 +1,21 @@
 """`symgen identify` of a robot with a free base."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from runtime.cli.overwriting import ResultFolder, require_result_folder
-from runtime.cli.parts_of_log import fractions_of
+from runtime.cli.common import ResultFolder, require_result_folder
+from runtime.cli.prepared_log import fractions_of
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError
+from runtime.estimators.prior_file import PriorFile
+from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
+from runtime.identification.free_base.rows import CROSSTALK
 from runtime.library import Library
-
-if TYPE_CHECKING:
-    from runtime.estimators.prior_file import PriorFile
+from runtime.outputs.model_files import write_urdf
+from runtime.recording.free_base import read_free_base
 
 Rows = Annotated[
     str | None,
@@ -43,17 +45,12 @@ def identify_free_base_log(
     *,
     cutoff: str | None,
     split: str | None,
-    prior: "PriorFile | None",
+    prior: PriorFile | None,
     out: Path | None,
     overwrite: bool,
     others: dict[str, object],
 ) -> None:
     """Read a log, identify, write result.json and identified.urdf, and print the errors."""
-    from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
-    from runtime.identification.free_base.rows import CROSSTALK
-    from runtime.outputs.model_files import write_urdf
-    from runtime.recording.free_base import read_free_base
-
     given = [name for name, value in others.items() if value]
     if given:
         raise IdentificationError(

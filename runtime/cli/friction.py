@@ -6,12 +6,10 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Yes, open_robot, torque_table
+from runtime.cli.common import Overwrite, Yes, open_robot, torque_table
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
 from runtime.cli.log_options import Parts, Recipe, Run
-from runtime.cli.overwriting import Overwrite
-from runtime.cli.parts_of_log import split_of
-from runtime.cli.prepared_log import preparation_of
+from runtime.cli.prepared_log import preparation_of, split_of
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, console, say
 from runtime.identification.identified import torque_errors

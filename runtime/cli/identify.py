@@ -1,19 +1,29 @@
-"""`symgen identify`."""
+"""`symgen identify` of one log, in memory or streamed, and what it prints of a result."""
 
 import dataclasses
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 import typer
 
-from runtime.cli.common import Robot, Seed, Yes, counting, open_robot, state
-from runtime.cli.free_base import Rows, require_fixed_base
-from runtime.cli.identify_output import Outputs, finish
-from runtime.cli.identify_request import (
-    inputs_of,
-    prior_of,
-    require_one_log,
+from runtime.cli.common import (
+    Overwrite,
+    ResultFolder,
+    Robot,
+    Seed,
+    Yes,
+    counting,
+    open_robot,
+    require_result_folder,
+    share_table,
+    state,
+    torque_table,
 )
+from runtime.cli.drive import delayed, drive_request, print_drives, terms_of, with_mirrored_links
+from runtime.cli.free_base import Rows, identify_free_base_log, require_fixed_base
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -30,27 +40,51 @@ from runtime.cli.log_options import (
     Stream,
     Symmetric,
     Tie,
+    inputs_of,
+    prior_of,
+    require_one_log,
 )
-from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import (
     LogOptions,
+    PreparedLog,
     read_prepared_log,
     usable_columns,
 )
-from runtime.cli.several_logs import Logs, PayloadOf, runs_of
-from runtime.cli.streamed_log import is_streamable
-from runtime.common.terminal import completing
+from runtime.cli.several_logs import (
+    Logs,
+    PayloadOf,
+    delay_notes,
+    identify_several,
+    print_agreement,
+    runs_of,
+    with_delays,
+)
+from runtime.common.terminal import command_line, completing, console, say
+from runtime.errors import IdentificationError
 from runtime.estimators.choice.default_friction import MEMORY
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
+from runtime.identification.drive.estimate import BIAS_PRIOR
+from runtime.identification.drive.result import DriveFit, DriveRequest
+from runtime.identification.drive.symmetry import identify_drives, with_sides
+from runtime.identification.friction_intervals import spring_lines
 from runtime.identification.identified import Identification
+from runtime.identification.long_logs.identify import identify_streamed, require_streamable
 from runtime.identification.problem_setup import settings_for
+from runtime.identification.result_file import write_result
+from runtime.identification.result_warnings import still_joints
 from runtime.identification.settings import Settings
+from runtime.identification.several_logs.identify import LogAgreement
+from runtime.identification.single_log import identify
+from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
-from runtime.recording import Recording, is_large
+from runtime.outputs.model_files import write_urdf
+from runtime.outputs.report import write_report
+from runtime.recording import Recording, StreamedRecording, is_large
 
-if TYPE_CHECKING:
-    from runtime.identification.drive.result import DriveRequest
+STATISTICS = "statistics.npz"
+"""Name of the file of `--save-statistics`."""
+
 
 _WRITTEN = ResultFolder(
     "identify",
@@ -168,8 +202,6 @@ def identify_command(
     lib, log = open_robot(robot, yes, takes_free_base=True), logs[0]
     outputs = Outputs(report, save_statistics)
     if lib.manifest.floating:
-        from runtime.cli.free_base import identify_free_base_log
-
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
         unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
         unused |= {"--delay": delay, "--controller": controller, "--robust": robust}
@@ -204,8 +236,6 @@ def identify_command(
     )
     known, sides = prior_of(prior, lib), tuple(symmetric or ())
     if sides or tie:
-        from runtime.cli.drive import with_mirrored_links
-
         known = with_mirrored_links(known, lib, sides, tie)  # or refused here
     settings = settings_for(
         lib,
@@ -218,7 +248,6 @@ def identify_command(
     require_result_folder(folder, _WRITTEN, overwrite)
     if several:
         require_one_log("several", controller, encoder_bias or symmetric)
-        from runtime.cli.several_logs import identify_several
 
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options, delay)
         finish(result, folder, outputs, agreement)
@@ -231,13 +260,11 @@ def identify_command(
     )
     if data.streamed is not None:
         require_one_log("streamed", controller, encoder_bias or symmetric)
-        from runtime.cli.streamed_log import streamed_result
 
         result = streamed_result(data.streamed, data, lib, settings, delay)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         finish(result, folder, outputs)
         return
-    from runtime.cli.drive import delayed, drive_request, terms_of
 
     preparation = delayed(data, delay, bool(encoder_bias))
     result = _with_progress(
@@ -253,15 +280,13 @@ def identify_command(
         drive_request(data.recording, delay, encoder_bias, chosen, sides if tie else ()),
     )
     if sides:
-        from runtime.identification.drive.symmetry import with_sides
-
         result = with_sides(result, sides)
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, outputs)
 
 
 def _with_progress(
-    recording: Recording, lib: Library, settings: Settings, drives: "DriveRequest | None"
+    recording: Recording, lib: Library, settings: Settings, drives: DriveRequest | None
 ) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     total = None
@@ -275,9 +300,136 @@ def _with_progress(
             progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
         if drives is not None:
-            from runtime.identification.drive.symmetry import identify_drives
-
             return identify_drives(recording, lib, settings, drives, progress=report)
-        from runtime.identification.single_log import identify
 
         return identify(recording, lib, settings, progress=report)
+
+
+class Outputs(NamedTuple):
+    """Files that options switch on or off.
+
+    Attributes:
+        report: value of --report.
+        statistics: value of --save-statistics.
+    """
+
+    report: bool
+    statistics: bool
+
+
+def finish(
+    result: Identification,
+    folder: Path,
+    outputs: Outputs,
+    agreement: LogAgreement | None = None,
+) -> None:
+    """Write and print a result."""
+    facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
+    first = still_joints(result)
+    for warning in first:
+        say(f"warning: {warning}")
+    console.print(torque_table(facts))
+    shares = share_table(facts)
+    if shares is not None:
+        console.print(shares)
+    print_drives(facts)
+    _print_springs(facts)
+    if agreement is not None:
+        print_agreement(agreement)
+    if result.uncertainty is not None:
+        unknowns = len(result.uncertainty.beta_sigma)
+        say(
+            f"data: they determine {result.uncertainty.determined} of {unknowns} independent "
+            "combinations of parameters better than the prior does"
+        )
+    say(f"status: {result.status}")
+    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
+    smallest = float(result.relative_eigenvalues.min())
+    say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
+        if result.is_consistent
+        else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
+    say(
+        f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
+    )
+    if result.uncertainty is not None:
+        say(f"advice: {result.uncertainty.advice()}")
+    say(f"time of the method: {result.seconds:.3f} s")
+    for warning in facts["warnings"][len(first) :]:
+        say(f"note: {warning}")
+    if result.is_consistent:
+        say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
+    else:
+        (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
+        say("URDF:   not written, because the model is not physically consistent")
+    if outputs.report:
+        say(f"report: {write_report(folder)}")
+    else:
+        (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces
+    if outputs.statistics:
+        write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
+        say(f"statistics: {folder / STATISTICS}")
+    else:
+        (folder / STATISTICS).unlink(missing_ok=True)  # of a result that this one replaces
+
+
+def _print_springs(facts: Mapping[str, Any]) -> None:
+    for line in spring_lines(facts["friction"]):
+        say(line)
+
+
+def _exported(result: Identification, folder: Path) -> str:
+
+    path = folder / "identified.urdf"
+    return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
+
+
+def is_streamable(method: str | None, preset: str | None) -> bool:
+    """Whether a method works on streamed rows."""
+    try:
+        require_streamable(chosen_method(method, preset, None), preset)
+    except IdentificationError:
+        return False
+    return True
+
+
+def streamed_result(
+    log: StreamedRecording,
+    data: PreparedLog,
+    lib: Library,
+    settings: Settings,
+    delay: str | None = None,
+) -> Identification:
+    """Identify from a log that is read piece by piece."""
+    facts: list[dict[str, Any]] = []
+    if delay is not None:
+        (data,), facts = with_delays((log.name,), (data,), lib, settings, delay)
+    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads the log as a whole")
+    with console.status("streaming") as status:
+        result = identify_streamed(
+            log,
+            lib,
+            settings,
+            preparation=data.preparation,
+            splitting=data.splitting,
+            friction_columns=data.friction,
+            progress=status.update,
+        )
+    return _with_delay(result, facts[0], len(data.recording)) if facts else result
+
+
+def _with_delay(result: Identification, facts: dict[str, Any], rows: int) -> Identification:
+    """The result with the delay of the first rows."""
+    note = f"{delay_notes((facts,))[0]}, from the first {rows} rows"
+    unknown = np.full(result.lib.n_joints, np.nan)
+    width = result.phi.shape[1]
+    known = facts["value"] is not None
+    drive = DriveFit(
+        delay=np.atleast_1d(facts["value"]) if known else np.zeros(0),
+        delay_sigma=np.atleast_1d(facts["sigma"]) if known else np.zeros(0),
+        bias=unknown,
+        bias_sigma=unknown,
+        bias_prior=BIAS_PRIOR,
+        phi_sigma=np.full(result.phi.shape, np.nan),
+        phi_covariance=np.full((len(unknown), width, width), np.nan),
+    )
+    return replace(result, drive=drive, notes=(note, *result.notes))

@@ -8,9 +8,8 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Robot, Yes, open_robot
+from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
-from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, console, say
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text

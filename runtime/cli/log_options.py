@@ -1,13 +1,34 @@
-"""Options on logs that several commands share."""
+"""Options on logs that several commands share, and the files that they name."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from runtime.common.terminal import completing
+from runtime.errors import IdentificationError
+from runtime.estimators.methods import METHODS
+from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.library import Library
 from runtime.recording import REGRESSORS, Friction
 from runtime.recording.friction import COLUMNS
+
+_ONE_LOG = {
+    "several": (
+        "--controller belongs to one log, but several are given; leave it out",
+        "--encoder-bias and --symmetric belong to one log, but several are given; identify each "
+        "alone",
+    ),
+    "streamed": (
+        "the closed loop of --controller is simulated over all samples, but the log is streamed; "
+        "leave out --controller, or give --no-stream",
+        "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; give "
+        "--no-stream",
+    ),
+}
+"""Logs → sentences that refuse --controller, and --encoder-bias with --symmetric."""
+
 
 AUTO = "auto"
 """Word for a friction model, cut-off or regressor that is chosen from the log."""
@@ -147,3 +168,26 @@ ControllerFile = Annotated[
         "didim need; simulate writes one as LOG.loop.toml.",
     ),
 ]
+
+
+def require_one_log(logs: str, controller: Path | None, drives: object) -> None:
+    """Refuse options that need the samples of one whole log."""
+    for value, sentence in zip((controller, drives), _ONE_LOG[logs], strict=True):
+        if value:
+            raise IdentificationError(sentence)
+
+
+def prior_of(path: Path | None, lib: Library) -> PriorFile | None:
+    """Inertial prior of --prior."""
+    if path is None:
+        return None
+
+    return read_prior(path, lib)
+
+
+def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dict[str, Any]:
+    """What these methods need beyond the log, from files by the names of the inputs."""
+    readers = {name: read for each in methods for name, read in METHODS[each].files.items()}
+    return {
+        name: readers[name](path, lib) for name, path in files.items() if path and name in readers
+    }

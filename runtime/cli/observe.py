@@ -9,9 +9,8 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Yes, open_robot
+from runtime.cli.common import Overwrite, ResultFolder, Yes, open_robot, require_result_folder
 from runtime.cli.log_options import Log, Recipe, Run
-from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.common.files import replacing
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import ExportError, IdentificationError

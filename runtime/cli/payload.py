@@ -7,9 +7,15 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Robot, Yes, open_robot
+from runtime.cli.common import (
+    Overwrite,
+    ResultFolder,
+    Robot,
+    Yes,
+    open_robot,
+    require_result_folder,
+)
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
-from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import preparation_of
 from runtime.common.terminal import command_line, console, say
 from runtime.estimators.choice.regressor_choice import noisy_accelerations

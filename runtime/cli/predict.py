@@ -9,9 +9,8 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Robot, Yes, open_robot
+from runtime.cli.common import Overwrite, Robot, Yes, open_robot
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
-from runtime.cli.overwriting import Overwrite
 from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,

@@ -5,15 +5,22 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from runtime.cli.choice_tables import cutoff_table, friction_table
+from rich.table import Table
+
+from runtime.cli.common import numbers_option
 from runtime.cli.log_options import AUTO
-from runtime.cli.parts_of_log import split_of
 from runtime.common.terminal import console
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.choice.default_friction import MEMORY, USABLE
+from runtime.estimators.choice.cutoff_choice import CutoffChoice, choose_cutoff
+from runtime.estimators.choice.default_friction import MEMORY, USABLE, choose_default_friction
+from runtime.estimators.choice.friction_choice import FrictionChoice, choose_friction
+from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
+from runtime.identification.current_gains.scaling import with_current_gains
+from runtime.identification.long_logs.blocks import head_of
 from runtime.library import Library
 from runtime.recording import (
+    EVERYTHING,
     Friction,
     Preparation,
     Recording,
@@ -24,8 +31,9 @@ from runtime.recording import (
     read_recording,
 )
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import default_terms
+from runtime.recording.friction import OFFSET, default_terms
 from runtime.recording.preprocessing import before_test
+from runtime.recording.static_poses import static_poses
 
 _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""
@@ -94,8 +102,6 @@ def read_prepared_log(
     """Read a log and choose its cut-off, regressor and friction model where options say auto."""
     streamed = _streamed(lib, log, options)
     if streamed is not None:
-        from runtime.identification.long_logs.blocks import head_of
-
         recording = head_of(streamed)
     else:
         recording = read_recording(log, options.recipe, options.run, lib.joint_names)
@@ -107,8 +113,6 @@ def read_prepared_log(
         )
     parts = split_of(options.split)
     if streamed is None:
-        from runtime.cli.static_log import log_at_rest
-
         at_rest = log_at_rest(recording, options, parts)
         if at_rest is not None:
             return at_rest
@@ -124,18 +128,13 @@ def read_prepared_log(
     regressor = None if chooses_regressor else options.regressor
     prepared = preparation_of(recording, _hz(options.cutoff), options.rate, regressor)
     if options.cutoff == AUTO:
-        from runtime.estimators.choice.cutoff_choice import choose_cutoff
-
         base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
         with console.status("choosing a cut-off"):
             cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
     if recording.has_unknown_gains:
-        from runtime.identification.current_gains.scaling import with_current_gains
-
         recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
-    from runtime.estimators.choice.regressor_choice import choose_regressor
 
     with console.status("checking the accelerations"):
         seen = before_test(recording, parts)
@@ -149,7 +148,6 @@ def read_prepared_log(
         notes += (note,)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
-    from runtime.estimators.choice.friction_choice import choose_friction
 
     with console.status("choosing a friction model"):
         choice = choose_friction(
@@ -171,7 +169,6 @@ def _chosen_terms(
     """Friction model of a fleet, or the default by cross-validation; with a sentence."""
     if of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
         return of_type, f"the friction model is that of the fleet: {of_type}"
-    from runtime.estimators.choice.default_friction import choose_default_friction
 
     with console.status("choosing a friction model"):
         chosen = choose_default_friction(
@@ -241,3 +238,77 @@ def _hz(text: str | None) -> float | None:
         raise IdentificationError(
             f"--cutoff needs a frequency in Hz or auto, got '{text}'"
         ) from None
+
+
+def cutoff_table(choice: CutoffChoice) -> Table:
+    """Candidates of --cutoff auto with their cross-validation errors; an arrow marks the choice."""
+    table = Table("cut-off", title="Cut-off: cross-validation error on the unfiltered torque")
+    for head in ("velocity", "error", "above the best", "independent rows"):
+        table.add_column(head, justify="right")
+    for c in choice.candidates:
+        table.add_row(
+            f"{'→ ' if c is choice.chosen else ''}{c.cutoff_hz:g} Hz",
+            {"measured": "measured", "position": "from q"}[c.derivative],
+            f"{c.score:.3f}",
+            f"{c.excess:.3f} ± {c.excess_error:.3f}",
+            f"{100 * c.white:.0f} %",
+        )
+    return table
+
+
+def friction_table(choice: FrictionChoice) -> Table:
+    """Candidates of --friction auto with their cross-validation errors; an arrow marks the choice.
+
+    The error is in units of the torque noise.
+    """
+    table = Table("friction model", title="Friction model: cross-validation error over noise")
+    for head in ("error", "above the best", "AIC", "unknowns"):
+        table.add_column(head, justify="right")
+    for candidate in choice.candidates:
+        table.add_row(
+            f"{'→ ' if candidate is choice.chosen else ''}{candidate.name}: {candidate.terms}",
+            f"{candidate.score:.3f}",
+            f"{candidate.excess:.3f} ± {candidate.excess_error:.3f}",
+            f"{candidate.aic:.1f}",
+            str(candidate.parameters),
+        )
+    return table
+
+
+def split_of(text: str | None) -> Split | None:
+    """Parts of a log."""
+    if text is None:
+        return None
+    if text == "all":
+        return EVERYTHING
+    a, b = fractions_of(text)
+    return Split((0.0, a), (a, b), (b, 1.0))
+
+
+def fractions_of(text: str) -> tuple[float, float]:
+    """Ends of training and validation from "A,B"."""
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return a, b
+
+
+def log_at_rest(
+    recording: Recording, options: LogOptions, parts: Split | None
+) -> PreparedLog | None:
+    """Rows of a log of poses that were reached from both sides."""
+    filters = (options.cutoff, options.rate, options.regressor)
+    if recording.has_unknown_gains or any(each is not None for each in filters):
+        return None
+    rows = static_poses(recording)
+    if rows is None:
+        return None
+    wanted = friction_of(recording, options.friction, None)
+    has_offset = wanted is not None and OFFSET.name in wanted.columns
+    note = (
+        f"the log contains {len(rows)} poses at rest that were reached from both sides: the fit "
+        "takes the mean of each pair, in which Coulomb friction cancels, and determines the "
+        "gravity torque alone; give --cutoff to identify from its motion"
+    )
+    terms = Friction((OFFSET.name,) if has_offset else ())
+    return PreparedLog(rows, Preparation(), parts, terms, (note,), is_at_rest=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.overwriting import Overwrite, require_page
+from runtime.cli.common import Overwrite, require_page
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError

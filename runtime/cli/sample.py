@@ -6,8 +6,15 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Seed, Yes, listed, open_robot
-from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
+from runtime.cli.common import (
+    Overwrite,
+    ResultFolder,
+    Seed,
+    Yes,
+    listed,
+    open_robot,
+    require_result_folder,
+)
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior

@@ -1,24 +1,35 @@
-"""Several logs on the command line: their runs and payloads, the joint fit and its agreement."""
+"""Several logs on the command line: their runs and payloads, the joint fit and its agreement.
 
+Of commanded torques both ends are left out, and dry friction is chosen on the first log. The delay
+of --delay is one per log, estimated from each log alone.
+"""
+
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.log_options import AUTO
-from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
+from runtime.cli.drive import delayed
+from runtime.cli.log_options import AUTO, PER_JOINT
+from runtime.cli.prepared_log import LogOptions, PreparedLog, read_prepared_log, usable_columns
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
+from runtime.estimators.regression.dry_friction_choice import with_dry_friction
+from runtime.estimators.regression.recorded_delay import sign_of_delay
+from runtime.identification.drive.estimate import identify_drive
+from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
+from runtime.identification.several_logs.identify import LogAgreement, identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog, read_carried
 from runtime.library import Library
-
-if TYPE_CHECKING:
-    from runtime.identification.several_logs.identify import LogAgreement
+from runtime.recording.commanded_torque import COMMANDED, without_ends
+from runtime.recording.preprocessing import before_test
 
 Logs = Annotated[
     list[str],
@@ -73,12 +84,8 @@ def identify_several(
     payload_of: Sequence[str],
     options: LogOptions,
     delay: str | None = None,
-) -> "tuple[Identification, LogAgreement]":
+) -> tuple[Identification, LogAgreement]:
     """Identify one set of parameters from several logs, and compare the logs."""
-    from runtime.cli.several_drives import with_drives
-    from runtime.identification.several_logs.identify import identify_logs
-    from runtime.identification.several_logs.joint_fit import NamedLog
-
     _require_joinable(len(runs), options)
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     method = chosen_method(settings.method, settings.preset, settings.prior)
@@ -102,8 +109,6 @@ def identify_several(
     names = _names(runs)
     delays: list[dict[str, Any]] = []
     if delay is not None:
-        from runtime.cli.several_delays import delay_notes, with_delays
-
         data, delays = with_delays(names, data, lib, settings, delay)
     named = [
         NamedLog(name, each.recording, each.preparation, carried.get(log))
@@ -126,7 +131,7 @@ def identify_several(
     return replace(result, notes=(*notes, *result.notes)), agreement
 
 
-def print_agreement(agreement: "LogAgreement") -> None:
+def print_agreement(agreement: LogAgreement) -> None:
     """Print the leave-one-log-out errors and the repeatability."""
     table = Table(
         Column("log", overflow="fold"), title="Leave one log out: torque error of each log, %"
@@ -141,7 +146,6 @@ def print_agreement(agreement: "LogAgreement") -> None:
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Any]:
-    from runtime.identification.several_logs.joint_fit import read_carried
 
     payloads = {}
     for text in payload_of:
@@ -164,3 +168,94 @@ def _names(runs: Sequence[tuple[str, str | None]]) -> list[str]:
             name += "'"
         names.append(name)
     return names
+
+
+def with_drives(
+    data: Sequence[PreparedLog], lib: Library, options: LogOptions, delay: str | None
+) -> list[PreparedLog]:
+    """The logs as one log of a commanded torque is prepared."""
+    ready = [_without_ends(each) for each in data]
+    first, named = ready[0], options.friction or options.coulomb_speed
+    recipe, terms = first.recording.recipe, first.friction
+    is_named = named is not None or (recipe is not None and recipe.friction is not None)
+    if is_named or terms is None or first.preparation is None or not _is_commanded(first):
+        return ready
+    seen = before_test(first.recording, first.splitting)
+    late = delay in {AUTO, PER_JOINT}
+    terms, sentence = with_dry_friction(seen, lib, first.preparation, terms, late)
+    notes = (*first.notes, sentence) if sentence else first.notes
+    return [replace(first, friction=terms, notes=notes), *ready[1:]]
+
+
+def _is_commanded(log: PreparedLog) -> bool:
+    """Whether the log has a motion with a commanded torque, as it was read."""
+    recording = log.recording
+    is_read = recording.columns is None and not log.is_at_rest
+    return recording.torque_source == COMMANDED and is_read
+
+
+def _without_ends(log: PreparedLog) -> PreparedLog:
+    """The log without both ends of a commanded torque."""
+    if not _is_commanded(log):
+        return log
+    usual = log.preparation or log.recording.preparation
+    return replace(log, preparation=without_ends(log.recording, usual))
+
+
+def with_delays(
+    names: Sequence[str], data: Sequence[PreparedLog], lib: Library, settings: Settings, delay: str
+) -> tuple[list[PreparedLog], list[dict[str, Any]]]:
+    """The logs without the delays of their torques."""
+    if delay not in {AUTO, PER_JOINT}:
+        moved = [replace(each, preparation=delayed(each, delay, False)) for each in data]
+        return moved, []
+
+    request = DriveRequest(delay=True, per_joint=delay == PER_JOINT, bias=False)
+    logs, facts = [], []
+    for name, each in zip(names, data, strict=True):
+        delayed(each, delay, False)  # refuses poses at rest
+        alone = dataclasses.replace(
+            settings,
+            preparation=each.preparation,
+            splitting=each.splitting,
+            friction_columns=data[0].friction,
+            refit=False,
+            certify=False,
+        )
+        with console.status(f"estimating the delay of {name}"):
+            drive = identify_drive(each.recording, lib, alone, request).drive
+        if drive is None or not drive.delay.size:
+            facts.append({"name": name, "value": None, "sigma": None})
+            logs.append(each)
+            continue
+        late = [float(x) for x in sign_of_delay(each.recording) * drive.delay]
+        usual = each.preparation or each.recording.preparation
+        shift = late[0] if len(late) == 1 else tuple(late)
+        ready = dataclasses.replace(usual, torque_delay_s=shift)
+        logs.append(replace(each, preparation=ready))
+        value, sigma = drive.delay.tolist(), drive.delay_sigma.tolist()
+        one = len(value) == 1
+        facts.append(
+            {"name": name, "value": value[0] if one else value, "sigma": sigma[0] if one else sigma}
+        )
+    return logs, facts
+
+
+def delay_notes(facts: Sequence[dict[str, Any]]) -> list[str]:
+    """One sentence per log on its delay."""
+    notes = []
+    for each in facts:
+        value, sigma = each["value"], each["sigma"]
+        if value is None:
+            notes.append(
+                f"{each['name']}: the log does not determine a delay, and none was taken; record a "
+                "faster motion"
+            )
+        elif isinstance(value, list):
+            late = ", ".join(f"{1e3 * x:.1f}" for x in value)
+            notes.append(f"{each['name']}: delays of the torques of the joints {late} ms")
+        else:
+            notes.append(
+                f"{each['name']}: delay of the torque {1e3 * value:.2f} ± {1e3 * sigma:.2g} ms"
+            )
+    return notes

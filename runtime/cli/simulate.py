@@ -12,8 +12,7 @@ import typer
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
-from runtime.cli.common import Robot, Seed, Yes, given_options, open_robot
-from runtime.cli.overwriting import Overwrite
+from runtime.cli.common import Overwrite, Robot, Seed, Yes, given_options, open_robot
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError

@@ -7,9 +7,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Robot, Yes, open_robot
+from runtime.cli.common import Overwrite, Robot, Yes, open_robot
 from runtime.cli.log_options import Recipe, Run
-from runtime.cli.overwriting import Overwrite
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import say
 from runtime.outputs.viewer import Player, Scene, look_of, read_motion

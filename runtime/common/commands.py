@@ -70,12 +70,16 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "proxies",
             "Fit collision capsules to a robot and choose the pairs to check.",
         ),
-        _build("make", "clean", "Delete compiled libraries and generated folders."),
+        _build("show", "clean", "Delete compiled libraries and generated folders."),
     ),
     "Check the input": (
         _build("inspect", "inspect", "Check the inertial parameters of a robot model.", "MODEL"),
         _run("inspect", "Check a log and propose a recipe that reads it.", "LOG"),
-        _run("locate", "Print the folder of a known data set or of a robot."),
+        Command(
+            "locate",
+            "runtime.cli.bundled",
+            "Print the folder of a known data set or of a robot.",
+        ),
     ),
     "Plan a motion": (
         _run("excite", "Design an excitation motion within all limits of a robot."),
@@ -105,7 +109,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("view", "Show the moving robot in a web browser."),
     ),
     "Learn": (
-        _run("tutorial", "Show a tutorial."),
+        Command("tutorial", "runtime.cli.bundled", "Show a tutorial."),
         Command(
             "reproduce",
             "runtime.experiments.command",

@@ -46,11 +46,11 @@ from runtime.simulation.settings import settings_of
 from scripts.fuzzing import goods
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism
-from symgen.cli.common import read_mechanism, read_urdf
+from symgen.cli.make import read_mechanism
 from symgen.inspect import inspect_file, repaired
 from symgen.make.config import read_config, read_masses
 from symgen.make.request import request_from_folder
-from symgen.make.sources import Source, read_source
+from symgen.make.sources import Source, read_source, urdf_text
 from symgen.ros import Limits, Packages, expanded
 
 Furnish = Callable[[Path, Library], None]
@@ -108,7 +108,7 @@ def _headless(path: Path, lib: Library) -> None:
 
 
 def _chain(path: Path, _: Library) -> None:
-    read_chain(read_urdf(path))
+    read_chain(urdf_text(path))
 
 
 def _model(path: Path, _: Library) -> None:
@@ -119,11 +119,11 @@ def _model(path: Path, _: Library) -> None:
 
 def _mechanism(path: Path, _: Library) -> None:
     options = ChainOptions(mechanism=read_mechanism(path))
-    read_chain(read_urdf(path.with_name("robot.urdf")), options)
+    read_chain(urdf_text(path.with_name("robot.urdf")), options)
 
 
 def _masses(path: Path, _: Library) -> None:
-    read_chain(read_urdf(path.with_name("robot.urdf")), ChainOptions(masses=read_masses(path)))
+    read_chain(urdf_text(path.with_name("robot.urdf")), ChainOptions(masses=read_masses(path)))
 
 
 def _xacro(path: Path, _: Library) -> None:

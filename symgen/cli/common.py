@@ -1,16 +1,11 @@
-"""Parts that the commands share: application, console, options and folders."""
+"""Parts that the commands share: options and folders."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from runtime.common.files import toml_of
 from symgen.errors import BuildError
-
-if TYPE_CHECKING:
-    from symgen.chain.mechanism import Mechanism
-
 
 RootOption = Annotated[
     Path, typer.Option("--out", help="Folder with one subfolder per robot.", show_default=True)
@@ -58,37 +53,6 @@ ConfigOption = Annotated[
     ),
 ]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
-
-
-def read_urdf(urdf: Path) -> str:
-    """Return the text of a URDF."""
-    from symgen.make.sources import urdf_text
-
-    return urdf_text(urdf)
-
-
-def read_arguments(items: list[str]) -> dict[str, str]:
-    """Return the values of --arg NAME=VALUE by name."""
-    arguments = {}
-    for item in items:
-        name, mark, value = item.partition("=")
-        if not name or not mark:
-            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
-        arguments[name] = value
-    return arguments
-
-
-def read_mechanism(path: Path | None) -> "Mechanism":
-    """Return the mechanism of a TOML file, an empty one without a file."""
-    from symgen.chain.mechanism import Mechanism, mechanism_from_table
-
-    if path is None:
-        return Mechanism()
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"cannot read the mechanism '{path}': {error}") from None
-    return mechanism_from_table(table, f"'{path}'")
 
 
 def read_locks(items: list[str]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -11,11 +11,8 @@ from rich.table import Column, Table
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
 from symgen.cli.common import OverwriteOption
-from symgen.inspect import ERROR, facts, inspect_file, repaired
+from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
 from symgen.inspect.inspection import INERTIAL
-
-if TYPE_CHECKING:
-    from symgen.inspect import Inspection, Repair
 
 
 def inspect_command(
@@ -66,7 +63,7 @@ def inspect_command(
     raise typer.Exit(int(bool(inspection.findings if strict else inspection.errors)))
 
 
-def _show(inspection: "Inspection") -> None:
+def _show(inspection: Inspection) -> None:
     model = inspection.model
     table = Table(
         Column("link", overflow="fold"), title=f"{model.name} ({model.form}): kg, mm, kg m²"
@@ -108,7 +105,7 @@ def _show(inspection: "Inspection") -> None:
 
 
 def _repair(
-    inspection: "Inspection", model: Path, out: Path, overwrite: bool, quiet: bool
+    inspection: Inspection, model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
     report = (lambda _: None) if quiet else say
@@ -137,7 +134,7 @@ def _repair(
     }
 
 
-def _report(inspection: "Inspection", changes: "Repair", report: Any) -> None:
+def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
     if inspection.base is None:
         report(
             "repair: without base parameters each link was projected separately, so torques change"
@@ -151,7 +148,7 @@ def _report(inspection: "Inspection", changes: "Repair", report: Any) -> None:
         )
 
 
-def _moves(inspection: "Inspection", changes: "Repair") -> Table:
+def _moves(inspection: Inspection, changes: Repair) -> Table:
     table = Table("link", "centre of mass moved, mm", title="repair: changes (masses are kept)")
     for head in ("principal moments before", "after", "slack before", "after"):
         table.add_column(head, justify="right")

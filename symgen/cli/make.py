@@ -1,20 +1,17 @@
-"""Commands that write and delete generated folders: `build`, `check`, `clean`."""
+"""Commands that write generated folders and compare them: `build`, `check`."""
 
 import difflib
-import gc
-import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.common.files import toml_of
 from runtime.common.terminal import completing, console, say
-from symgen.chain import ChainOptions
-from symgen.cli.build_request import changed_request, levels_of, request_from_urdf, vector_of
+from symgen.chain import ChainOptions, read_chain
+from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.cli.common import (
     DEFAULT_ROOT,
     ArgumentOption,
@@ -27,16 +24,16 @@ from symgen.cli.common import (
     RootOption,
     TipOption,
     folders_of,
-    read_arguments,
     read_locks,
-    read_mechanism,
 )
 from symgen.errors import BuildError
-from symgen.make import bundled_robots
-from symgen.make.config import read_masses
+from symgen.make import bundled_name, bundled_robots
+from symgen.make.compiler import levels_of_processor
+from symgen.make.config import RobotConfig, read_config, read_masses, reduced_config
+from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
 from symgen.make.pipeline import build, generate
-from symgen.make.request import bundled_request, request_from_folder
-from symgen.make.sources import Packages, Source, published_urdf
+from symgen.make.request import BuildRequest, bundled_request, request_from_folder
+from symgen.make.sources import Packages, Source, published_urdf, read_source, split_by_use
 
 
 def build_command(
@@ -187,25 +184,13 @@ def build_command(
         source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
         request = request_from_urdf(source, name, options, project, config, densities)
     levels = levels_of(level, all_levels, request.name)
-    with console.status(f"building {request.name}"), _without_collector():
+    with console.status(f"building {request.name}"):
         watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None
         result = build(request, out, force, levels, overwrite, watch)
     for note in result.notes:
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
     say(f"{result.folder}: {state}")
-
-
-@contextmanager
-def _without_collector() -> Iterator[None]:
-    """Expressions and statements stay to the end; passes of the collector free nothing."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def check_command(
@@ -239,20 +224,95 @@ def check_command(
     raise typer.Exit(int(bool(different)))
 
 
-def clean_command(
-    robot: Annotated[
-        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
-    ] = None,
-    out: RootOption = DEFAULT_ROOT,
-) -> None:
-    """Delete compiled libraries and generated folders.
+def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
+    """Return the levels to compile."""
+    if chosen and every:
+        raise BuildError("--level and --all-levels both name levels; give one of them")
+    if chosen or every or name in bundled_robots():
+        return tuple(chosen or ())
+    return levels_of_processor()
 
-    Of a bundled robot only the library is deleted, of your own robot the whole folder.
-    """
-    for folder in folders_of(out, robot):
-        if folder.name in bundled_robots():
-            for path in (folder / f"lib{folder.name}.so", folder / "build.json"):
-                path.unlink(missing_ok=True)
-        else:
-            shutil.rmtree(folder)
-        say(f"{folder}: clean")
+
+def changed_request(bundled: BuildRequest, name: str | None, options: ChainOptions) -> BuildRequest:
+    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
+    if name is None or name in bundled_robots():
+        raise BuildError(
+            f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
+            f"such as {bundled.name}_changed"
+        )
+    whole, chain = read_chain(bundled.urdf), read_chain(bundled.urdf, options)
+    config = reduced_config(bundled.config, whole, chain)
+    return replace(bundled, name=name, options=options, config=config)
+
+
+def request_from_urdf(
+    source: Source,
+    name: str | None,
+    options: ChainOptions,
+    project: bool,
+    config: list[Path] | None,
+    densities: Path | None = None,
+) -> BuildRequest:
+    """The robot of a file of the user."""
+    if name is None:
+        raise BuildError(
+            "--urdf needs --name, the name of the folder and the prefix of the C functions"
+        )
+    if name in bundled_robots():
+        raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
+    notes: list[str] = []
+    has_gravity = options.gravity is not None
+    text, mechanism = read_source(source, options.mechanism, notes.append, has_gravity)
+    for sentence in notes:
+        say(f"note: {sentence}")
+    if densities is not None:
+        folder = source.packages.file(source.path).parent
+        text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
+        say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
+    of_file = tuple(s for s in mechanism.spring if s not in options.mechanism.spring)
+    kept, left = split_by_use(text, replace(options, mechanism=mechanism), of_file)
+    known = [(s.name, s.stiffness, s.rest) for s in kept if s.stiffness is not None]
+    if known:
+        listed = ", ".join(f"{spring} ({k:g}, rest {rest:g})" for spring, k, rest in known)
+        say(f"note: springs of the file, whose torque counts as known: {listed}")
+    if left:
+        say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")
+    stated = tuple(s for s in mechanism.spring if s not in of_file)
+    options = replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
+    if config is None and not project and (robot := bundled_name(text)) is not None:
+        return changed_request(bundled_request(robot), name, options)
+    facts = read_config(*config) if config else RobotConfig()
+    return BuildRequest(name, text, options, facts, project)
+
+
+def vector_of(text: str | None) -> tuple[float, float, float] | None:
+    """Three numbers X,Y,Z of an option [m/s²]; None without a text."""
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise BuildError(f"--gravity needs three numbers X,Y,Z, got '{text}'") from None
+    return x, y, z
+
+
+def read_arguments(items: list[str]) -> dict[str, str]:
+    """Return the values of --arg NAME=VALUE by name."""
+    arguments = {}
+    for item in items:
+        name, mark, value = item.partition("=")
+        if not name or not mark:
+            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
+        arguments[name] = value
+    return arguments
+
+
+def read_mechanism(path: Path | None) -> Mechanism:
+    """Return the mechanism of a TOML file, an empty one without a file."""
+    if path is None:
+        return Mechanism()
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"cannot read the mechanism '{path}': {error}") from None
+    return mechanism_from_table(table, f"'{path}'")

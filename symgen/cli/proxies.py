@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -18,19 +18,15 @@ from symgen.cli.common import (
     OverwriteOption,
     TipOption,
     read_locks,
-    read_urdf,
 )
 from symgen.collision import MARGIN, CollisionModel
-from symgen.collision.capsules import coverage, fit_link
+from symgen.collision.capsules import Coverage, coverage, fit_link
 from symgen.collision.geometry import read_geometry
 from symgen.collision.model import toml_from_collision
-from symgen.collision.selection import select_pairs
+from symgen.collision.selection import Selection, select_pairs
 from symgen.errors import BuildError, CollisionError
 from symgen.make.config import RobotConfig, home_of, read_config
-
-if TYPE_CHECKING:
-    from symgen.collision.capsules import Coverage
-    from symgen.collision.selection import Selection
+from symgen.make.sources import urdf_text
 
 
 def proxies_command(
@@ -65,11 +61,10 @@ def proxies_command(
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
-    # scipy's optimisers take a while to load, and no other command needs them
     require_unused([out], overwrite, None)
     if not (math.isfinite(margin) and margin >= 0):
         raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")
-    chain = read_chain(read_urdf(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
+    chain = read_chain(urdf_text(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
     known = read_config(*config) if config else RobotConfig()
     with console.status("fitting capsules"):
         geometry = read_geometry(chain, package_dir or [])
@@ -93,7 +88,7 @@ def proxies_command(
     say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 
-def _table(covered: "list[Coverage]") -> Table:
+def _table(covered: list[Coverage]) -> Table:
     table = Table(
         Column("link", overflow="fold"), "capsules", "corners", "outside", "volume / hull"
     )
@@ -104,7 +99,7 @@ def _table(covered: "list[Coverage]") -> Table:
     return table
 
 
-def _sentences(chosen: "Selection") -> list[str]:
+def _sentences(chosen: Selection) -> list[str]:
     sentences = [
         f"pair {pair.first} - {pair.second}: margin {1e3 * pair.margin:g} mm"
         for pair in chosen.pairs

@@ -1,6 +1,7 @@
-"""Commands that print what the manifests contain: `list`, `describe`."""
+"""Commands on generated folders that need no library of the build: `list`, `describe`, `clean`."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -169,3 +170,22 @@ def _kernel_table(manifest: dict[str, Any]) -> Table:
         cells = (kernel["name"], *shapes, kernel["operations"], kernel["equation"])
         table.add_row(*(Text(str(cell)) for cell in cells))
     return table
+
+
+def clean_command(
+    robot: Annotated[
+        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
+    ] = None,
+    out: RootOption = DEFAULT_ROOT,
+) -> None:
+    """Delete compiled libraries and generated folders.
+
+    Of a bundled robot only the library is deleted, of your own robot the whole folder.
+    """
+    for folder in folders_of(out, robot):
+        if folder.name in bundled_robots():
+            for path in (folder / f"lib{folder.name}.so", folder / "build.json"):
+                path.unlink(missing_ok=True)
+        else:
+            shutil.rmtree(folder)
+        say(f"{folder}: clean")

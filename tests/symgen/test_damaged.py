@@ -8,13 +8,12 @@ import pytest
 from runtime.common.files import json_of
 from symgen.chain import read_chain
 from symgen.chain.mechanism import Mechanism
-from symgen.cli.common import read_urdf
 from symgen.collision.geometry import read_geometry
 from symgen.errors import BuildError, CollisionError, SymgenError
 from symgen.inspect import inspect_file
 from symgen.make.config import read_config
 from symgen.make.request import request_from_folder
-from symgen.make.sources import Source, read_source
+from symgen.make.sources import Source, read_source, urdf_text
 from tests.conftest import TINY_URDF
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -98,7 +97,7 @@ def test_only_files_are_read(tmp_path: Path, make) -> None:
     for name in ("robot.urdf", "robot.toml", "manifest.json"):
         make(folder / name)
     for read in (
-        lambda: read_urdf(folder / "robot.urdf"),
+        lambda: urdf_text(folder / "robot.urdf"),
         lambda: inspect_file(folder / "robot.urdf"),
         lambda: read_config(folder / "robot.toml"),
         lambda: request_from_folder(folder),

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from runtime.cli.prepared_log import LogOptions, PreparedLog
-from runtime.cli.several_drives import with_drives
+from runtime.cli.several_logs import with_drives
 from runtime.library import load
 from runtime.recording import Friction, Preparation
 from runtime.recording.friction import DRIVE

@@ -59,7 +59,7 @@ def test_what_the_command_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         seen.append(words[1])
         return pipeline.BuildResult(root / request.name, False, ())
 
-    monkeypatch.setattr(pipeline, "build", build)
+    monkeypatch.setattr("symgen.cli.make.build", build)
     (tmp_path / "own.urdf").write_text(TINY_URDF, encoding="utf-8")
     own = ["build", "--urdf", str(tmp_path / "own.urdf"), "--name", "own", "--out", str(tmp_path)]
     for words in (own, [*own, "--all-levels"], [*own, "--level", "casadi"], ["build"]):

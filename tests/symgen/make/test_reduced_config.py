@@ -86,7 +86,7 @@ def requested(monkeypatch: pytest.MonkeyPatch) -> list[BuildRequest]:
         seen.append(request)
         return pipeline.BuildResult(root / request.name, False, ())
 
-    monkeypatch.setattr(pipeline, "build", build)
+    monkeypatch.setattr("symgen.cli.make.build", build)
     return seen
 
 

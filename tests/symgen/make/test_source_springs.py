@@ -9,7 +9,7 @@ import pytest
 
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, Spring, mechanism_from_table
-from symgen.cli.build_request import request_from_urdf
+from symgen.cli.make import request_from_urdf
 from symgen.errors import BuildError, UrdfError
 from symgen.make.sources import Source, read_source
 from symgen.mechanics.passive import known_torque

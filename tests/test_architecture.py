@@ -41,9 +41,12 @@ OPTIONAL = (
         "pooch",
     ),
     *("pxr", "pyarrow", "pydrake", "rclpy", "rosbags", "scipy.signal", "trimesh", "viser", "xacro"),
-    *("yaml", "ziglang", "pylibfranka", "rtde_"),
+    *("yaml", "ziglang", "pylibfranka", "rtde_", "symgen.make."),
 )
-"""Libraries that an extra installs, or that take long and that most commands do not need."""
+"""Libraries that an extra installs, or that take long and that most commands do not need.
+
+`symgen.make` needs the extra `build`, and `symgen list` and `describe` do without it.
+"""
 ENGINES = "runtime.outputs.model_files.engines"
 LIBRARIES = {
     "casadi": (),

@@ -198,17 +198,38 @@ class Commands(TyperGroup):
         return list(self.commands)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the overview."""
+        """Print the overview.
+
+        Args:
+            ctx: of the call.
+            formatter: of the library; the overview is printed by rich.
+        """
         self._overview().format_help(ctx, formatter)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Names of commands that begin so."""
+        """Names of commands that begin so.
+
+        Args:
+            ctx: of the call.
+            incomplete: beginning of a word.
+
+        Returns:
+            Items of the library.
+        """
         overview = self._overview(with_arguments=False)
         with overview.make_context(ctx.info_name, [], resilient_parsing=True) as context:
             return overview.shell_complete(context, incomplete)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Import the command of a command line."""
+        """Import the command of a command line.
+
+        Args:
+            ctx: of the call.
+            args: words of the command line, the command first.
+
+        Returns:
+            Name, command and further words.
+        """
         named = [command for command in self.listed if command.name == args[0]]
         if named or ctx.resilient_parsing:
             return args[0], imported(self.chosen(ctx, named, args[1:])) if named else None, args[1:]
@@ -219,7 +240,16 @@ class Commands(TyperGroup):
         )
 
     def chosen(self, ctx: Any, named: Sequence[Command], words: Sequence[str]) -> Command:
-        """Command that runs, of those of one name."""
+        """Command that runs, of those of one name.
+
+        Args:
+            ctx: of the call.
+            named: commands of the name.
+            words: words behind the name.
+
+        Returns:
+            One of them.
+        """
         return named[0]
 
     def _overview(self, with_arguments: bool = True) -> TyperGroup:

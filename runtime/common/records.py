@@ -24,6 +24,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_
 import msgspec
 from msgspec import Meta
 
+__all__ = ["Factors", "Name", "Record", "Vector3", "record_from_table", "table_from_record"]
+
 T = TypeVar("T")
 Name = Annotated[str, Meta(min_length=1)]
 Factors = Annotated[dict[str, float], Meta(min_length=1)]

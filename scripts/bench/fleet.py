@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from bench.compiled_plant import record
+from bench.front import SHORT
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.estimators.prior_file import PriorFile, read_prior
@@ -53,7 +54,6 @@ WAYS = (
     "20 s, with the fleet",
 )
 """Without a fleet the friction model is that which `identify` chooses for the log."""
-SHORT = Path(__file__).with_name("fr3_short.json")  # motion of 3 s that `excite` has designed
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -85,25 +86,7 @@ class Row:
     peers: dict[str, Against]
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Everything that one run measured."""
-
-    robot: str
-    samples: int
-    rounds: int
-    processor: str
-    timer: str
-    clock: float  # GHz
-    limits: dict[str, float]  # level → GFLOP/s of one core
-    peers: dict[str, str]  # peer → versions and commands
-    missing: dict[str, str]  # peer → why it did not run
-    deviation: float | None  # the largest of all rows; None without Pinocchio
-    bars: tuple[Bar, ...]
-    rows: tuple[Row, ...]
-
-
-def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
+def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Sheet:
     """Time a library's kernels and its peers in the same rounds."""
     if samples < LANES or samples % LANES:
         raise BenchError(f"tiles hold {LANES} samples: expected a multiple of it, got {samples}")
@@ -130,19 +113,26 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
         _row(key, one.samples, facts[key[0]], times_of, rivals, deviations)
         for key, one in ours.items()
     )
-    return Report(
-        robot=lib.name,
-        samples=samples,
-        rounds=rounds,
-        processor=processor(),
-        timer=compiler.version,
-        clock=1 / float(np.median(times_of[("cycle",)])),
-        limits={level: 1 / float(np.median(times_of["limit", level])) for level in levels},
-        peers={label: peer.detail for label, peer in rivals.items()},
-        missing=missing,
-        deviation=max(deviations.values(), default=None),
-        bars=_bars(rows),
-        rows=rows,
+    report = {
+        "robot": lib.name,
+        "samples": samples,
+        "rounds": rounds,
+        "processor": processor(),
+        "timer": compiler.version,
+        "clock": 1 / float(np.median(times_of[("cycle",)])),  # GHz
+        "limits": {level: 1 / float(np.median(times_of["limit", level])) for level in levels},
+        "peers": {label: peer.detail for label, peer in rivals.items()},
+        "missing": missing,
+        "deviation": max(deviations.values(), default=None),  # from Pinocchio
+        "bars": _bars(rows),
+        "rows": rows,
+    }
+    labels = [label for label in rivals if label != "NumPy"]  # it starts from a stored Y
+    head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *labels)
+    title = f"{lib.name}: ns per sample, {processor()}"
+    caption = CAPTION.format(rounds=rounds, samples=samples)
+    return Sheet(
+        "bench_kernels", head, _lines(rows, labels), report, title, caption, _notes(report)
     )
 
 
@@ -304,11 +294,10 @@ CAPTION = (
 )
 
 
-def sheet(report: Report) -> Sheet:
+def _lines(rows: tuple[Row, ...], labels: list[str]) -> list[tuple[str, ...]]:
     """One line per kernel and level, tiles and samples side by side."""
-    labels = [label for label in report.peers if label != "NumPy"]  # it starts from a stored Y
     pairs: dict[tuple[str, str, bool], dict[bool, Row]] = {}
-    for row in report.rows:
+    for row in rows:
         key = (row.kernel, row.level, row.layout == "stored")
         pairs.setdefault(key, {})[row.layout == "batch"] = row
     lines = []
@@ -325,36 +314,32 @@ def sheet(report: Report) -> Sheet:
                 *(_times(row.peers.get(each)) for each in labels),
             )
         )
-    head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *labels)
-    title = f"{report.robot}: ns per sample, {report.processor}"
-    caption = CAPTION.format(rounds=report.rounds, samples=report.samples)
-    return Sheet("bench_kernels", head, lines, report, title, caption, _notes(report))
+    return lines
 
 
 def _times(item: Against | None) -> str:
     return "" if item is None else f"{item.ratio:.{1 if item.ratio < 10 else 0}f}×"
 
 
-def _notes(report: Report) -> list[str]:
+def _notes(report: dict[str, Any]) -> list[str]:
     """Limits, requirements, algorithms of the peers and missing peers, one line each."""
-    limits = ", ".join(f"{level} {value:.1f}" for level, value in report.limits.items())
-    lines = [
-        f"limit of one core, GFLOP/s: {limits} (with {report.timer}); clock {report.clock:.2f} GHz"
-    ]
+    limits = ", ".join(f"{level} {value:.1f}" for level, value in report["limits"].items())
+    timer, clock = report["timer"], report["clock"]
+    lines = [f"limit of one core, GFLOP/s: {limits} (with {timer}); clock {clock:.2f} GHz"]
     cycles = {
-        item.algorithm: item.ns * report.clock
-        for row in report.rows
+        item.algorithm: item.ns * clock
+        for row in report["rows"]
         for label, item in row.peers.items()
         if label == "Pinocchio C++"
     }
     if cycles:
         listed = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
         lines.append(f"cycles of one call of Pinocchio C++: {listed}")
-    for label, detail in report.peers.items():
-        used = {row.kernel: row.peers[label] for row in report.rows if label in row.peers}
+    for label, detail in report["peers"].items():
+        used = {row.kernel: row.peers[label] for row in report["rows"] if label in row.peers}
         names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())
         lines += [f"{label}: {names}", f"    {detail}"]
-    lines += [f"{label} did not run: {why}." for label, why in report.missing.items()]
-    for bar in report.bars:
+    lines += [f"{label} did not run: {why}." for label, why in report["missing"].items()]
+    for bar in report["bars"]:
         lines.append(f"{'met   ' if bar.met else 'MISSED'} {bar.text}: {bar.measured:.3g}")
     return lines

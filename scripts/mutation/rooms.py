@@ -1,17 +1,12 @@
-"""Rooms that can be mutated: their sources, and the folders of their tests."""
+"""Rooms that can be mutated: their sources, and the tests that they meet."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-_T = "tests/runtime"
-_E = "runtime/estimators"
-_TEMPLATES = "symgen/templates"
-_MECHANICS = ("tests/symgen/mechanics",)
-
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """Sources and tests, paths from the root of the repository; a folder stands for its files."""
+    """Patterns of sources and tests from the root of the repository; a folder is all its files."""
 
     sources: tuple[str, ...]
     tests: tuple[str, ...]
@@ -19,77 +14,62 @@ class Room:
 
     def files(self, root: Path) -> list[Path]:
         """The source files below `root`, sorted."""
-        found: list[Path] = []
-        for source in self.sources:
-            path = root / source
-            found += [path] if path.is_file() else path.rglob("*.py")
-        return sorted(set(found))
+        found = [path for source in self.sources for path in root.glob(source)]
+        inside = [file for path in found for file in path.rglob("*.py")]
+        return sorted({path for path in (*found, *inside) if path.is_file()})
+
+    def test_files(self, root: Path) -> list[str]:
+        """Folders and files of the tests, from `root`."""
+        return [str(p.relative_to(root)) for test in self.tests for p in sorted(root.glob(test))]
 
 
-def _in(folder: str, names: str) -> tuple[str, ...]:
-    return tuple(f"{folder}/{name}.py" for name in names.split())
+def _same(*places: str) -> Room:
+    """Folders of runtime whose tests have the same names."""
+    return Room(
+        tuple(f"runtime/{place}" for place in places),
+        tuple(f"tests/runtime/{place}" for place in places),
+    )
 
 
 def _c(sources: str, *tests: str) -> Room:
-    return Room(tuple(f"{_TEMPLATES}/{name}" for name in sources.split()), tests, "double")
+    places = tuple(f"symgen/templates/{name}" for name in sources.split())
+    return Room(places, tuple(f"tests/runtime/{test}.py" for test in tests), "double")
 
-
-_FACTOR = f"{_T}/estimators/regression/test_factor.py"
-_CONVEX = f"{_T}/estimators/convex/test_convex_compiled.py"
-_DESCENT = f"{_T}/estimators/descent/test_descent.py"
-_COST = f"{_T}/excitation/search/test_condition_cost.py"
-_EMIT = _in(
-    "tests/symgen",
-    "test_emit test_emit_manifest test_composition test_elimination test_schedule test_stack"
-    " test_tile_program test_parts test_tiles test_lanes test_memory",
-)
 
 ROOMS = {
-    "convex": Room(
-        _in(f"{_E}/convex", "__init__ compiled constraints eliminate_friction newton path"),
-        (f"{_T}/estimators/convex",),
-    ),
-    "posterior": Room(
-        (
-            *_in(f"{_E}/convex", "map_estimate entropic_prior prior_agreement"),
-            *_in(_E, "prior_file type_prior"),
+    "convex": _same("estimators/convex"),
+    "descent": _same("estimators/descent"),
+    "regression": _same("estimators/regression"),
+    "estimators": Room(("runtime/estimators/*.py",), ("tests/runtime/estimators/test_*.py",)),
+    "preprocessing": _same("recording/preprocessing"),
+    "certificates": _same("excitation/proof"),
+    "excitation": _same("excitation/limits", "excitation/motion", "excitation/search"),
+    "inspection": _same("inspection"),
+    "payload": _same("identification/payload"),
+    "gains": _same("identification/sensor_gains"),
+    "export": _same("outputs/model_files"),
+    "experiments": _same("experiments"),
+    "mechanics": Room(("symgen/mechanics",), ("tests/symgen/mechanics",)),
+    "emit": Room(
+        ("symgen/emit",),
+        tuple(
+            f"tests/symgen/test_{name}.py"
+            for name in (
+                "emit*",
+                "composition",
+                "elimination",
+                "schedule",
+                "stack",
+                "lanes",
+                "parts",
+            )
         ),
-        (f"{_T}/estimators/convex", f"{_T}/estimators/test_armature_prior.py"),
     ),
-    "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
-    "uncertainty": Room(_in(_E, "uncertainty"), (f"{_T}/estimators/test_uncertainty.py",)),
-    "residuals": Room(
-        _in(f"{_E}/regression", "samples omitted_columns deviation_tests"),
-        (f"{_T}/estimators/regression",),
-    ),
-    "coloured noise": Room(
-        _in(f"{_E}/regression", "coloured_noise compression"), (f"{_T}/estimators/regression",)
-    ),
-    "preprocessing": Room(("runtime/recording/preprocessing",), (f"{_T}/recording/preprocessing",)),
-    "certificates": Room(("runtime/excitation/proof",), (f"{_T}/excitation/proof",)),
-    "excitation": Room(
-        ("runtime/excitation/limits", "runtime/excitation/motion", "runtime/excitation/search"),
-        (f"{_T}/excitation",),
-    ),
-    "inspection": Room(("runtime/inspection",), (f"{_T}/inspection",)),
-    "payload": Room(("runtime/identification/payload",), (f"{_T}/identification/payload",)),
-    "gains": Room(("runtime/identification/sensor_gains",), (f"{_T}/identification/sensor_gains",)),
-    "export": Room(("runtime/outputs/model_files",), (f"{_T}/outputs/model_files",)),
-    "experiments": Room(("runtime/experiments",), (f"{_T}/experiments",)),
-    "dynamics": Room(
-        _in(
-            "symgen/mechanics",
-            "dynamics mass_matrix kinematics spatial passive excitation loop_equations",
-        ),
-        _MECHANICS,
-    ),
-    "inertia": Room(_in("symgen/mechanics", "inertia"), _MECHANICS),
-    "base parameters": Room(_in("symgen/mechanics", "base_parameters"), _MECHANICS),
-    "emit": Room(("symgen/emit",), (*_EMIT, _CONVEX, _DESCENT, _FACTOR, _COST)),
-    "convex.c": _c("convex.c.jinja2", _CONVEX),
-    "descent.c": _c("descent.c.jinja2", _DESCENT),
+    "convex.c": _c("convex.c.jinja2", "estimators/convex/test_convex_compiled"),
+    "descent.c": _c("descent.c.jinja2", "estimators/descent/test_descent"),
     "statistics.c": _c(
-        "statistics.c.jinja2 gram.h fold.h", _FACTOR, f"{_T}/estimators/regression/test_products.py"
+        "statistics.c.jinja2 gram.h fold.h",
+        *(f"estimators/regression/test_{name}" for name in ("factor", "products")),
     ),
-    "excitation.c": _c("excitation.c.jinja2 eigen.h", _COST),
+    "excitation.c": _c("excitation.c.jinja2 eigen.h", "excitation/search/test_condition_cost"),
 }

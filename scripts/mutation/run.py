@@ -132,7 +132,8 @@ def _met(tree: Path, room: Room, mutant: Mutant, usual: float) -> tuple[str, flo
 def _command(tree: Path, room: Room) -> str:
     """Pytest in a copy of the repository, which begins with the tests that failed last."""
     words = ["env", "-C", str(tree), f"PYTHONPATH={tree}", sys.executable, "-m", "pytest"]
-    words += ["-x", "-q", "--failed-first", "--basetemp", str(tree / ".tests"), *room.tests]
+    words += ["-x", "-q", "--failed-first", "--basetemp", str(tree / ".tests")]
+    words += room.test_files(tree)
     return shlex.join([*words, "-k", room.only] if room.only else words)
 
 

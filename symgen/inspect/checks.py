@@ -15,6 +15,8 @@ from symgen.inspect.geometry import Extent, Group
 from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Joint, Model
 from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
+FRAME = 1e-6
+"""Mass up to which a link without inertia is a frame, kg: some tools refuse links without one."""
 OSMIUM = 22590.0
 """Density of the densest element, kg/m³."""
 FOAM = 20.0
@@ -50,7 +52,7 @@ def consistency_errors(model: Model, name: str) -> list[Finding]:
     def error(kind: str, observed: str, expected: str) -> list[Finding]:
         return [Finding(ERROR, kind, where, observed, expected)]
 
-    if body is None or body.is_empty:
+    if body is None or body.is_empty or (0 < body.mass <= FRAME and not body.inertia.any()):
         return _massless(model, name)
     if body.mass < 0:
         return error("mass", f"the mass is {body.mass:g} kg", "expected a positive one")

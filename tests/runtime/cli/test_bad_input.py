@@ -111,7 +111,11 @@ LOGS: dict[str, tuple[Case, str]] = {
         "record for longer",
     ),
     "one row": (lambda d: d.identify(d.rows(slice(0, 1))), "no sample is left"),
-    "constant joints, ols": (lambda d: d.identify(still(d), "--method", "ols"), "excites 7 of 50"),
+    # Rounding decides between the friction models of a log without motion: 43 or 50 columns.
+    "constant joints, ols": (
+        lambda d: d.identify(still(d), "--method", "ols"),
+        "excites (5 of 43|7 of 50) columns",
+    ),
 }
 
 OPTIONS: dict[str, tuple[Case, str]] = {

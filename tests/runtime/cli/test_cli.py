@@ -12,11 +12,14 @@ from typer.testing import CliRunner
 
 import runtime
 from runtime.cli import app
+from runtime.common.commands import GROUPS
 from runtime.library import Library
 from tests.runtime.conftest import Command
 from tests.runtime.processes import QUIET
 
-COMMANDS = sorted(str(command.name) for command in app.registered_commands)
+COMMANDS = sorted(
+    command.name for group in GROUPS.values() for command in group if command.package == "runtime"
+)
 
 
 def python(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:

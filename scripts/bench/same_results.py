@@ -7,6 +7,7 @@ of the comparison can change without running anything again.
 
 import csv
 import difflib
+import filecmp
 import json
 import os
 import re
@@ -16,7 +17,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -44,10 +45,14 @@ MASKS = {
     r"\b\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)?)?": "DATE",
     r"(time of the method: )\S+ s\b": r"\1TIME",
     r"(Computing time<b>)[^<]*": r"\1TIME",
+    # Of a method in the tables of `compare`: name, error, worst joint, error of π, time.
+    r"^((?:\| )?[a-z-]+ (?:\| )?\S+ (?:\| )?j\d+ \S+ (?:\| )?\S+ (?:\| )?)[\d.]+": r"\1TIME",
+    r"(data-m=\S+>(?:<td>[^<]*</td>){4}<td>)[\d.]+": r"\1TIME",
 }
 """Expression → what replaces it in every text."""
-UNREAD = {".png", ".pdf", ".so", ".mcap", ".usdc"}
-"""Suffixes of files of which only the existence is compared: pictures, compiled code, bags."""
+UNREAD = (".png", ".pdf", ".so", ".mcap", ".usdc", ".lock", "build.json")
+"""Ends of files of which only the existence is compared: pictures, compiled code, bags with the
+time of their writing, the number of a process, times of the compiler."""
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]*[A-Za-z_])")
 Value = np.ndarray | list[str]
 """Numbers of a key, or lines of text."""
@@ -183,7 +188,8 @@ def compare(
         lacking = [str(x) for x in (before, after) if not (x / f"{name}.json").is_file()]
         lines = [f"no such case in {' and '.join(lacking)}"] if lacking else []
         if not lacking:
-            old, new = dict(values_of(before, name)), dict(values_of(after, name))
+            same = _same_files(before / name, after / name)
+            old, new = (dict(values_of(x, name, same)) for x in (before, after))
             lines += [f"{key}: only before" for key in old if key not in new]
             lines += [f"{key}: only after" for key in new if key not in old]
             for key in (key for key in old if key in new):
@@ -239,16 +245,27 @@ def _text_difference(old: list[str], new: list[str], rtol: float) -> tuple[list[
     return found, 0.0 if found else largest
 
 
-def values_of(folder: Path, case: str) -> Iterator[tuple[str, Value]]:
-    """Exit codes, texts and files of a case: key → numbers or lines."""
+def _same_files(before: Path, after: Path) -> set[str]:
+    """Names of files with the same bytes in both folders, which need not be read."""
+    names = {str(p.relative_to(before)) for p in before.rglob("*") if p.is_file()}
+    pairs = ((name, before / name, after / name) for name in names)
+    return {k for k, a, b in pairs if b.is_file() and filecmp.cmp(a, b, shallow=False)}
+
+
+def values_of(
+    folder: Path, case: str, left_out: Collection[str] = ()
+) -> Iterator[tuple[str, Value]]:
+    """Exit codes, texts and files of a case, except some files: key → numbers or lines."""
     for number, run in enumerate(json.loads((folder / f"{case}.json").read_text("utf-8")), 1):
         head = f"{number}. {run['command']}"
         yield f"{head}: exit code", np.array(float(run["exit"]))
         yield f"{head}: stdout", _lines(run["out"])
         yield f"{head}: stderr", _lines(run["err"])
-    for path in sorted(p for p in (folder / case).rglob("*") if p.is_file()):
-        name = str(path.relative_to(folder / case))
-        if path.suffix in UNREAD or path.name == "build.json":  # the latter: times of the compiler
+    files = {str(p.relative_to(folder / case)): p for p in (folder / case).rglob("*")}
+    for name, path in sorted(files.items()):
+        if path.is_dir() or name in left_out:
+            continue
+        if name.endswith(UNREAD):
             yield name, ["exists"]
             continue
         try:
@@ -259,9 +276,10 @@ def values_of(folder: Path, case: str) -> Iterator[tuple[str, Value]]:
 
 
 def _lines(text: str) -> list[str]:
+    text = "\n".join(" ".join(line.split()) for line in text.splitlines())
     for expression, instead in MASKS.items():
-        text = re.sub(expression, instead, text)
-    return [" ".join(line.split()) for line in text.splitlines()]
+        text = re.sub(expression, instead, text, flags=re.MULTILINE)
+    return text.splitlines()
 
 
 def _read_csv(path: Path) -> Any:

@@ -28,12 +28,8 @@ def differences(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path, Path], list[
 
 def case(folder: Path, mass: float = 2.5, small: float = 0.0, out: str = "mass: 2.5 kg") -> Path:
     """Folder of results with one case that wrote a JSON file and arrays."""
-    run = {
-        "command": "identify",
-        "exit": 0,
-        "out": f"{out}\ntime of the method: {mass} s",
-        "err": "",
-    }
+    times = f"time of the method: {mass} s\nmap  0.251  j2 0.043  –  {mass}  6"
+    run = {"command": "identify", "exit": 0, "out": f"{out}\n{times}", "err": ""}
     place = folder / "one" / "out"
     place.mkdir(parents=True)
     (folder / "one.json").write_text(json.dumps([run]))
@@ -55,6 +51,7 @@ def case(folder: Path, mass: float = 2.5, small: float = 0.0, out: str = "mass: 
         ({"small": 1e-11}, 1),
         ({"out": "mass: 2.5000000001 kg"}, 0),
         ({"out": "mass: 2.51 kg"}, 1),
+        ({"out": "mass: 2.5000000100000000123 kg"}, 1),  # no digest, however many digits
         ({"out": "mass of the link: 2.5 kg"}, 2),  # a line of each
     ],
 )

@@ -40,7 +40,7 @@ IGNORED = {"seconds": "time that a method took", "versions": "libraries of the e
 """Key of a JSON, TOML or NPZ file that is not compared, with all below it → reason."""
 MASKS = {
     r"(?<![\w.·)])(?:\.\.)?/(?:[\w.+@%-]+/)+": "/",  # folders; names of files stay
-    r"\b[0-9a-f]{16,}\b": "HASH",  # of files, models and C code
+    r"(?<![\w.])(?=\d*[a-f])[0-9a-f]{16,}\b": "HASH",  # of files, models and C code
     r"\b\d+\.\d+\.\d+(?:\.?(?:post|dev|rc)\d+)?\b": "VERSION",
     r"\b\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)?)?": "DATE",
     r"(time of the method: )\S+ s\b": r"\1TIME",

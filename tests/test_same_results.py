@@ -66,6 +66,25 @@ def test_planted_differences(
     assert len(lines) == count, lines
 
 
+def test_rounding_of_the_first_checkout_is_allowed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Property: ten times what another instruction set changes, and no more; roots as products."""
+    monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
+    from bench.same_results import RTOL, compare
+
+    folders = before, rounded, *changed = [
+        case(tmp_path / str(shift), 2.5 * (1 + shift)) for shift in (0.0, 1e-7, 9e-7, 2e-6)
+    ]
+    for k, folder in enumerate(folders):
+        turn = np.array([[np.cos(k), np.sin(k)], [-np.sin(k), np.cos(k)]])
+        root = np.array([[2.0, 1.0], [0.0, 3.0]])
+        arrays = {"factor": turn @ root, "target": turn @ [1.0, 2.0], "pi_root": root @ turn}
+        np.savez(folder / "one" / "out" / "posterior.npz", **arrays)
+    counts = [compare(before, x, (), RTOL, lambda _: None, rounded) for x in changed]
+    assert counts == [0, 2]
+
+
 def test_a_missing_file_and_a_missing_case_are_differences(
     differences: Callable[[Path, Path], list[str]], tmp_path: Path
 ) -> None:

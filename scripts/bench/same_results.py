@@ -30,10 +30,13 @@ from bench.same_results_inputs import EXAMPLES, INPUTS
 LONGEST = 900.0
 """Time after which a command counts as failed, s."""
 RTOL = 1e-9
+LEVEL = "portable"
+"""Instruction set that rounds alike on every machine."""
 FLOOR = 1e-3
 """Share of the largest number of an array below which differences count relative to that share.
 What is zero by structure or by cancellation carries the rounding of the largest number, 2e-16 times
 a condition of up to 1e4; numbers down to a thousandth of the largest are compared at `RTOL`."""
+ROUNDING = 10.0
 SMALL = 1e-12
 """Smaller numbers of printed lines state rounding, such as the torques of a file read again."""
 IGNORED = {"seconds": "time that a method took", "versions": "libraries of the environment"}
@@ -48,6 +51,7 @@ MASKS = {
     # Of a method in the tables of `compare`: name, error, worst joint, error of π, time.
     r"^((?:\| )?[a-z-]+ (?:\| )?\S+ (?:\| )?j\d+ \S+ (?:\| )?\S+ (?:\| )?)[\d.]+": r"\1TIME",
     r"(data-m=\S+>(?:<td>[^<]*</td>){4}<td>)[\d.]+": r"\1TIME",
+    r"\s*<svg\b[\s\S]*?</svg>\s*": "PICTURE",  # of numbers that stand in other files
 }
 """Expression → what replaces it in every text."""
 UNREAD = (".png", ".pdf", ".so", ".mcap", ".usdc", ".lock", "build.json")
@@ -74,7 +78,7 @@ def chosen(only: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*robots, *names]))
 
 
-def write(folder: Path, tree: Path, only: Iterable[str], jobs: int) -> None:
+def write(folder: Path, tree: Path, only: Iterable[str], jobs: int, level: str = LEVEL) -> None:
     """Run cases with the commands of a checkout; a command that fails is a result.
 
     Args:
@@ -83,6 +87,7 @@ def write(folder: Path, tree: Path, only: Iterable[str], jobs: int) -> None:
         tree: the checkout.
         only: see `chosen`.
         jobs: number of cases at the same time.
+        level: instruction set of the robots; another one rounds otherwise.
     """
     only, folder, tree = tuple(only), folder.resolve(), tree.resolve()
     shared = Path(os.environ.get("SYMGEN_DATA", Path(__file__).resolve().parents[3] / "shared"))
@@ -101,6 +106,7 @@ def write(folder: Path, tree: Path, only: Iterable[str], jobs: int) -> None:
         "models": str(shared / "models"),
         "examples": str(EXAMPLES),
         "tree": str(tree),
+        "level": level,
     }
     environment, done = _environment(folder, tree, shared), 0
 
@@ -166,7 +172,12 @@ def _run(
 
 
 def compare(
-    before: Path, after: Path, only: Iterable[str], rtol: float, say: Callable[[str], None]
+    before: Path,
+    after: Path,
+    only: Iterable[str],
+    rtol: float,
+    say: Callable[[str], None],
+    rounded: Path | None = None,
 ) -> int:
     """Name every number, key and text in which the cases of two folders differ.
 
@@ -176,6 +187,8 @@ def compare(
         only: see `chosen`; without it, a case that only one of the folders holds is a difference.
         rtol: relative tolerance of numbers.
         say: is called with a line per difference, and one at the end.
+        rounded: folder of `write` of the first checkout at another level; numbers may differ by
+            `ROUNDING` times what they differ by there, and texts where they differ there.
 
     Returns:
         Number of differences.
@@ -190,12 +203,16 @@ def compare(
         if not lacking:
             same = _same_files(before / name, after / name)
             old, new = (dict(values_of(x, name, same)) for x in (before, after))
+            other = dict(values_of(rounded, name, same)) if rounded else {}
             lines += [f"{key}: only before" for key in old if key not in new]
             lines += [f"{key}: only after" for key in new if key not in old]
             for key in (key for key in old if key in new):
-                found, error = difference(old[key], new[key], rtol)
+                allowed = rtol
+                if key in other:
+                    allowed = max(rtol, ROUNDING * difference(old[key], other[key], 0.0)[1])
+                found, error = difference(old[key], new[key], allowed)
                 lines += [f"{key}: {line}" for line in found]
-                largest = max(largest, error)
+                largest = largest if found else max(largest, error)
         count, agree = count + len(lines), agree + (not lines)
         for line in lines:
             say(f"{name}: {line}")
@@ -205,11 +222,11 @@ def compare(
 
 
 def difference(old: Value, new: Value, rtol: float) -> tuple[list[str], float]:
-    """Sentences on how two values differ, and the largest relative difference without one."""
+    """Sentences on how two values differ, and the largest relative difference."""
     if isinstance(old, list) or isinstance(new, list):
         return _text_difference([str(x) for x in old], [str(x) for x in new], rtol)
     if old.shape != new.shape:
-        return [f"shape {old.shape} → {new.shape}"], 0.0
+        return [f"shape {old.shape} → {new.shape}"], np.inf
     if np.array_equal(old, new, equal_nan=True):
         return [], 0.0
     finite = np.isfinite(old) & np.isfinite(new)
@@ -223,7 +240,9 @@ def difference(old: Value, new: Value, rtol: float) -> tuple[list[str], float]:
         return [], float(relative.max())
     at = np.unravel_index(np.argmax(relative), old.shape)
     where = f" at {list(map(int, at))}, {wrong.sum()} of {old.size} numbers" if at else ""
-    return [f"{old[at]:.17g} → {new[at]:.17g} (relative {relative[at]:.1e}){where}"], 0.0
+    return [f"{old[at]:.17g} → {new[at]:.17g} (relative {relative[at]:.1e}){where}"], float(
+        relative.max()
+    )
 
 
 def _text_difference(old: list[str], new: list[str], rtol: float) -> tuple[list[str], float]:
@@ -231,7 +250,7 @@ def _text_difference(old: list[str], new: list[str], rtol: float) -> tuple[list[
     plain = [[NUMBER.sub("#", line) for line in lines] for lines in (old, new)]
     if plain[0] != plain[1]:
         lines = difflib.unified_diff(*plain, lineterm="", n=0)
-        return [x for x in lines if not x.startswith(("---", "+++", "@@"))], 0.0
+        return [x for x in lines if not x.startswith(("---", "+++", "@@"))], np.inf
     found, largest = [], 0.0
     for one, other in zip(old, new, strict=True):
         if one == other:
@@ -242,7 +261,7 @@ def _text_difference(old: list[str], new: list[str], rtol: float) -> tuple[list[
         if (relative > rtol).any():
             found.append(f"'{one.strip()}' → '{other.strip()}'")
         largest = max(largest, float(relative.max()))
-    return found, 0.0 if found else largest
+    return found, largest
 
 
 def _same_files(before: Path, after: Path) -> set[str]:
@@ -282,6 +301,18 @@ def _lines(text: str) -> list[str]:
     return text.splitlines()
 
 
+def _read_npz(path: Path) -> dict[str, Any]:
+    """Arrays; of roots the products, since Q R and R describe the same for every rotation Q."""
+    data = dict(np.load(path))
+    if "pi_root" in data:
+        root = data.pop("pi_root")
+        data["pi_root pi_rootᵀ"] = root @ root.T
+    if "factor" in data:
+        whole = np.column_stack([data.pop("factor"), data.pop("target")])
+        data["[factor target]ᵀ [factor target]"] = whole.T @ whole
+    return data
+
+
 def _read_csv(path: Path) -> Any:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
@@ -292,7 +323,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     ".json": lambda path: json.loads(path.read_text("utf-8")),
     ".jsonl": lambda path: [json.loads(line) for line in path.read_text("utf-8").splitlines()],
     ".toml": lambda path: tomllib.loads(path.read_text("utf-8")),
-    ".npz": lambda path: dict(np.load(path)),
+    ".npz": _read_npz,
     ".csv": _read_csv,
 }
 

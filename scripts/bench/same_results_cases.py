@@ -12,7 +12,7 @@ _TIAGO_LOCKS = " ".join(
     f"--lock {name}_joint=0"
     for name in ("head_1", "head_2", "gripper_finger", "gripper_right_finger")
 )
-_BUILD = "build --level portable --out ."  # the same bits on every machine
+_BUILD = "build --level {level} --out ."
 _GO2 = "{examples}/go2_description/urdf/go2.urdf"
 _PANDA = "identify panda_gaz --robot {fr3} --out out"
 _FR3 = "identify fr3_simulated --robot {fr3} --cutoff 10 --out"

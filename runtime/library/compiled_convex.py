@@ -6,14 +6,13 @@ on how many threads there are.
 
 import ctypes
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.library.binding import padded, padded_size, zeros
+from runtime.library.compiled_descent import Jobs
 from runtime.library.parameters import N_PARAMETERS
 
 Array = NDArray[np.float64]
@@ -71,7 +70,7 @@ class _Job(ctypes.Structure):
     ]
 
 
-class CompiledConvex:
+class CompiledConvex(Jobs):
     """An array of jobs and the arrays they point to; every call of `run` solves them all anew.
 
     Args:
@@ -88,9 +87,7 @@ class CompiledConvex:
         tolerance: float,
         most_steps: int,
     ) -> None:
-        self._function = function
-        self._jobs = (_Job * len(tasks))()
-        self._kept: list[NDArray[np.generic]] = []
+        super().__init__(function, _Job, len(tasks))
         self._starts: list[Array] = []
         self._answers: list[tuple[Array, Array, Array, NDArray[np.int64]]] = []
         self._pi: list[Array] = []
@@ -102,19 +99,8 @@ class CompiledConvex:
         """Solve all from their starts."""
         for pi, start in zip(self._pi, self._starts, strict=True):
             pi[:] = start
-        count = max(1, min(threads, len(self._jobs)))
-        edges = [len(self._jobs) * k // count for k in range(count + 1)]
-
-        def part(bounds: tuple[int, int]) -> None:
-            first, end = bounds
-            if end > first:
-                self._function(ctypes.byref(self._jobs[first]), end - first)
-
-        if count == 1:
-            part((0, len(self._jobs)))
-        else:
-            with ThreadPoolExecutor(count) as pool:
-                list(pool.map(part, pairwise(edges)))
+        if self._jobs:
+            self._run(threads)
         return [
             ConvexAnswer(
                 points[: _reached(job), : start.size - _spare(job)].copy(),
@@ -146,11 +132,6 @@ class CompiledConvex:
         job.points, job.losses, job.decrements = (self._pointer(a) for a in answer)
         job.steps = steps.ctypes.data_as(_LONGS)
         job.work = self._pointer(zeros(2 * width * width + 5 * width + 2 * rows))
-
-    def _pointer(self, array: Array) -> object:
-        whole = np.ascontiguousarray(array, dtype=np.float64)
-        self._kept.append(whole)
-        return whole.ctypes.data_as(_DOUBLES)
 
 
 def _reached(job: _Job) -> int:

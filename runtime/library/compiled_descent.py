@@ -94,7 +94,7 @@ class _LevenbergJob(ctypes.Structure):
     ]
 
 
-class _Jobs:
+class Jobs:
     """An array of jobs and the arrays they point to."""
 
     def __init__(self, function: Callable[..., None], kind: Any, count: int) -> None:
@@ -122,22 +122,21 @@ class _Jobs:
         side.target = self._pointer(_padded(problem.target, equations))
         side.rest, side.scale = problem.rest, problem.scale
 
-    def _run(self, iterations: int, threads: int) -> None:
+    def _run(self, threads: int, *arguments: int) -> None:
         def part(bounds: tuple[int, int]) -> None:
             first, end = bounds
-            self._function(ctypes.byref(self._jobs[first]), end - first, iterations)
+            self._function(ctypes.byref(self._jobs[first]), end - first, *arguments)
 
         count = max(1, min(threads, len(self)))
         edges = [len(self) * k // count for k in range(count + 1)]
-        parts = list(pairwise(edges))
         if count == 1:
-            part(parts[0])
+            part((0, len(self)))
             return
         with ThreadPoolExecutor(count) as pool:
-            list(pool.map(part, parts))
+            list(pool.map(part, pairwise(edges)))
 
 
-class CompiledAdam(_Jobs):
+class CompiledAdam(Jobs):
     """Descents by Adam; `run` goes on where the last call stopped.
 
     Args:
@@ -205,7 +204,7 @@ class CompiledAdam(_Jobs):
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
         for job, named in zip(self._jobs, kept, strict=False):
             job.rows = named.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
-        self._run(iterations, threads)
+        self._run(threads, iterations)
 
     def x(self, index: int) -> Array:
         """The current point of a job."""
@@ -216,7 +215,7 @@ class CompiledAdam(_Jobs):
         return self._best[index][: self._jobs[index].size].copy()
 
 
-class CompiledLevenberg(_Jobs):
+class CompiledLevenberg(Jobs):
     """Descents by Levenberg–Marquardt; `run` goes on where the last call stopped.
 
     Args:
@@ -259,7 +258,7 @@ class CompiledLevenberg(_Jobs):
             iterations: steps of every job.
             threads: over which the jobs are spread.
         """
-        self._run(iterations, threads)
+        self._run(threads, iterations)
 
     def x(self, index: int) -> Array:
         """The current point of a job."""

@@ -38,7 +38,7 @@ def commanded_torque(
                 f"positions, got {values.shape[1]}; name one per joint"
             )
     kp, kd, limit, gear = (
-        parts[key] if key in parts else _per_joint(key, getattr(law, key), n)
+        parts[key] if key in parts else per_joint("torque", key, getattr(law, key), n)
         for key in ("kp", "kd", "effort_limit", "gear")
     )
     tau = kp * gear * (parts["desired_position"] - q)
@@ -66,10 +66,11 @@ def without_ends(recording: Recording, preparation: Preparation) -> Preparation:
     return replace(preparation, trim_s=float(f"{trim:.3g}"))
 
 
-def _per_joint(key: str, value: object, n: int) -> FloatArray:
+def per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
+    """One value per joint (n,) from a scalar or a list."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if len(numbers) not in {1, n}:
         raise RecordingError(
-            f"[torque] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
+            f"[{kind}] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
         )
     return np.broadcast_to(numbers, (n,))

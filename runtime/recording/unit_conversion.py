@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.commanded_torque import commanded_torque
+from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
@@ -149,10 +149,10 @@ def _joint_side(
             f"[{kind}] order names {len(order)} joints, but the file has {n}; name every joint"
         )
     units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
-    unit = _per_joint(kind, "unit", [UNITS[kind][each] for each in units], n)
-    factor = unit * _per_joint(kind, "sign", signal.sign, n)
+    unit = per_joint(kind, "unit", [UNITS[kind][each] for each in units], n)
+    factor = unit * per_joint(kind, "sign", signal.sign, n)
     if signal.gain is not None:
-        factor = factor * _per_joint(kind, "gain", signal.gain, n)
+        factor = factor * per_joint(kind, "gain", signal.gain, n)
     as_is = np.array_equal(order, np.arange(n)) and np.all(factor == 1.0)
     x = raw if as_is else raw[:, order] * factor
     notes = []
@@ -174,7 +174,7 @@ def _joint_side(
                 "give one row per joint"
             )
         x = x @ R if kind == "torque" else np.linalg.solve(R, x.T).T
-    offset = _per_joint(kind, "offset", signal.offset, n)
+    offset = per_joint(kind, "offset", signal.offset, n)
     if offset.any():
         x = x + offset * unit
     steps = {
@@ -187,16 +187,6 @@ def _joint_side(
     }
     done = [step for step, applies in steps.items() if applies]
     return x, [*notes, f"Converted {kind}: {', '.join(done)}."] if done else notes
-
-
-def _per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
-    """One value per joint (n,) from a scalar or a list."""
-    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if len(numbers) not in {1, n}:
-        raise RecordingError(
-            f"[{kind}] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
-        )
-    return np.broadcast_to(numbers, (n,))
 
 
 def _without_repeats(

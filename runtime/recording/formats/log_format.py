@@ -5,10 +5,12 @@ an entry point of the group "symgen.log_formats"). A reader returns numbers as t
 units, signs, order and gear are applied later, by the recipe.
 """
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Protocol
+from types import ModuleType
+from typing import IO, Protocol
 
 from numpy.typing import NDArray
 
@@ -16,12 +18,8 @@ from runtime.common.files import require_file
 from runtime.errors import RecordingError
 from runtime.recording.formats.digests import Digests, reading
 from runtime.recording.formats.tables import FloatArray, LogTable
-
-if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
-    from runtime.recording.recipes.recipe import Recipe, Signal, Time
-    from runtime.recording.recording import Recording
-import importlib
-from types import ModuleType
+from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recording import Recording
 
 
 def imported(module: str, kind: str) -> ModuleType:
@@ -73,7 +71,7 @@ class RawFile:
 
     name: str
     path: Path
-    recipe: "Recipe"
+    recipe: Recipe
     joints: Texts
     in_place: bool
     sha256: Digests
@@ -125,7 +123,7 @@ class LogReader:
         self.raw = raw
         self.said: Texts = ()
 
-    def convention(self) -> "Recipe":
+    def convention(self) -> Recipe:
         """Recipe that describes a file which follows the default convention of the format.
 
         Raises:
@@ -136,7 +134,7 @@ class LogReader:
             "[time], [position] and [torque] with file, layout and unit"
         )
 
-    def table(self, kind: str, part: "Signal | Time") -> LogTable:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of one signal.
 
         Args:
@@ -151,7 +149,7 @@ class LogReader:
         """
         raise RecordingError(f"{self.raw.name} holds no numbers of {kind} {part.unit}")
 
-    def rows(self, parts: Mapping[str, "Signal | Time"]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
         """Rows of several signals of a file that stays where it is.
 
         Args:
@@ -207,7 +205,7 @@ class LogFormat:
     suffixes: Texts
     reader: Callable[[RawFile], LogReader]
     marker: str = ""
-    write: "Callable[[Recording, IO[bytes]], None] | None" = None
+    write: Callable[[Recording, IO[bytes]], None] | None = None
     has_titles: bool = False
     reads_time_alone: bool = False
     is_one_file: bool = False

@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, pi
 
 from runtime.errors import RecordingError
-from runtime.recording.formats import FORMATS
 from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
 
 UNITS: dict[str, dict[str, float]] = {
@@ -69,7 +68,6 @@ class Time:
                 )
             return
         one_of("[time] unit", self.unit, tuple(UNITS["time"]))
-        one_of("layout", self.layout, ("", *FORMATS))
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -103,7 +101,6 @@ class Signal:
     offset: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
-        one_of("layout", self.layout, ("", *FORMATS))
         if self.order and sorted(self.order) != list(range(len(self.order))):
             raise RecordingError(
                 f"order expects a permutation of 0 … {len(self.order) - 1}, got "

@@ -16,8 +16,9 @@ import numpy as np
 from runtime.common.files import toml_of
 from runtime.common.records import record_from_table
 from runtime.errors import RecordingError
+from runtime.recording.formats import FORMATS
 from runtime.recording.recipes.recipe import ControlLaw, Recipe, Signal, Source, Time
-from runtime.recording.settings import Friction, Preparation, Split
+from runtime.recording.settings import Friction, Preparation, Split, one_of
 
 FOLDER = Path(__file__).resolve().parent
 _PARTS: dict[str, type] = {
@@ -106,13 +107,16 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in matrix)
 
 
-def _part(kind: type, table: Any, where: str) -> Any:
+def _part(kind: type[Any], table: Any, where: str) -> Any:
     """Record of one table of the recipe; the checks of the record name the table, too."""
     if isinstance(table, dict):  # msgspec passes over other keys of a data class
         names = tuple(item.name for item in dataclasses.fields(kind) if item.name != "gear")
         _check_keys(table, (*names, "gear") if kind is ControlLaw else names, where)
     try:
-        return record_from_table(kind, table, f"[{where}]", RecordingError)
+        record = record_from_table(kind, table, f"[{where}]", RecordingError)
+        if kind in {Signal, Time}:
+            one_of("layout", record.layout, ("", *FORMATS))
+        return record
     except RecordingError as error:
         text = str(error)
         raise RecordingError(text if f"[{where}" in text else f"[{where}] {text}") from error

@@ -10,8 +10,6 @@ import os
 import shutil
 from pathlib import Path
 
-import pooch
-
 from runtime.errors import RecordingError
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 
@@ -49,6 +47,8 @@ def _local_folders(name: str) -> list[Path]:
 
 def _download(name: str) -> Path:
     """The pinned files of a data set in the cache of pooch."""
+    import pooch  # a third of a second, which logs from files need not wait for
+
     source = load_recipe(name).source
     tried = " and ".join(str(folder) for folder in _local_folders(name))
     advice = f"set SYMGEN_DATA to the folder that holds data/{name}"

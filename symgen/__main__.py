@@ -1,6 +1,12 @@
 """`python -m symgen`."""
 
-from symgen.cli import main
+import sys
 
 if __name__ == "__main__":
-    main()
+    try:
+        from symgen.cli import main
+
+        main()
+    except KeyboardInterrupt:  # while the packages load: a command itself answers Ctrl-C
+        print("symgen: interrupted", file=sys.stderr)
+        sys.exit(130)

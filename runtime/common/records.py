@@ -18,13 +18,24 @@ import difflib
 import math
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
 
-__all__ = ["Factors", "Name", "Record", "Vector3", "record_from_table", "table_from_record"]
+from runtime.common.files import toml_of
+
+__all__ = [
+    "Factors",
+    "Name",
+    "Record",
+    "Vector3",
+    "record_from_table",
+    "record_from_toml",
+    "table_from_record",
+]
 
 T = TypeVar("T")
 Name = Annotated[str, Meta(min_length=1)]
@@ -71,6 +82,28 @@ def record_from_table(kind: type[T], table: Any, where: str, error: type[Excepti
     if place := _infinite(table, ""):
         raise error(f"{where}: {place} expects a finite number, got inf or nan; correct it")
     return record
+
+
+def record_from_toml(kind: type[T], path: Path, where: str, error: type[Exception]) -> T:
+    """Record of a TOML file, or one sentence on the first fault.
+
+    Args:
+        kind: as for `record_from_table`.
+        path: of the file.
+        where: the file, as the sentence names it.
+        error: what is raised.
+
+    Returns:
+        The record; numbers in it are finite.
+    """
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise error(
+            f"{where} cannot be read as TOML ({reason}); correct the file or its path"
+        ) from None
+    return record_from_table(kind, table, where, error)
 
 
 def table_from_record(record: Record) -> dict[str, Any]:

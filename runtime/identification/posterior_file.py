@@ -10,25 +10,35 @@ normal with the root L_π of `Uncertainty`, so that a root of the covariance of 
 The file states π of its result.json and is refused beside another one.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from scipy.linalg import solve_triangular
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex import bodies_of, reduce
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced
-from runtime.estimators.regression import Statistics
 from runtime.estimators.uncertainty import Information, Uncertainty
 from runtime.identification.saved_result import SavedResult
+from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library
-from runtime.recording.formats.npz import open_npz
+from runtime.recording.formats.npz import open_npz, record_from_arrays
 
 FILE = "posterior.npz"
-_ARRAYS = ("factor", "target", "base_matrix", "centre", "pi", "pi_root")
-_NUMBERS = ("rest", "n_samples", "density", "kappa", "logs")
+
+
+class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
+    """The file; fields are those of `Information` and `Posterior`."""
+
+    centre: Array
+    pi: Array
+    pi_root: Array
+    kappa: Positive
+    logs: Annotated[int, Meta(ge=0)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,70 +113,57 @@ def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int
     information = uncertainty.information
     if information is None:
         return
-    s = information.statistics
-    values = {"factor": s.factor, "target": s.target, "base_matrix": s.base_matrix}
-    values |= {"centre": information.centre, "pi": pi, "pi_root": uncertainty.root}
-    numbers = {"rest": s.rest, "n_samples": s.n_samples, "density": information.density}
-    numbers |= {"kappa": information.kappa, "logs": logs}
     with replacing(folder / FILE) as file:
-        whole = values | {key: np.asarray(value) for key, value in numbers.items()}
-        np.savez(file, model_hash=np.asarray(s.model_hash), **whole)
+        np.savez(
+            file,
+            **asdict(information.statistics),
+            centre=information.centre,
+            pi=pi,
+            pi_root=uncertainty.root,
+            density=information.density,
+            kappa=information.kappa,
+            logs=logs,
+        )
 
 
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
     """Read the posterior of a result."""
     path = (result if result.is_dir() else result.parent) / FILE
     try:
-        file = open_npz(require_file(path).read_bytes(), path.name)
-        arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
-        numbers = {key: float(file[key]) for key in _NUMBERS}
-        model_hash = str(file["model_hash"])
+        arrays = open_npz(require_file(path).read_bytes(), path.name)
+        stored = record_from_arrays(_Stored, arrays, path.name)
     except FileNotFoundError:
         raise IdentificationError(
             f"expected '{path}', which identify writes beside result.json, and there is none; "
             "identify again with this version and a method that states uncertainties"
         ) from None
-    except (OSError, RecordingError, ValueError, KeyError, TypeError):
+    except (OSError, RecordingError, ValueError, TypeError):
         raise IdentificationError(
             f"'{path}' is damaged or holds no posterior; identify again"
         ) from None
-    if not np.array_equal(arrays["pi"], saved.pi):
+    if not np.array_equal(stored.pi, saved.pi):
         raise IdentificationError(
             f"'{path}' belongs to another result.json than the one beside it; identify again"
         )
-    size, logs = arrays["target"].size, int(numbers["logs"])
-    base = arrays["base_matrix"]
+    size, base, logs = stored.target.size, stored.base_matrix, stored.logs
     if base.shape != lib.base_matrix.shape or not np.allclose(base, lib.base_matrix, atol=1e-9):
         raise IdentificationError(
             f"'{path}' has other base parameters than '{lib.name}' has now; identify again"
         )
     columns = saved.phi.shape[1] + max(logs - 1, 0)
-    every = np.concatenate([values.ravel() for values in arrays.values()])
+    root, every = stored.pi_root, (stored.factor, stored.target, stored.centre, stored.pi_root)
     fits = (
-        arrays["factor"].shape == (size, size)
+        stored.factor.shape == (size, size)
         and size == len(base) + lib.n_joints * columns
-        and arrays["centre"].shape == lib.pi0.shape
-        and arrays["pi_root"].ndim == 2
-        and len(arrays["pi_root"]) == len(lib.pi0)
-        and np.isfinite([*every, *numbers.values()]).all()
-        and numbers["density"] > 0
-        and numbers["kappa"] > 0
-        and numbers["rest"] >= 0
-        and numbers["n_samples"] > 0
-        and logs >= 0
-        and bodies_of(lib).log_det(arrays["centre"]) is not None
+        and stored.centre.shape == lib.pi0.shape
+        and root.ndim == 2
+        and len(root) == len(lib.pi0)
+        and all(np.isfinite(each).all() for each in every)
+        and bodies_of(lib).log_det(stored.centre) is not None
     )
     if not fits:
         raise IdentificationError(
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
-    statistics = Statistics(
-        factor=arrays["factor"],
-        target=arrays["target"],
-        rest=numbers["rest"],
-        n_samples=numbers["n_samples"],
-        base_matrix=base,
-        model_hash=model_hash,
-    )
-    known = Information(statistics, numbers["density"], numbers["kappa"], arrays["centre"])
-    return Posterior(known, arrays["pi"], arrays["pi_root"], lib.n_joints, logs)
+    known = Information(stored.statistics, stored.density, stored.kappa, stored.centre)
+    return Posterior(known, stored.pi, root, lib.n_joints, logs)

@@ -8,18 +8,22 @@ motion can be computed from it.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from runtime.common.files import bytes_of, replacing
+from runtime.common.records import Record
 from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression import Statistics
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
-from runtime.recording.formats.npz import open_npz
+from runtime.recording.formats.npz import open_npz, record_from_arrays
 from runtime.recording.friction import OFFSET
 from runtime.recording.settings import WIDTHS
 
@@ -30,12 +34,32 @@ MARK = "symgen_statistics"
 """Key of the version, by which the file is recognised."""
 LARGEST_NUMBER = 1e100
 """Size from which on a number is damage: its square times that of another overflows."""
-_ARRAYS = ("factor", "target", "base_matrix")
-_NUMBERS = ("rest", "n_samples", "density")
+NotNegative = Annotated[float, Meta(ge=0)]
+Positive = Annotated[float, Meta(gt=0)]
 
 
-@dataclass(frozen=True, slots=True)
-class UnitStatistics:
+class StoredStatistics(Record, frozen=True, forbid_unknown_fields=False):
+    """Arrays of `Statistics` as a file holds them.
+
+    Attributes:
+        density: S, variance with which the noise enters the unknowns.
+    """
+
+    factor: Array
+    target: Array
+    base_matrix: Array
+    rest: NotNegative
+    n_samples: Positive
+    density: Positive
+    model_hash: str
+
+    @property
+    def statistics(self) -> Statistics:
+        """R and r of all training samples, weighted."""
+        return Statistics(**{each.name: getattr(self, each.name) for each in fields(Statistics)})
+
+
+class UnitStatistics(StoredStatistics, frozen=True, forbid_unknown_fields=False):
     """Compressed samples of one unit.
 
     Attributes:
@@ -44,8 +68,6 @@ class UnitStatistics:
         joints: names of its joints, (n,).
         columns: names of the k friction columns of a joint; offsets of several logs repeat.
         widths: widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad].
-        statistics: R and r of all training samples, weighted.
-        density: S, variance with which the noise enters the unknowns.
         noise: standard deviation of the torque per joint that the samples are weighted by, (n,)
             [N·m, N]; None of a regressor that is not that of the torque, and of older files.
     """
@@ -55,8 +77,6 @@ class UnitStatistics:
     joints: tuple[str, ...]
     columns: tuple[str, ...]
     widths: tuple[float, float, float]
-    statistics: Statistics
-    density: float
     noise: Array | None = None
 
     @property
@@ -76,38 +96,24 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
     facts = result.friction.facts()
     slow, peak, stroke = (float(facts[key]) for key in WIDTHS)
     return UnitStatistics(
-        unit,
-        result.lib.name,
-        result.lib.joint_names,
-        _columns(result),
-        (slow, peak, stroke),
-        information.statistics,
-        information.density,
-        _noise(result),
+        **asdict(information.statistics),
+        density=information.density,
+        unit=unit,
+        robot=result.lib.name,
+        joints=result.lib.joint_names,
+        columns=_columns(result),
+        widths=(slow, peak, stroke),
+        noise=_noise(result),
     )
 
 
 def write_statistics(known: UnitStatistics, path: Path) -> None:
     """Write compressed samples, as a whole or not at all."""
-    s = known.statistics
-    values = {
-        MARK: FORMAT,
-        "unit": known.unit,
-        "robot": known.robot,
-        "joints": known.joints,
-        "columns": known.columns or ("",),
-        "widths": known.widths,
-        "factor": s.factor,
-        "target": s.target,
-        "base_matrix": s.base_matrix,
-        "rest": s.rest,
-        "n_samples": s.n_samples,
-        "density": known.density,
-        "noise": () if known.noise is None else known.noise,
-        "model_hash": s.model_hash,
-    }
+    values = {MARK: FORMAT} | msgspec.structs.asdict(known)
+    values["columns"] = known.columns or ("",)
+    values["noise"] = () if known.noise is None else known.noise
     with replacing(path) as file:
-        np.savez_compressed(file, **{key: np.asarray(value) for key, value in values.items()})  # type: ignore[arg-type]
+        np.savez_compressed(file, **values)
 
 
 def read_statistics(path: Path) -> UnitStatistics:
@@ -120,13 +126,7 @@ def read_statistics(path: Path) -> UnitStatistics:
                 f"expected statistics of version {FORMAT} in '{path}', got version {version}; "
                 "install the version of symgen that wrote them, or identify again"
             )
-        arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
-        numbers = {key: float(file[key]) for key in _NUMBERS}
-        noise = np.array(file["noise"], dtype=float) if "noise" in file else np.empty(0)
-        slow, peak, stroke = map(float, file["widths"])
-        joints, columns = (tuple(map(str, file[key])) for key in ("joints", "columns"))
-        columns = tuple(name for name in columns if name)
-        unit, robot, model_hash = (str(file[key]) for key in ("unit", "robot", "model_hash"))
+        known = record_from_arrays(UnitStatistics, file, path.name)
     except FileNotFoundError:
         raise IdentificationError(
             f"there are no statistics at '{path}'; write them with: identify --save-statistics"
@@ -138,19 +138,17 @@ def read_statistics(path: Path) -> UnitStatistics:
             f"'{path}' is damaged or holds no compressed statistics; identify that unit again with "
             "--save-statistics"
         ) from None
-    size, base = arrays["target"].size, arrays["base_matrix"]
+    known = known.replace(columns=tuple(filter(None, known.columns)))
+    size, base, joints = known.target.size, known.base_matrix, known.joints
+    noise = np.ones(len(joints)) if known.noise is None else known.noise
     fits = (
-        NAME.fullmatch(robot)
+        NAME.fullmatch(known.robot)
         and len(set(joints)) == len(joints)
-        and arrays["factor"].shape == (size, size)
+        and known.factor.shape == (size, size)
         and base.ndim == 2
-        and size == len(base) + len(joints) * len(columns)
-        and all((np.abs(each) < LARGEST_NUMBER).all() for each in arrays.values())
-        and np.isfinite([*numbers.values(), slow, peak, stroke]).all()
-        and numbers["rest"] >= 0
-        and numbers["n_samples"] > 0
-        and numbers["density"] > 0
-        and noise.shape in {(0,), (len(joints),)}
+        and size == len(base) + len(joints) * len(known.columns)
+        and all((np.abs(x) < LARGEST_NUMBER).all() for x in (known.factor, known.target, base))
+        and noise.shape == (len(joints),)
         and ((noise > 0) & (noise < LARGEST_NUMBER)).all()
     )
     if not fits:
@@ -158,30 +156,17 @@ def read_statistics(path: Path) -> UnitStatistics:
             f"'{path}' is damaged (its arrays do not fit together); identify that unit again with "
             "--save-statistics"
         )
-    statistics = Statistics(
-        **arrays, rest=numbers["rest"], n_samples=numbers["n_samples"], model_hash=model_hash
-    )
-    widths = (slow, peak, stroke)
-    return UnitStatistics(
-        unit,
-        robot,
-        joints,
-        columns,
-        widths,
-        statistics,
-        numbers["density"],
-        noise if noise.size else None,
-    )
+    return known
 
 
 def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatistics:
     """Check that statistics belong to a robot."""
-    base: Array = known.statistics.base_matrix
+    base = known.base_matrix
     same = known.joints == lib.joint_names and base.shape == lib.base_matrix.shape
     if not (same and np.allclose(base, lib.base_matrix, atol=1e-9)):
         raise IdentificationError(
             f"expected statistics of '{lib.name}', but '{path}' holds those of '{known.robot}' "
-            f"(model {known.statistics.model_hash[:12]}), whose joints or base parameters differ; "
+            f"(model {known.model_hash[:12]}), whose joints or base parameters differ; "
             "keep one folder per type of robot"
         )
     return known

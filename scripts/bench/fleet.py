@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -181,7 +181,13 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
             unit = folder / "units" / f"u{k:04d}"
             unit.mkdir(parents=True)
             known = UnitStatistics(
-                unit.name, lib.name, lib.joint_names, PLAIN.columns, widths, drawn, 1.0
+                **asdict(drawn),
+                density=1.0,
+                unit=unit.name,
+                robot=lib.name,
+                joints=lib.joint_names,
+                columns=PLAIN.columns,
+                widths=widths,
             )
             write_statistics(known, unit / FILE)
         words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "toml"]

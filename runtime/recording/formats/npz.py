@@ -10,17 +10,20 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, TypeVar
 
 import numpy as np
+from msgspec.structs import fields
 from numpy.typing import NDArray
 
+from runtime.common.records import Record, record_from_table
 from runtime.errors import RecordingError
 from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
+R = TypeVar("R", bound=Record)
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
@@ -56,6 +59,17 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
         raise RecordingError(
             f"{name} is expected to be an NPZ of number arrays, but {came}; {todo}"
         ) from error
+
+
+def record_from_arrays(kind: type[R], arrays: Mapping[str, NDArray[Any]], name: str) -> R:
+    """Record of the arrays of an NPZ; an empty one is left out, so that its default stands."""
+    kept = (FloatArray, FloatArray | None)
+    table = {
+        f.name: np.array(arrays[f.name], float) if f.type in kept else arrays[f.name].tolist()
+        for f in fields(kind)
+        if f.name in arrays and arrays[f.name].size
+    }
+    return record_from_table(kind, table, name, RecordingError)
 
 
 def _require_text(array: NDArray) -> None:

@@ -1,6 +1,5 @@
 """Compressed statistics of units: files, parts of a run that was killed, and the commands."""
 
-import dataclasses
 import json
 import os
 from pathlib import Path
@@ -170,7 +169,7 @@ def test_bad_folders(
     if case == "damaged":
         (place / "u01" / "statistics.npz").write_bytes(b"not an archive")
     if case == "other":
-        odd = dataclasses.replace(fleet.statistics[1], joints=tuple("abcdefg"))
+        odd = fleet.statistics[1].replace(joints=tuple("abcdefg"))
         write_statistics(odd, place / "u01" / "statistics.npz")
     ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")
     assert ran.code == 2

@@ -41,5 +41,11 @@ def statistics_about(
     rest = float(lib.n_joints * len(samples))
     drawn = dataclasses.replace(whole, target=target, rest=rest)
     return UnitStatistics(
-        name, lib.name, lib.joint_names, TERMS.columns, (0.02, 0.1, 0.002), drawn, 1.0
+        **dataclasses.asdict(drawn),
+        density=1.0,
+        unit=name,
+        robot=lib.name,
+        joints=lib.joint_names,
+        columns=TERMS.columns,
+        widths=(0.02, 0.1, 0.002),
     )

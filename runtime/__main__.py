@@ -8,5 +8,5 @@ if __name__ == "__main__":
 
         main()
     except KeyboardInterrupt:  # while the packages load: a command itself answers Ctrl-C
-        print("runtime: interrupted", file=sys.stderr)
+        sys.stderr.write("runtime: interrupted\n")
         sys.exit(130)

@@ -13,6 +13,10 @@ from typing import Any, TypeVar
 
 from runtime.errors import IdentificationError, RuntimeFault
 
+__all__ = [
+    "on_cluster",
+]
+
 PATIENCE = 30.0
 """Time limit for the first worker of a cluster [s]."""
 CONNECTED = 5.0
@@ -32,6 +36,16 @@ def on_cluster(
 
     The key is new for every call. Closing the iterator cancels pieces that wait and abandons those
     that run.
+
+    Args:
+        work: called on the workers.
+        sent: object that every worker gets once.
+        rounds: pieces of work, round by round; the next begins when the one before is done.
+        scheduler: address of the scheduler.
+        of: work that sentences name.
+
+    Yields:
+        Results of a round in the order in which they end.
     """
     try:
         from distributed import as_completed

@@ -8,5 +8,5 @@ if __name__ == "__main__":
 
         main()
     except KeyboardInterrupt:  # while the packages load: a command itself answers Ctrl-C
-        print("symgen: interrupted", file=sys.stderr)
+        sys.stderr.write("symgen: interrupted\n")
         sys.exit(130)

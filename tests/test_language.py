@@ -164,6 +164,28 @@ def test_exported_functions_state_arguments_and_results(module: str) -> None:
     assert not {name: lacking for name, lacking in guilty.items() if lacking}
 
 
+EXPERIMENTS = "runtime.experiments"
+
+
+def internal_imports(tree: ast.Module) -> set[str]:
+    """Names of runtime outside the experiments that a module imports and no `__all__` lists."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {each.name for each in node.names if each.name.split(".")[0] == "runtime"}
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "runtime":
+            taken = {(node.module or "", each.name) for each in node.names}
+            if not f"{node.module}.".startswith(f"{EXPERIMENTS}."):
+                found |= {".".join(pair) for pair in taken - exported()}
+    return found
+
+
+@pytest.mark.parametrize("module", [name for name in TREES if name.startswith(EXPERIMENTS)])
+def test_experiments_use_exported_names(module: str) -> None:
+    """Property: what the experiments import of other rooms stands in some `__all__`."""
+    assert internal_imports(TREES[module]) == set()
+
+
 @pytest.mark.parametrize("module", TREES)
 def test_other_functions_have_no_sections(module: str) -> None:
     """Property: what no `__all__` lists and no base class declares has neither Args nor Returns."""
@@ -183,3 +205,9 @@ def test_the_checks_of_this_file_can_fail() -> None:
     assert missing_sections(function) == ["told", "Returns"]
     assert SECTION.search(ast.get_docstring(function) or "")
     assert ("runtime.identification.single_log", "identify") in exported()
+    inside = "import runtime.cli\nfrom runtime.identification import metrics\n"
+    public = "from runtime import load\nfrom runtime.experiments.study import Row\n"
+    assert internal_imports(ast.parse(inside + public)) == {
+        "runtime.cli",
+        "runtime.identification.metrics",
+    }

@@ -20,6 +20,15 @@ from typer.core import TyperCommand, TyperGroup
 from runtime.common.errors import RuntimeFault
 from runtime.common.terminal import as_typed, flowing
 
+__all__ = [
+    "INTERRUPTED",
+    "Command",
+    "Commands",
+    "application",
+    "imported",
+    "run",
+]
+
 INTERRUPTED = 130
 """Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12
@@ -274,7 +283,17 @@ class Commands(TyperGroup):
 def application(
     group: type[Commands], purpose: str, version: str, add_completion: bool = False
 ) -> typer.Typer:
-    """The application of a group of commands."""
+    """The application of a group of commands.
+
+    Args:
+        group: class of its commands.
+        purpose: sentence of the help.
+        version: what `--version` prints.
+        add_completion: whether it installs completion for a shell.
+
+    Returns:
+        Application without commands of its own; the group imports them.
+    """
 
     def print_version(ctx: typer.Context, requested: bool) -> None:
         if requested:
@@ -306,7 +325,15 @@ def application(
 
 
 def run(app: typer.Typer, name: str) -> None:
-    """Run a command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    """Run a command line; a `RuntimeFault` becomes one sentence and exit code 2.
+
+    Args:
+        app: application.
+        name: program that the sentence names.
+
+    Raises:
+        SystemExit: at the end, with the exit code.
+    """
     # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
     # a command's processor time. NumPy and worker processes read this when they start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -21,6 +21,20 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
+__all__ = [
+    "DRAFT",
+    "LARGEST_DOCUMENT",
+    "bytes_of",
+    "json_of",
+    "replacing",
+    "require_file",
+    "require_unused",
+    "sha256_of",
+    "text_of",
+    "toml_of",
+    "values_of",
+]
+
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
 LARGEST_DOCUMENT = 2**26
@@ -138,7 +152,16 @@ def values_of(tree: Any) -> Iterator[Any]:
 
 
 def require_unused(paths: Iterable[Path], overwrite: bool, option: str | None = "--out") -> None:
-    """Refuse to replace existing files; the sentence names the option of the place, if any."""
+    """Refuse to replace existing files; the sentence names the option of the place, if any.
+
+    Args:
+        paths: files that will be written.
+        overwrite: whether existing ones are replaced.
+        option: option that names another place.
+
+    Raises:
+        RuntimeFault: one of them exists.
+    """
     existing = [path for path in paths if os.path.lexists(path)]
     if existing and not overwrite:
         more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"

@@ -7,6 +7,14 @@ from pathlib import Path
 
 from rich.console import Console
 
+__all__ = [
+    "command_line",
+    "completing",
+    "console",
+    "program",
+    "say",
+]
+
 console = Console()
 
 

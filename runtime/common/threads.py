@@ -7,6 +7,11 @@ from typing import ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+__all__ = [
+    "cores",
+    "one_blas_thread",
+]
+
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -21,7 +21,15 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["adam_step", "descend_traced", "descend_validated", "run"]
+__all__ = [
+    "Adam",
+    "Status",
+    "Trace",
+    "adam_step",
+    "descend_traced",
+    "descend_validated",
+    "run",
+]
 
 _LARGEST_DAMPING = 1e200
 """μ beyond which no step is tried any more."""

@@ -24,6 +24,16 @@ from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
+__all__ = [
+    "Fit",
+    "FrictionPrior",
+    "NoiseFloor",
+    "Origin",
+    "Problem",
+    "best_friction",
+    "mass_unit",
+]
+
 USUAL = 2.0
 """Median mass of a link of usual arms, kg."""
 WITHIN = 16.0
@@ -63,7 +73,15 @@ class FrictionPrior:
     sigma: Array
 
     def statistics(self, like: Statistics, variance: float) -> Statistics:
-        """The prior as rows of least squares."""
+        """The prior as rows of least squares.
+
+        Args:
+            like: statistics whose columns the rows have.
+            variance: variance of the residuals [(N·m)²].
+
+        Returns:
+            Statistics of the rows (φ − mean)/σ √variance, which count as no sample.
+        """
         rows, target = np.zeros_like(like.factor), np.zeros_like(like.target)
         root = np.sqrt(variance) / self.sigma.ravel()
         places = np.arange(like.n_base, len(target))
@@ -202,7 +220,13 @@ class Fit:
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
     """Friction coefficients that fit best at fixed π, by least squares.
 
-    pi (10 n,), shape (n, k) → (n, k).
+    Args:
+        statistics: compressed rows of the samples.
+        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
+        shape: joints and columns (n, k).
+
+    Returns:
+        φ (n, k) [N·m or N per unit of the column].
     """
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
@@ -211,7 +235,15 @@ def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> 
 
 
 def mass_unit(lib: Library, pi: Array) -> float:
-    """Unit of mass s of a robot, kg."""
+    """Unit of mass s of a robot, kg.
+
+    Args:
+        lib: library of the robot.
+        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
+
+    Returns:
+        Power of 4 that brings the median mass of the links to a usual size; 1 where it has one.
+    """
     middle = float(np.median(mass(links(pi))))
     if not middle > 0:
         middle = float(np.median(mass(links(lib.pi0))))

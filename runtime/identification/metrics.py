@@ -8,6 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "CONSISTENCY_TOLERANCE",
+    "TorqueError",
+    "airm",
+    "frobenius",
+    "torque_error",
+    "torque_error_of",
+]
+
 Array = NDArray[np.float64]
 
 CONSISTENCY_TOLERANCE = 1e-12
@@ -32,7 +41,12 @@ class TorqueError:
 def torque_error(measured: Array, predicted: Array) -> TorqueError:
     """Torque error of a prediction.
 
-    measured (N, n) [N·m, N], predicted (N, n) [N·m, N].
+    Args:
+        measured: torque, (N, n) [N·m, N].
+        predicted: torque of a model, (N, n) [N·m, N].
+
+    Returns:
+        Errors per joint and overall.
     """
     difference = measured - predicted
     size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
@@ -42,7 +56,13 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
     """Torque error from norms per joint.
 
-    size (n,) [N·m, N], scale (n,) [N·m, N].
+    Args:
+        size: norms of the residuals, (n,) [N·m, N].
+        scale: norms of the measured torque, (n,) [N·m, N].
+        count: number of samples.
+
+    Returns:
+        Errors per joint and overall.
     """
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))
@@ -51,7 +71,15 @@ def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
 
 
 def airm(a: Array, b: Array) -> Array:
-    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39)."""
+    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39).
+
+    Args:
+        a: matrices A ≻ 0, (..., n, n).
+        b: matrices B ≻ 0, (..., n, n).
+
+    Returns:
+        d (...).
+    """
     lower = np.linalg.cholesky(a)
     half = np.linalg.solve(lower, b)
     whole = np.linalg.solve(lower, np.swapaxes(half, -1, -2))
@@ -60,5 +88,13 @@ def airm(a: Array, b: Array) -> Array:
 
 
 def frobenius(a: Array, b: Array) -> Array:
-    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4)."""
+    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4).
+
+    Args:
+        a: matrices A, (..., n, n).
+        b: matrices B, (..., n, n).
+
+    Returns:
+        ‖A − B‖_F (...), in the unit of the entries.
+    """
     return np.linalg.norm(a - b, axis=(-2, -1))

@@ -34,6 +34,12 @@ from runtime.recording.preprocessing import prepare, prepare_power, prepared_par
 from runtime.recording.preprocessing.parts import rows_between
 from runtime.recording.settings import EVERYTHING
 
+__all__ = [
+    "Assembly",
+    "assemble",
+    "settings_for",
+]
+
 PARTS = ("train", "validation", "test")
 WITHOUT_FRICTION = (
     "no friction was fitted, because neither the settings nor a recipe name friction columns; the "
@@ -85,7 +91,22 @@ def assemble(
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
-    """Prepare, split and weight a recording."""
+    """Prepare, split and weight a recording.
+
+    Args:
+        recording: log of the robot.
+        lib: library of the robot.
+        settings: settings, or the name of a method.
+        progress: called with iteration and best validation loss.
+        is_joined: whether the samples of validation are fitted too.
+        keywords: fields of the settings.
+
+    Returns:
+        Problem with its parts: training, validation and test.
+
+    Raises:
+        IdentificationError: parts are too short, or settings contradict the log.
+    """
     chosen = settings_from(settings, keywords)
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
@@ -277,6 +298,16 @@ def settings_for(lib: Library, settings: Settings) -> Settings:
 
     The posterior of "map" draws every parameter to π0 of the URDF; placeholders of a URDF without
     <inertial> would pass for knowledge. The other methods only start there.
+
+    Args:
+        lib: library of the robot.
+        settings: settings as they were given.
+
+    Returns:
+        The same settings, or with a method without a prior where none was chosen.
+
+    Raises:
+        IdentificationError: the chosen method needs a prior that the robot lacks.
     """
     if not lib.placeholders or settings.prior is not None:
         return settings

@@ -29,6 +29,12 @@ from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
 from runtime.recording.recipes.recipe import NUMBERS
 
+__all__ = [
+    "error_facts",
+    "versions",
+    "write_result",
+]
+
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
     """Facts of result.json."""
@@ -78,7 +84,16 @@ def error_facts(
     after: metrics.TorqueError,
     with_friction: metrics.TorqueError | None = None,
 ) -> dict[str, Any]:
-    """Torque errors of two models on the same samples, JSON-ready."""
+    """Torque errors of two models on the same samples, JSON-ready.
+
+    Args:
+        before: errors of the first model.
+        after: errors of the second model.
+        with_friction: errors of the first model with fitted friction.
+
+    Returns:
+        Errors per joint and overall [%], RMS per joint [N·m, N]; null where they are not finite.
+    """
 
     def percent(values: Array) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
@@ -104,7 +119,20 @@ def error_facts(
 def write_result(
     result: Identification, folder: Path, command: str, agreement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
+    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
+
+    Args:
+        result: result of an identification.
+        folder: existing folder.
+        command: command line that made the result.
+        agreement: agreement of several sessions.
+
+    Returns:
+        Content of result.json.
+
+    Raises:
+        IdentificationError: parameters are too large to be written.
+    """
     largest = float(np.abs(np.concatenate([result.pi, np.ravel(result.usual_phi)])).max())
     if not largest < LARGEST_VALUE:
         raise IdentificationError(

@@ -10,6 +10,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import ShapeError
 
+__all__ = [
+    "FIRST_MOMENT",
+    "INERTIA",
+    "LAM_NAMES",
+    "MASS",
+    "N_PARAMETERS",
+    "PINOCCHIO_NAMES",
+    "PI_NAMES",
+    "centre_of_mass",
+    "first_moment",
+    "inertia",
+    "inertia_entries",
+    "inertia_matrix",
+    "lam_from_parts",
+    "lam_parts",
+    "link_columns",
+    "links",
+    "mass",
+    "pi_from_parts",
+]
+
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
@@ -71,7 +92,13 @@ def centre_of_mass(pi: Array) -> Array:
 def pi_from_parts(mass: ArrayLike, first_moment: ArrayLike, inertia: ArrayLike) -> Array:
     """π of one body from its parts.
 
-    first_moment (3,) [kg·m], inertia (XX, YY, ZZ, XY, XZ, YZ) [kg·m²] → (10,).
+    Args:
+        mass: m [kg].
+        first_moment: m·c, (3,) [kg·m].
+        inertia: XX, YY, ZZ, XY, XZ, YZ about the origin of the link [kg·m²].
+
+    Returns:
+        π (10,) [kg, kg·m, kg·m²].
     """
     pi = np.zeros(N_PARAMETERS)
     pi[MASS], pi[FIRST_MOMENT], pi[INERTIA] = mass, first_moment, inertia
@@ -88,7 +115,14 @@ def lam_from_parts(
 ) -> Array:
     """λ of one body from its parts.
 
-    centre (3,) [m], rotation (3,) [rad], axes (3,) [kg^½·m] → (10,).
+    Args:
+        log_mass: μ, logarithm of the mass in kg.
+        centre: c, (3,) [m].
+        rotation: ω, (3,) [rad].
+        axes: a, b and c̄, (3,) [kg^½·m].
+
+    Returns:
+        λ (10,).
     """
     lam = np.zeros(N_PARAMETERS)
     lam[MASS], lam[_CENTRE], lam[_ROTATION], lam[_AXES] = log_mass, centre, rotation, axes

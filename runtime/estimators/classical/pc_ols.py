@@ -27,6 +27,12 @@ from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
+__all__ = [
+    "BOUNDARY",
+    "convex_optimum",
+    "fit_pc_ols",
+]
+
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
 SLACK = 1e-3
@@ -70,6 +76,18 @@ def convex_optimum(
 
     Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves the
     problem instead.
+
+    Args:
+        lib: library of the robot.
+        statistics: compressed rows of the samples.
+        first_guess: π where the path starts, (10 n,) [kg, kg·m, kg·m²]; by default π0.
+        bounds: signs of the friction coefficients.
+
+    Returns:
+        Optimum with its loss, parameters and certificate.
+
+    Raises:
+        IdentificationError: neither solver reaches the optimum.
     """
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:

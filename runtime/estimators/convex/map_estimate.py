@@ -29,6 +29,10 @@ from runtime.estimators.regression.samples import Samples, inflation, noise, res
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
+__all__ = [
+    "fit_map",
+]
+
 PASSES = 3
 """Re-estimations of the weights."""
 ENOUGH = 2000
@@ -44,7 +48,20 @@ def fit_map(
     constraints: Constraints | None = None,
     centre: Array | None = None,
 ) -> Fit:
-    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients."""
+    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
+
+    Args:
+        problem: samples, weights and first guess.
+        kappa: trust κ in the prior, above 0.
+        constraints: further terms of the convex problem.
+        centre: π0 of the prior, (10 n,) [kg, kg·m, kg·m²]; by default the first guess.
+
+    Returns:
+        Fit with π (10 n,) and φ (n, k).
+
+    Raises:
+        IdentificationError: κ is not positive, or the minimum is not reached.
+    """
     if not (np.isfinite(kappa) and kappa > 0):
         raise IdentificationError(
             f"expected a trust κ above 0, got {kappa:g}; use 16 for a URDF from CAD, 1 for none"

@@ -24,6 +24,11 @@ from runtime.estimators.regression import CompressedObjective
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import AdamProblem, Array, CompiledAdam
 
+__all__ = [
+    "Preset",
+    "Watch",
+]
+
 CHUNK = 500
 """Iterations between two reports of progress and checks for Ctrl-C."""
 

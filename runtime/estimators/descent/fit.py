@@ -29,6 +29,14 @@ from runtime.estimators.problem import Fit, Problem, best_friction, in_unit, mas
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, Library
 
+__all__ = [
+    "PRESETS",
+    "fit_levenberg",
+    "fit_many",
+    "fit_of",
+    "start_of",
+]
+
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
     "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
@@ -69,6 +77,13 @@ def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     """Descend by Levenberg–Marquardt from the first guess with its best friction.
 
     Where it stops short of an optimum on the boundary of consistency, Newton's method goes on.
+
+    Args:
+        problem: samples, weights and first guess.
+        cholesky: whether bodies have log-Cholesky coordinates in place of λ.
+
+    Returns:
+        Fit with π (10 n,) [kg, kg·m, kg·m²] and φ (n, k).
     """
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())
@@ -96,7 +111,18 @@ def fit_many(
     progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
 ) -> list[Fit]:
-    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo."""
+    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
+
+    Args:
+        problems: problems of the same robot.
+        preset: settings of all descents.
+        threads: of the compiled loop; by default one per core.
+        progress: called with the iterations done.
+        watch: observer of all descents.
+
+    Returns:
+        One fit per problem.
+    """
     count = threads or cores()
     if not problems:
         return []
@@ -109,7 +135,15 @@ def fit_many(
 
 
 def start_of(problem: Problem, cholesky: bool = False) -> Descent:
-    """Descent from the first guess with its best friction."""
+    """Descent from the first guess with its best friction.
+
+    Args:
+        problem: samples, weights and first guess.
+        cholesky: whether bodies have log-Cholesky coordinates in place of λ.
+
+    Returns:
+        Descent from x = [λ, ψ], (10 n + n k,), in the unit of mass of the robot.
+    """
     unit = mass_unit(problem.lib, problem.lib.pi_from_lam(problem.start))
     problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
@@ -122,7 +156,15 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
-    """Fit of the outcome of a descent, with π kept off the boundary of consistency."""
+    """Fit of the outcome of a descent, with π kept off the boundary of consistency.
+
+    Args:
+        descent: descent with its problem and unit.
+        outcome: its best point x = [λ, ψ], (10 n + n k,).
+
+    Returns:
+        Fit in SI units, π (10 n,) [kg, kg·m, kg·m²], φ (n, k) and λ (10 n,).
+    """
     lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
     left_out = descent.problem.left_out

@@ -50,6 +50,10 @@ from runtime.recording import Recording
 from runtime.recording.friction import COLUMNS, names_where, spread
 from runtime.simulation import Controller, Plant, follow, per_joint, sample_times
 
+__all__ = [
+    "ClosedLoop",
+]
+
 _KEYS: dict[str, dict[str, tuple[type, ...]]] = {
     "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))
     | {"rate_hz": (int, float)},
@@ -87,7 +91,20 @@ class ClosedLoop:
     start: float = 0.0
 
     def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
-        """Simulated recording of a robot with these parameters, without noise."""
+        """Simulated recording of a robot with these parameters, without noise.
+
+        Args:
+            lib: library of the robot.
+            pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
+            friction: coefficients of columns by name, (n,) each.
+            t: times of the recording, (N,) [s].
+
+        Returns:
+            Recording with q, dq, ddq and torque (N, n) [rad, m, N·m, N].
+
+        Raises:
+            IdentificationError: the times lie outside the reference.
+        """
         clock = sample_times(self.reference.duration, self.rate_hz)
         since = np.asarray(t) - self.start
         slack = 0.5 / self.rate_hz

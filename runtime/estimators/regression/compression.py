@@ -22,6 +22,10 @@ from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
 from runtime.library import Array, Library
 from runtime.recording import friction
 
+__all__ = [
+    "TorqueObjective",
+]
+
 TOGETHER = 16
 """Number of factors that are collected before they are joined."""
 BLOCK = 16384
@@ -51,7 +55,12 @@ class TorqueObjective:
     def join(self, lam: Array, phi: Array) -> Array:
         """Unknowns x of λ and φ.
 
-        lam (10 n,), phi (n, k) → (10 n + n k,) [λ, ψ].
+        Args:
+            lam: λ of all links, (10 n,).
+            phi: friction coefficients, (n, k).
+
+        Returns:
+            x = [λ, ψ], (10 n + n k,).
         """
         return np.concatenate([lam, (phi / self.unit).ravel()])
 
@@ -60,7 +69,12 @@ class TorqueObjective:
     ) -> tuple[float, Array]:
         """Loss and gradient.
 
-        x (10 n + n k,) [λ, ψ].
+        Args:
+            x: [λ, ψ], (10 n + n k,).
+            rows: samples of the mini-batch; None takes all.
+
+        Returns:
+            L [(N·m)²] and ∇L (10 n + n k,).
         """
         lam, phi = self.split(x)
         s, lib = self.samples, self.lib

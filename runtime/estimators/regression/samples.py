@@ -14,6 +14,16 @@ from runtime.library import Array, Library
 from runtime.recording import Recording, friction
 from runtime.recording.prepared import DifferentiatedRecording, prepared_of
 
+__all__ = [
+    "NORMAL_95",
+    "SILENT",
+    "Samples",
+    "residuals",
+    "samples_of",
+    "thesis_weights",
+    "weights_from",
+]
+
 NORMAL_95 = 1.959963984540054
 """Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
 LAGS = 24
@@ -27,7 +37,12 @@ THESIS_SIGMA = 0.5
 def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
     """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1 (Eq. 4.8).
 
-    tau (N, n) [N·m, N] → (n,).
+    Args:
+        tau: measured torque, (N, n) [N·m, N].
+        unit: unit of mass of the torque, kg.
+
+    Returns:
+        w (n,).
     """
     raw = 1.0 / (np.mean(tau**2, axis=0) + (unit * THESIS_SIGMA) ** 2)
     return raw / raw.mean()
@@ -91,7 +106,12 @@ class Samples:
     def rigid(self, lib: Library, pi: Array) -> Array:
         """Rigid-body torque Y π.
 
-        pi (10 n,) → (N, m).
+        Args:
+            lib: library of the robot.
+            pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
+
+        Returns:
+            Torque (N, m) [N·m, N; W for rows of power].
         """
         if self.base is not None:
             return np.asarray(self.base @ (lib.base_matrix @ pi))
@@ -100,7 +120,12 @@ class Samples:
     def base_rigid(self, lib: Library, beta: Array) -> Array:
         """Rigid-body torque Y_b β.
 
-        beta (n_b,) → (N, m).
+        Args:
+            lib: library of the robot.
+            beta: base parameters, (n_b,).
+
+        Returns:
+            Torque (N, m) [N·m, N; W for rows of power].
         """
         if self.base is not None:
             return np.asarray(self.base @ beta)
@@ -126,7 +151,18 @@ class Samples:
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
-    """Return the samples of a recording that is complete, finite and of this robot."""
+    """Return the samples of a recording that is complete, finite and of this robot.
+
+    Args:
+        recording: log with all torque gains known.
+        lib: library of the robot.
+
+    Returns:
+        Samples whose τ is without the torque of springs and other known parts.
+
+    Raises:
+        IdentificationError: gains are unknown, joints differ, or rows are not complete.
+    """
     n = lib.n_joints
     if recording.has_unknown_gains:
         raise IdentificationError(
@@ -154,7 +190,14 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """Residuals r = Y π + F φ − τ.
 
-    pi (10 n,) → (N, m) [N·m, N; W for rows of power].
+    Args:
+        lib: library of the robot.
+        samples: complete samples.
+        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
+        phi: friction coefficients, (n, k).
+
+    Returns:
+        r (N, m) [N·m, N; W for rows of power].
     """
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
@@ -176,7 +219,12 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 def weights_from(sigma: Array, tau: Array) -> Array:
     """Weights w_j = 1/s_j², with s_j kept above rounding so that w_j stays finite.
 
-    sigma (n,), tau (N, n) → (n,).
+    Args:
+        sigma: standard deviation of the noise per joint, (n,) [N·m, N].
+        tau: measured torque, (N, n) [N·m, N].
+
+    Returns:
+        w (n,) [1/(N·m)², 1/N²].
     """
     largest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
     return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2

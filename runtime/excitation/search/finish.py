@@ -17,6 +17,10 @@ from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
+__all__ = [
+    "repaired",
+]
+
 STEP = 1e-3
 """Step of the grid on which the limits hold, s."""
 STRICT = 2e-4
@@ -51,7 +55,19 @@ def finished(lib: Library, search: Search, a: Array) -> Finished:
 
 
 def repaired(lib: Library, search: Search, a: Array) -> Finished:
-    """Move a motion inside all limits at 1 kHz."""
+    """Move a motion inside all limits at 1 kHz.
+
+    Args:
+        lib: library of the robot.
+        search: problem and limits.
+        a: coefficients of the motion, (n, M) [rad, m].
+
+    Returns:
+        The motion, smaller or slower where limits ask for it, with its share of them.
+
+    Raises:
+        IdentificationError: no smaller and no slower motion keeps the limits.
+    """
     problem = search.problem
     fine = _limits(lib, search, problem.duration)
     a = inside(fine, a)

@@ -27,6 +27,11 @@ from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Library, load
 
+__all__ = [
+    "TRIED",
+    "Search",
+]
+
 START = 0.5
 """Limit use of a random start: far enough inside to choose its basin."""
 FINE_STEP = 0.01
@@ -97,6 +102,16 @@ class Search:
         """Descent from a random motion, within the limits of its grid.
 
         A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
+
+        Args:
+            number: number of the start, which with the seed decides the motion.
+            best: best target so far.
+
+        Returns:
+            Target and coefficients (n, M) [rad, m].
+
+        Raises:
+            IdentificationError: the limits leave no room for a motion.
         """
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(self._random(number), ELASTIC)
@@ -136,7 +151,16 @@ class Search:
         come back to a parent after the next stage is that parent, and what is not below `best` +
         `LATE_GAIN` is given up.
 
-        parents (n, M) → (n, M).
+        Args:
+            number: number of the variation, which with the seed decides the random part.
+            parents: motions (n, M) [rad, m] each.
+            best: best target so far.
+
+        Returns:
+            Target and coefficients (n, M) [rad, m].
+
+        Raises:
+            IdentificationError: the limits leave no room for a motion.
         """
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
@@ -231,7 +255,17 @@ class Search:
         duration: float | None = None,
         share: float | None = None,
     ) -> LimitRows:
-        """Nonlinear limits on a grid."""
+        """Nonlinear limits on a grid.
+
+        Args:
+            step: largest time between two points of the grid [s].
+            tightened: share of each limit that stays unused besides.
+            duration: duration of the motion [s]; by default that of the problem.
+            share: share of the limits that may be used; by default that of the problem.
+
+        Returns:
+            Limits of the Cartesian motion and of collisions on the grid.
+        """
         lib, home, size, designed = self._grid
         end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.estimators.regression.samples import Samples
 from runtime.experiments.study import Row
-from runtime.identification import metrics
+from runtime.identification.metrics import CONSISTENCY_TOLERANCE, airm, frobenius, torque_error
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
 
@@ -38,32 +38,32 @@ class Scorer:
         predicted = lib.inverse_dynamics(test.q, test.dq, test.ddq, pi)
         if friction is not None:
             predicted = predicted + friction
-        error = metrics.torque_error(test.tau, predicted)
+        error = torque_error(test.tau, predicted)
         smallest = float(lib.relative_eigenvalues(pi).min())
         masses = mass(links(pi))
-        possible = smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all()
+        possible = smallest >= -CONSISTENCY_TOLERANCE and (masses > 0).all()
         row: Row = {}
         if self.pi is not None:
             matrices = lib.mass_matrix(self.configurations, pi)
-            frobenius = float(metrics.frobenius(self.mass, matrices).mean())
+            distance = float(frobenius(self.mass, matrices).mean())
             beta, truth = lib.base_matrix @ pi, lib.base_matrix @ self.pi
             if possible:  # else the mass matrix may be indefinite, for which the AIRM is undefined
                 row["airm"] = self.airm(pi)
             row |= {
-                "frobenius": frobenius,
-                "frobenius_rms": frobenius / lib.n_joints,
+                "frobenius": distance,
+                "frobenius_rms": distance / lib.n_joints,
                 "base_error": 100 * float(np.linalg.norm(beta - truth) / np.linalg.norm(truth)),
             }
         before = smallest if unrepaired is None else unrepaired
         row |= {"consistent": bool(possible), "smallest_eigenvalue": before}
-        row["strict"] = bool(before > metrics.CONSISTENCY_TOLERANCE)
+        row["strict"] = bool(before > CONSISTENCY_TOLERANCE)
         row |= per_joint("tau_error", error.percent) | per_joint("tau_rms", error.rms)
         return row | {"tau_error": error.overall}
 
     def airm(self, pi: Array) -> float:
         """Mean affine-invariant distance of the mass matrices for π (10 n,)."""
         mass = self.lib.mass_matrix(self.configurations, pi)
-        return float(metrics.airm(self.mass, mass).mean())
+        return float(airm(self.mass, mass).mean())
 
 
 def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Scorer:

@@ -9,6 +9,12 @@ import numpy as np
 from runtime.estimators.methods import METHODS
 from runtime.library import Array
 
+__all__ = [
+    "HEAD",
+    "Figures",
+    "cells",
+]
+
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 HEAD = (
     "method",

@@ -38,6 +38,14 @@ from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording.notebook import html_table
 
+__all__ = [
+    "Comparison",
+    "Truth",
+    "beside",
+    "compare",
+    "read_truth",
+]
+
 SUFFIX = ".truth.json"
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9
@@ -66,7 +74,18 @@ def beside(log: str) -> Path | None:
 
 
 def read_truth(path: Path, lib: Library) -> Truth:
-    """Read the parameters that `simulate` has written."""
+    """Read the parameters that `simulate` has written.
+
+    Args:
+        path: JSON with `pi`.
+        lib: library of the robot.
+
+    Returns:
+        Base parameters β, name and digest of the file.
+
+    Raises:
+        RecordingError: the file is missing, or is not of this robot.
+    """
     try:
         data = bytes_of(path)
         facts = json_of(data)
@@ -115,7 +134,21 @@ def compare(
     started: Callable[[str], None] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Comparison:
-    """Run several methods on one problem; a failure of one method is a row."""
+    """Run several methods on one problem; a failure of one method is a row.
+
+    Args:
+        assembly: problem and recordings.
+        methods: names of estimators.
+        truth: parameters of a simulated log.
+        started: called with the name of a method before it runs.
+        progress: called with iteration and best validation loss.
+
+    Returns:
+        One row per method in this order; after Ctrl-C the rest has not run.
+
+    Raises:
+        IdentificationError: there is no method of such a name.
+    """
     for method in methods:
         require_method(method)
     problem = assembly.problem

@@ -22,6 +22,22 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "INK",
+    "ORANGE",
+    "OWNER",
+    "PURPLE",
+    "SKY",
+    "VERMILION",
+    "blank",
+    "page_figure",
+    "settings",
+    "svg",
+    "thinned",
+]
+
 Array = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
@@ -59,7 +75,16 @@ OWNER = "m:"
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:
-    """Matplotlib settings; names of joints are text, not mathematics."""
+    """Matplotlib settings; names of joints are text, not mathematics.
+
+    Args:
+        ink: colour of text.
+        line: colour of axes and ticks.
+        grid: colour of the grid.
+
+    Returns:
+        rcParams of matplotlib.
+    """
     return {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
@@ -94,7 +119,17 @@ def blank(
     dpi: float = 100,
     layout: Literal["constrained"] | None = "constrained",
 ) -> "Iterator[Figure]":
-    """Blank figure without pyplot and without the settings of the user."""
+    """Blank figure without pyplot and without the settings of the user.
+
+    Args:
+        size: width and height [inch].
+        rules: rcParams of matplotlib.
+        dpi: dots per inch.
+        layout: layout engine; None leaves the places of axes to the caller.
+
+    Yields:
+        The figure, with the settings in force.
+    """
     from matplotlib import style
     from matplotlib.figure import Figure
 
@@ -106,7 +141,15 @@ def blank(
 def page_figure(
     height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> "Iterator[Figure]":
-    """Blank figure of the page width and the height [inch]."""
+    """Blank figure of the page width and the height [inch].
+
+    Args:
+        height: height [inch].
+        layout: layout engine; None leaves the places of axes to the caller.
+
+    Yields:
+        The figure, with the settings in force.
+    """
     rules = settings(PAGE_INK, PAGE_LINE, PAGE_LINE) | {
         "svg.fonttype": "none",
         "grid.linewidth": 0.4,
@@ -119,7 +162,15 @@ def page_figure(
 
 
 def svg(figure: "Figure", name: str) -> Markup:
-    """<svg> element with page colours, short numbers and unique ids."""
+    """<svg> element with page colours, short numbers and unique ids.
+
+    Args:
+        figure: finished figure.
+        name: prefix of all ids, unique on the page.
+
+    Returns:
+        Text that a page holds as it is.
+    """
     from matplotlib import rc_context
 
     buffer = io.StringIO()
@@ -164,6 +215,15 @@ def thinned(
     """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
     A pause becomes a gap in the line, unless there are too many.
+
+    Args:
+        t: times, (N,) [s].
+        y: values, (N,).
+        most: number of points.
+        gaps: indices at which a pause ends; by default found from the times.
+
+    Returns:
+        Times and values, (M,) each; NaN between two pieces.
     """
     if gaps is None:
         gaps = pauses(t)

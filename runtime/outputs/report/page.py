@@ -19,6 +19,14 @@ from markupsafe import Markup
 
 from runtime.common.files import replacing
 
+__all__ = [
+    "Page",
+    "ReportTable",
+    "Section",
+    "Tile",
+    "write_page",
+]
+
 
 @dataclass(frozen=True, slots=True)
 class ReportTable:
@@ -87,7 +95,15 @@ class Page:
 
 
 def write_page(page: Page, path: Path) -> Path:
-    """Write a page, complete or not at all."""
+    """Write a page, complete or not at all.
+
+    Args:
+        page: content.
+        path: HTML file.
+
+    Returns:
+        The path.
+    """
     with replacing(path) as file:
         file.write(render(page).encode("utf-8", "replace"))
     return path

@@ -20,6 +20,10 @@ from runtime.common.records import Record, record_from_table
 from runtime.errors import RecordingError
 from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 
+__all__ = [
+    "open_npz",
+]
+
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
@@ -27,7 +31,18 @@ R = TypeVar("R", bound=Record)
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
-    """All arrays of an NPZ; nothing in it is unpickled."""
+    """All arrays of an NPZ; nothing in it is unpickled.
+
+    Args:
+        data: bytes of the file.
+        name: file that sentences name.
+
+    Returns:
+        Arrays by name.
+
+    Raises:
+        RecordingError: it is no NPZ, is too large, or holds Python objects.
+    """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):

@@ -9,8 +9,9 @@ configuration.
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, Protocol
 
 import typer
 from rich.progress import (
@@ -260,7 +261,8 @@ def state() -> TextColumn:
     return TextColumn("{task.fields[state]}")
 
 
-class ResultFolder(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ResultFolder:
     """What a command writes into the folder of its result.
 
     Attributes:

@@ -1,7 +1,8 @@
 """One key of result.json: path, kind, shape, unit and the value of older files."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 
 class _Missing:
@@ -11,7 +12,8 @@ class _Missing:
 MISSING = _Missing()
 
 
-class Key(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Key:
     """One key of result.json.
 
     Attributes:

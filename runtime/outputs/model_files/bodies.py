@@ -7,7 +7,7 @@ add up, and T = [[R, p], [0, 1]] transforms P to another frame. Source: Wensing,
 2018.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from runtime.library import Array
 
 
-class RigidBody(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidBody:
     """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg·m²], axes of the link."""
 
     mass: float

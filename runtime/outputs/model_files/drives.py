@@ -1,7 +1,8 @@
 """Drives of an identified robot, as simulators' actuators need them: gains, delay, bias, σ."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from runtime.errors import ExportError
 
@@ -9,7 +10,8 @@ KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 """Values of one drive in result.json."""
 
 
-class Drives(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Drives:
     """Drives of all joints in SI units; None where a value is unknown.
 
     Attributes:

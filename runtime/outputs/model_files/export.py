@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -16,7 +16,8 @@ from runtime.outputs.model_files.model import IdentifiedModel, make_model, requi
 from runtime.recording import Friction
 
 
-class Exported(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Exported:
     """Outcome of one format.
 
     Attributes:

@@ -4,7 +4,7 @@ viscous dq → damping      coulomb tanh(dq/ε), dahl ζ → friction (both are 
 rotor ddq → armature      other columns have no counterpart and are listed in a note
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,8 @@ TERMS = ("damping", "friction", "armature")
 """Terms of a simulator's joint; which column is which, `FrictionColumn.model_term` states."""
 
 
-class JointFriction(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class JointFriction:
     """Joint friction as simulators describe it, per joint of the library.
 
     Attributes:

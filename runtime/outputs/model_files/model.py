@@ -1,7 +1,6 @@
 """A robot with identified bodies and friction, as every model file format writes it."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,8 @@ from runtime.outputs.model_files.urdf_tree import Tree, read_tree
 from runtime.recording import Friction
 
 
-class LinkBodies(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkBodies:
     """Rigid bodies of the links.
 
     Attributes:

@@ -4,8 +4,8 @@ It was normalised by `symgen build`: revolute, continuous, prismatic and fixed j
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import NamedTuple
 from xml.etree.ElementTree import Element, ParseError
 
 import numpy as np
@@ -22,7 +22,8 @@ WORLD = "world"
 """Name of a root link that MuJoCo and SDF predefine."""
 
 
-class Edge(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
     """A joint of the URDF, fixed ones included.
 
     Attributes:
@@ -41,7 +42,8 @@ class Edge(NamedTuple):
     upper: float | None
 
 
-class Tree(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Tree:
     """A URDF document; `root` is not shared and may be changed.
 
     Attributes:

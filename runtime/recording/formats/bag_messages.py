@@ -12,9 +12,10 @@ import re
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from runtime.common.files import text_of
 from runtime.errors import RecordingError
@@ -146,7 +147,8 @@ _YEAR = 31_556_952 * _NANO
 _LATEST = 2**62
 
 
-class Message(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Message:
     """One JointState: instants in ns, names and as many numbers (or none) per field."""
 
     topic: str

@@ -76,7 +76,7 @@ class Publisher:
         self.logged.tick(message.logged)
         self._ticks.extend((message.stamp, message.logged))
         blank = [np.nan] * len(self.names)
-        for values in message[4:]:
+        for values in (message.position, message.velocity, message.effort):
             whole = values if len(values) == len(self.names) else blank
             self._values.frombytes(np.asarray(whole, dtype=np.float64).tobytes())
         self.count += 1

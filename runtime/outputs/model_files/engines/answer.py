@@ -1,6 +1,6 @@
 """What an engine read from a file, in the order and with the names of the library."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +18,8 @@ class Unreadable(Exception):
         super().__init__(" ".join(str(reason).split()))
 
 
-class Reloaded(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Reloaded:
     """A robot as an engine read it from a file.
 
     Attributes:

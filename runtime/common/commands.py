@@ -202,6 +202,19 @@ class Commands(TyperGroup):
         self.listed = [command for group in self._groups.values() for command in group]
         self.commands = _Imports(self.listed)  # type: ignore[assignment]  # nothing is added
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words before the command; without any word the overview is printed.
+
+        Args:
+            ctx: of the call.
+            args: words of the command line.
+
+        Returns:
+            Words that are left.
+        """
+        rest: list[str] = super().parse_args(ctx, args or ["--help"])
+        return rest
+
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of all commands."""
         return list(self.commands)
@@ -312,7 +325,6 @@ def application(
 
     app = typer.Typer(
         cls=group,
-        no_args_is_help=True,
         add_completion=add_completion,
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",

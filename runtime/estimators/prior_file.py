@@ -35,8 +35,8 @@ import numpy as np
 from msgspec import Meta, field
 from scipy.spatial import ConvexHull, QhullError
 
-from runtime.common.files import text_of, toml_of
-from runtime.common.records import Record, Vector3, record_from_table
+from runtime.common.files import text_of
+from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
@@ -151,14 +151,8 @@ class PriorFile:
 
 def read_prior(path: Path, lib: Library) -> PriorFile:
     """Read a file of inertial priors and check it against a robot."""
-    try:
-        facts = toml_of(path)
-    except OSError:
-        raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
-    except ValueError as error:
-        raise IdentificationError(f"the prior '{path}' is not TOML: {error}; correct it") from None
     where = f"the prior '{path}'"
-    stated = record_from_table(Stated, facts, where, IdentificationError)
+    stated = record_from_toml(Stated, path, where, IdentificationError)
     require_known("link", stated.link, lib.link_names, where)
     require_known("armature", stated.armature, lib.joint_names, where)
     rows = _Rows(lib, where)

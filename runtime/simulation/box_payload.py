@@ -1,24 +1,21 @@
 """A box in the hand of a virtual robot: P = m [[Σ, c], [cᵀ, 1]],  Σ = diag(L²)/12 + c cᵀ."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.common.files import toml_of
+from runtime.common.records import Record, Vector3, record_from_table, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 
 LARGEST = 1e6
 """Largest number of a payload that is read, kg and m."""
-_KEYS = ("mass", "com", "size", "link")
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
-    """A homogeneous box, its edges along the axes of the link's frame.
+class Box(Record, frozen=True):
+    """A homogeneous box, its edges along the axes of the link's frame; also the TOML file of it.
 
     Attributes:
         mass: kg.
@@ -28,8 +25,8 @@ class Box:
     """
 
     mass: float
-    com: tuple[float, float, float]
-    size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    com: Vector3
+    size: Vector3 = (0.0, 0.0, 0.0)
     link: str | None = None
 
     def __post_init__(self) -> None:
@@ -92,7 +89,7 @@ def read_payload(text: str) -> Box:
         IdentificationError: neither.
     """
     if text.endswith(".toml"):
-        return _from_file(Path(text))
+        return record_from_toml(Box, Path(text), f"the payload '{text}'", IdentificationError)
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
@@ -100,33 +97,7 @@ def read_payload(text: str) -> Box:
     if len(numbers) not in {4, 7}:
         raise IdentificationError(
             "--payload expects MASS,CX,CY,CZ or MASS,CX,CY,CZ,LX,LY,LZ in kg and m, or a TOML with "
-            f"{', '.join(_KEYS)}; got '{text}'"
+            f"{', '.join(Box.__struct_fields__)}; got '{text}'"
         )
-    return _box(numbers[0], numbers[1:4], numbers[4:] or (0.0, 0.0, 0.0))
-
-
-def _from_file(path: Path) -> Box:
-    try:
-        facts = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise IdentificationError(
-            f"'{path}' cannot be read as TOML ({error}); write {', '.join(_KEYS)} into it"
-        ) from None
-    unknown = sorted(set(facts) - set(_KEYS))
-    if unknown or not {"mass", "com"} <= set(facts):
-        raise IdentificationError(
-            f"'{path}' expects mass and com, of the keys {', '.join(_KEYS)}; got {', '.join(facts)}"
-        )
-    try:
-        size = facts.get("size", (0.0, 0.0, 0.0))
-        return _box(facts["mass"], facts["com"], size, facts.get("link"))
-    except (TypeError, ValueError):
-        raise IdentificationError(
-            f"'{path}' expects mass as a number, com and size as three, got {facts}"
-        ) from None
-
-
-def _box(mass: Any, com: Any, size: Any, link: str | None = None) -> Box:
-    x, y, z = map(float, com)
-    a, b, c = map(float, size)
-    return Box(float(mass), (x, y, z), (a, b, c), link)
+    table = {"mass": numbers[0], "com": numbers[1:4], "size": numbers[4:] or [0, 0, 0]}
+    return record_from_table(Box, table, "--payload", IdentificationError)

@@ -12,34 +12,23 @@ follow from the limits of the robot, so that every robot has plausible settings.
 entries of it.
 """
 
-import dataclasses
-import difflib
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
-from runtime.common.files import toml_of
+from runtime.common.records import Record, record_from_table, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
+from runtime.simulation.plant import per_joint
 
-LAWS = ("computed_torque", "feedforward")
-"""Control laws; the first one where none is stated."""
 FOLDER = Path(__file__).parent / "robots"
-_PLAIN = {
-    "inertia": ("spread", "rotor"),
-    "drive": ("delay_s", "step_s"),
-    "controller": ("law", "stiffness", "damping", "rate_hz"),
-}
-_SINGLE = ("spread", "delay_s", "step_s", "rate_hz")
-_ABOVE_ZERO = ("stribeck_speed", "dahl_stroke", "velocity_cutoff_hz", "step_s", "rate_hz", "rotor")
-_ANY_SIGN = ("ripple_phase",)
-_MOST_SPREAD = 1.0
-"""Largest spread, exp(±1) on every principal moment: more than manufacturing leaves."""
 _WHOLE = 1e-6
 """Relative tolerance of a number of steps, for the rounding of decimals."""
 
@@ -73,6 +62,49 @@ class Sensors:
     torque_quantum: Array
 
 
+_NotNegative = Annotated[float, Meta(ge=0)]
+_Positive = Annotated[float, Meta(gt=0)]
+_EACH = Annotated[
+    _NotNegative | tuple[_NotNegative, ...],
+    Meta(description="one number from 0 up, or one per joint"),
+]
+_EACH_ABOVE_ZERO = Annotated[
+    _Positive | tuple[_Positive, ...], Meta(description="one number above 0, or one per joint")
+]
+_EACH_REAL = Annotated[float | tuple[float, ...], Meta(description="one number, or one per joint")]
+_KINDS: dict[str, dict[str, Any]] = {
+    "inertia": {
+        # exp(±1) on every principal moment is more than manufacturing leaves.
+        "spread": Annotated[
+            float, Meta(ge=0, le=1, description="one number from 0 to 1 (0.02 is usual)")
+        ],
+        "rotor": _EACH_ABOVE_ZERO,
+    },
+    "friction": dict.fromkeys((each.name for each in fields(VirtualFriction)), _EACH)
+    | {"stribeck_speed": _EACH_ABOVE_ZERO, "dahl_stroke": _EACH_ABOVE_ZERO}
+    | {"ripple_phase": _EACH_REAL},
+    "sensors": dict.fromkeys((each.name for each in fields(Sensors)), _EACH)
+    | {"velocity_cutoff_hz": _EACH_ABOVE_ZERO},
+    "drive": {"delay_s": _NotNegative, "step_s": _Positive},
+    "controller": {
+        "law": Literal["computed_torque", "feedforward"],
+        "stiffness": _EACH,
+        "damping": _EACH,
+        "rate_hz": _Positive,
+    },
+}
+_FILE = msgspec.defstruct(
+    "VirtualRobotFile",
+    [
+        (table, msgspec.defstruct(table, [*keys.items()], bases=(Record,), frozen=True))
+        for table, keys in _KINDS.items()
+    ],
+    bases=(Record,),
+    frozen=True,
+)
+"""The whole file: tables and their keys."""
+
+
 @dataclass(frozen=True, slots=True)
 class VirtualRobotSettings:
     """Settings of one virtual robot; arrays are (n,)."""
@@ -90,15 +122,8 @@ class VirtualRobotSettings:
 
     def facts(self) -> dict[str, Any]:
         """The settings as the tables of a file."""
-        parts: dict[str, Any] = {
-            table: {key: _plain(getattr(self, key)) for key in keys}
-            for table, keys in _PLAIN.items()
-        }
-        for table in _GROUPS:
-            parts[table] = {
-                k: _plain(v) for k, v in dataclasses.asdict(getattr(self, table)).items()
-            }
-        return parts
+        values = {**asdict(self), **asdict(self.friction), **asdict(self.sensors)}
+        return {table: {key: _plain(values[key]) for key in keys} for table, keys in _KINDS.items()}
 
     @property
     def sha256(self) -> str:
@@ -125,31 +150,35 @@ def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
     if path is not None:
         named = FOLDER / f"{path}.toml"
         chosen.append(named if path.suffix != ".toml" and named.is_file() else path)
-    for file in chosen:
-        _merge(tables, _read(file), file.name)
-    return settings_from(tables, lib)
-
-
-def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> VirtualRobotSettings:
-    """Settings from complete tables."""
-    groups = {
-        table: kind(
-            **{key: _numbers(table, key, value, lib) for key, value in tables[table].items()}
-        )
-        for table, kind in _GROUPS.items()
-    }
-    plain: dict[str, Any] = {}
-    for table, keys in _PLAIN.items():
-        for key in keys:
-            value = tables[table][key]
-            plain[key] = _law(value) if key == "law" else _numbers(table, key, value, lib)
-            if key in _SINGLE:
-                plain[key] = _single(table, key, plain[key])
-    made = VirtualRobotSettings(**groups, **plain)
-    if made.spread > _MOST_SPREAD:
+    if chosen and not chosen[-1].is_file():
+        names = ", ".join(sorted(file.stem for file in FOLDER.glob("*.toml")))
         raise IdentificationError(
-            f"[inertia] spread expects 0 to {_MOST_SPREAD:g}, got {made.spread:g}; 0.02 is usual"
+            f"'{path}' cannot be read (it is no file); give the TOML of a virtual robot, or a "
+            f"bundled one: {names}"
         )
+    where = "the settings"
+    for file in chosen:
+        where = f"'{file.name}'"
+        given = record_from_toml(dict[str, dict[str, Any]], file, where, IdentificationError)
+        tables |= {table: tables.get(table, {}) | given[table] for table in given}
+    return settings_from(tables, lib, where)
+
+
+def settings_from(
+    tables: Mapping[str, Mapping[str, Any]], lib: Library, where: str = "the settings"
+) -> VirtualRobotSettings:
+    """Settings from complete tables."""
+    plain = {table: {k: _plain(v) for k, v in keys.items()} for table, keys in tables.items()}
+    stated = msgspec.to_builtins(record_from_table(_FILE, plain, where, IdentificationError))
+
+    def each(table: str, *keys: str) -> dict[str, Any]:
+        values = stated[table]
+        return {k: per_joint(lib.n_joints, values[k], f"[{table}] {k}") for k in keys or values}
+
+    rest = stated["inertia"] | stated["drive"] | stated["controller"]
+    rest |= each("inertia", "rotor") | each("controller", "stiffness", "damping")
+    friction, sensors = VirtualFriction(**each("friction")), Sensors(**each("sensors"))
+    made = VirtualRobotSettings(friction, sensors, **rest)
     periods = (("a period of the controller", 1 / made.rate_hz, 1), ("delay_s", made.delay_s, 0))
     for name, seconds, least in periods:
         steps = seconds / made.step_s
@@ -159,76 +188,6 @@ def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Virt
                 "whole number of times; change one of them"
             )
     return made
-
-
-_GROUPS: dict[str, type] = {"friction": VirtualFriction, "sensors": Sensors}
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return toml_of(path)
-    except OSError as error:
-        names = ", ".join(sorted(file.stem for file in FOLDER.glob("*.toml")))
-        raise IdentificationError(
-            f"'{path}' cannot be read ({error.strerror}); give the TOML of a virtual robot, or a "
-            f"bundled one: {names}"
-        ) from None
-    except ValueError as error:
-        raise IdentificationError(
-            f"'{path}' cannot be read as TOML ({error}); correct it"
-        ) from None
-
-
-def _merge(tables: dict[str, dict[str, Any]], given: dict[str, Any], name: str) -> None:
-    for table, entries in given.items():
-        _require_known(table, tables, f"'{name}' has the unknown table [{table}]")
-        if not isinstance(entries, dict):
-            raise IdentificationError(
-                f"'{name}': {table} expects a table, got {entries!r}; write [{table}] "
-                "above its entries"
-            )
-        for key, value in entries.items():
-            _require_known(key, tables[table], f"'{name}' has the unknown key [{table}] {key}")
-            tables[table][key] = value
-
-
-def _require_known(word: str, known: Mapping[str, Any], fault: str) -> None:
-    if word in known:
-        return
-    near = difflib.get_close_matches(word, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-    raise IdentificationError(f"{fault}; {hint}")
-
-
-def _numbers(table: str, key: str, value: Any, lib: Library) -> Array:
-    """One number or n of them, as (n,)."""
-    items = np.ravel(np.asarray(value, dtype=object)).tolist()
-    real = all(isinstance(x, int | float) and not isinstance(x, bool) for x in items)
-    array = np.array(items, dtype=float) if real else np.array([np.nan])
-    least = -np.inf if key in _ANY_SIGN else 0.0
-    positive = key in _ABOVE_ZERO
-    fits = array.size in {1, lib.n_joints}
-    if not (np.isfinite(array) & ((array > 0) if positive else (array >= least))).all() or not fits:
-        bound = "above 0" if positive else "finite" if key in _ANY_SIGN else "from 0 up"
-        raise IdentificationError(
-            f"[{table}] {key} expects one number {bound}, or one for each of the {lib.n_joints} "
-            f"joints, got {value!r}"
-        )
-    return np.array(np.broadcast_to(array, (lib.n_joints,)))
-
-
-def _single(table: str, key: str, values: Array) -> float:
-    if np.ptp(values) > 0:
-        raise IdentificationError(f"[{table}] {key} expects one number, got {values.tolist()}")
-    return float(values[0])
-
-
-def _law(value: Any) -> str:
-    if value not in LAWS:
-        raise IdentificationError(
-            f"[controller] law expects one of {', '.join(LAWS)}, got {value!r}"
-        )
-    return str(value)
 
 
 def _plain(value: Any) -> Any:
@@ -272,7 +231,7 @@ def by_limits(lib: Library) -> dict[str, dict[str, Any]]:
         },
         "drive": {"delay_s": 0.001, "step_s": 2.5e-4},
         "controller": {
-            "law": LAWS[0],
+            "law": "computed_torque",
             "stiffness": 225.0,
             "damping": 30.0,
             "rate_hz": 1000.0,

@@ -4,11 +4,11 @@ import difflib
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from runtime.common.files import toml_of
+from runtime.common.records import record_from_toml
 from runtime.common.terminal import completing, console, say
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
@@ -311,8 +311,5 @@ def read_mechanism(path: Path | None) -> Mechanism:
     """Return the mechanism of a TOML file, an empty one without a file."""
     if path is None:
         return Mechanism()
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"cannot read the mechanism '{path}': {error}") from None
+    table = record_from_toml(dict[str, Any], path, f"the mechanism '{path}'", BuildError)
     return mechanism_from_table(table, f"'{path}'")

@@ -18,8 +18,7 @@ import pinocchio
 from msgspec import Meta, field, structs
 from scipy.optimize import linprog
 
-from runtime.common.files import toml_of
-from runtime.common.records import Record, record_from_table
+from runtime.common.records import Record, record_from_table, record_from_toml
 from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
@@ -113,10 +112,9 @@ def read_config(*paths: Path) -> RobotConfig:
     """Read the configuration of one TOML file, or of several with different keys."""
     joined: dict[str, Any] = {}
     for path in paths:
-        try:
-            table = toml_of(path)
-        except (OSError, ValueError) as error:
-            raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
+        table = record_from_toml(
+            dict[str, Any], path, f"the robot configuration '{path}'", BuildError
+        )
         table.pop("source", None)
         twice = sorted(joined.keys() & table.keys())
         if twice:
@@ -127,12 +125,8 @@ def read_config(*paths: Path) -> RobotConfig:
 
 def read_masses(path: Path) -> dict[str, float]:
     """Masses of links from a TOML file, kg."""
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"cannot read the masses '{path}': {error}") from None
     kind = dict[str, Annotated[float, Meta(description="a mass in kg")]]
-    masses = record_from_table(kind, table, f"'{path}'", BuildError)
+    masses = record_from_toml(kind, path, f"the masses '{path}'", BuildError)
     if not masses:
         raise BuildError(f"'{path}' states no mass; write lines such as link1 = 2.7")
     return masses

@@ -10,11 +10,13 @@ parts outside of the solid cancel. Source: Eberly, Polyhedral mass properties, 2
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+from msgspec import Meta
 
-from runtime.common.files import toml_of
+from runtime.common.records import record_from_toml
 from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, numbers, origin
 from symgen.errors import BuildError, UrdfError
@@ -43,19 +45,11 @@ class Moments:
 
 def read_densities(path: Path) -> dict[str, float]:
     """Densities of links from a TOML file, kg/m³."""
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"cannot read the densities '{path}': {error}") from None
-    for link, density in table.items():
-        is_number = isinstance(density, int | float) and not isinstance(density, bool)
-        if not (is_number and 0 < density < np.inf):
-            raise BuildError(
-                f"'{path}': expected link = density above 0 in kg/m^3, got '{link}' = {density!r}"
-            )
-    if not table:
+    kind = dict[str, Annotated[float, Meta(gt=0, description="a density above 0 in kg/m^3")]]
+    densities = record_from_toml(kind, path, f"the densities '{path}'", BuildError)
+    if not densities:
         raise BuildError(f"'{path}' states no density; write lines such as default = 1200")
-    return {link: float(density) for link, density in table.items()}
+    return densities
 
 
 def with_mesh_bodies(

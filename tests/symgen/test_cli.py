@@ -82,7 +82,10 @@ def test_malformed_urdf(
         (["--snap", "3"], "--snap needs an angle between 0 and 0.1 rad"),
         (["--name", "My-Robot"], "expected lower-case letters, digits and _, got 'My-Robot'"),
         (["--name", "fr3"], "'fr3' is the name of a bundled robot"),
-        (["--config", "nowhere.toml"], "cannot read the robot configuration"),
+        (
+            ["--config", "nowhere.toml"],
+            "'nowhere.toml' cannot be read as TOML (No such file or directory)",
+        ),
     ],
 )
 def test_bad_options(

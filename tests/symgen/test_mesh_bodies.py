@@ -85,5 +85,5 @@ def test_faults_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[s
         with pytest.raises(SymgenError, match=said):
             with_mesh_bodies(text, tmp_path, densities, packages)
     (tmp_path / "dense.toml").write_text("rod = -1\n")
-    with pytest.raises(BuildError, match="expected link = density above 0"):
+    with pytest.raises(BuildError, match=r"rod expects a density above 0 in kg/m.3, got -1"):
         read_densities(tmp_path / "dense.toml")

@@ -22,11 +22,12 @@ The controller is computed torque with the URDF's model. `simulate` writes such 
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from runtime.common.files import toml_of
+from runtime.common.records import Record, record_from_toml
 from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.estimators.classical.least_squares import (
     RANK_TOLERANCE,
@@ -54,11 +55,6 @@ __all__ = [
     "ClosedLoop",
 ]
 
-_KEYS: dict[str, dict[str, tuple[type, ...]]] = {
-    "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))
-    | {"rate_hz": (int, float)},
-    "reference": {"trajectory": (str,), "start": (int, float)},
-}
 CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
 IV_ITERATIONS = 6
@@ -70,6 +66,36 @@ an estimate by instruments is rejected."""
 _BLOCK = 4096
 """Samples whose regressor is held at a time."""
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
+
+
+_NotNegative = Annotated[float, Meta(ge=0)]
+_PerJoint = Annotated[
+    _NotNegative | tuple[_NotNegative, ...],
+    Meta(description="one number from 0 up, or one per joint"),
+]
+
+
+class _Gains(Record, frozen=True):
+    """[controller]."""
+
+    stiffness: _PerJoint = 225.0
+    damping: _PerJoint = 30.0
+    rotor: _PerJoint = 0.1
+    rate_hz: Annotated[float, Meta(gt=0)] = 1000.0
+
+
+class _Reference(Record, frozen=True):
+    """[reference]."""
+
+    trajectory: Annotated[str, Meta(description="the name of a file that excite has written")]
+    start: float = 0.0
+
+
+class _ControllerFile(Record, frozen=True, kw_only=True):
+    """The file."""
+
+    controller: _Gains = _Gains()
+    reference: _Reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,58 +160,25 @@ class ClosedLoop:
 
 def read_controller(path: Path, lib: Library) -> ClosedLoop:
     """Read a controller file."""
-    try:
-        facts = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise IdentificationError(
-            f"'{path}' cannot be read as a TOML file "
-            f"({getattr(error, 'strerror', None) or error}); a controller file has "
-            "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
-        ) from None
-    _require_known(facts, path)
-    controller, reference = dict(facts.get("controller", {})), facts.get("reference", {})
-    if "trajectory" not in reference:
-        raise IdentificationError(
-            f"'{path}' lacks the [reference] trajectory; give the JSON of: python -m runtime excite"
-        )
-    motion = Path(reference["trajectory"])
+    where = f"the controller file '{path}'"
+    stated = record_from_toml(_ControllerFile, path, where, IdentificationError)
+    gains, reference = stated.controller, stated.reference
+    motion = Path(reference.trajectory)
     if motion.is_absolute() or ".." in motion.parts:
         raise IdentificationError(
             f"'{path}' names the trajectory '{motion}', which does not lie beside it; move it there"
         )
-    n = lib.n_joints
-    try:
-        rate = float(controller.pop("rate_hz", 1000.0))
-        start = float(reference.get("start", 0.0))
-        gains = {
-            key: per_joint(n, value, f"{key} in '{path}'") for key, value in controller.items()
-        }
-    except (TypeError, ValueError, OverflowError):
-        rate, start, gains = 0.0, 0.0, {}
-    numbers = np.concatenate([*gains.values(), [rate, abs(start)]])
-    if not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
-        raise IdentificationError(f"'{path}' needs gains, rotors and a rate_hz above 0")
-    rotor = gains.pop("rotor", 0.1)
+    stiffness, damping, rotor = (
+        per_joint(lib.n_joints, getattr(gains, key), f"{key} in '{path}'")
+        for key in ("stiffness", "damping", "rotor")
+    )
     return ClosedLoop(
         read_trajectory(path.parent / motion, lib),
-        Controller(**gains),  # type: ignore[arg-type]
+        Controller(stiffness=stiffness, damping=damping),
         rotor,
-        rate,
-        start,
+        gains.rate_hz,
+        reference.start,
     )
-
-
-def _require_known(facts: dict[str, Any], path: Path) -> None:
-    for table, entries in facts.items():
-        known = _KEYS.get(table, {})
-        for key, value in entries.items() if isinstance(entries, dict) else [("", None)]:
-            if key not in known or not isinstance(value, known[key]) or isinstance(value, bool):
-                named = f"[{table}] {key}".strip()
-                raise IdentificationError(
-                    f"'{path}': a controller file does not accept {named} = {value!r}; it has "
-                    "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, "
-                    "start"
-                )
 
 
 def fit_iv(problem: Problem, log: Origin | None = None) -> Fit:

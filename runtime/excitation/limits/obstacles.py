@@ -10,11 +10,13 @@ box counts as the capsule around it: its axis is parallel to the longest edge.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from msgspec import Meta
+from msgspec.structs import asdict
 
-from runtime.common.files import toml_of
+from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import LABEL, CarriedBox, Poses, closest
 from runtime.excitation.limits.distance_limits import Clearance, body_of
@@ -23,8 +25,6 @@ from runtime.library import Array, Library, ProxyFacts
 
 OBSTACLE = "obstacle"
 """Kind of the limit in certificates."""
-KEYS = ("name", "center", "size", "rpy", "radius")
-"""Entries of an obstacle in a file."""
 LARGEST_LENGTH = 100.0
 """Largest coordinate, edge or radius [m]."""
 
@@ -77,6 +77,22 @@ class Obstacle:
         return np.asarray(about_z @ about_y @ about_x)
 
 
+class _Entry(Record, frozen=True, kw_only=True):
+    """[[obstacle]]."""
+
+    name: str = ""
+    center: Vector3
+    size: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+
+class _Cell(Record, frozen=True):
+    """The file."""
+
+    obstacle: Annotated[tuple[_Entry, ...], Meta(min_length=1)]
+
+
 def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     """Read a file of obstacles.
 
@@ -87,44 +103,11 @@ def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     rpy = [0.0, 0.0, 0.0]       # rad
     radius = 0.0                # m, rounding
     """
-    try:
-        facts = toml_of(path)
-    except OSError:
-        raise IdentificationError(
-            f"the obstacles '{path}' cannot be read; check the path"
-        ) from None
-    except ValueError as error:
-        raise IdentificationError(
-            f"the obstacles '{path}' are not TOML: {error}; correct the file"
-        ) from None
-    entries = facts.get(OBSTACLE)
-    if set(facts) != {OBSTACLE} or not isinstance(entries, list) or not entries:
-        raise IdentificationError(
-            f"expected '{path}' to consist of tables [[{OBSTACLE}]] with {', '.join(KEYS)}; "
-            "correct the file"
-        )
-    return tuple(_obstacle(entry, k, path) for k, entry in enumerate(entries, 1))
-
-
-def _obstacle(entry: Any, k: int, path: Path) -> Obstacle:
-    if not isinstance(entry, dict) or set(entry) - set(KEYS) or "center" not in entry:
-        raise IdentificationError(
-            f"expected obstacle {k} of '{path}' to have a center and no entries but "
-            f"{', '.join(KEYS)}; correct it"
-        )
-    given = {key: value for key, value in entry.items() if key in {"center", "size", "rpy"}}
-    try:
-        vectors = {key: tuple(float(x) for x in value) for key, value in given.items()}
-        return Obstacle(
-            str(entry.get("name", f"obstacle {k}")),
-            **vectors,
-            radius=float(entry.get("radius", 0.0)),
-        )
-    except (TypeError, ValueError):
-        raise IdentificationError(
-            f"expected numbers in obstacle {k} of '{path}', three each for center, size and rpy; "
-            "correct them"
-        ) from None
+    cell = record_from_toml(_Cell, path, f"the obstacles '{path}'", IdentificationError)
+    return tuple(
+        Obstacle(**asdict(each.replace(name=each.name or f"{OBSTACLE} {k}")))
+        for k, each in enumerate(cell.obstacle, 1)
+    )
 
 
 @dataclass(frozen=True, slots=True)

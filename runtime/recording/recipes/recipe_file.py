@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.common.files import toml_of
-from runtime.common.records import record_from_table
+from runtime.common.records import record_from_table, record_from_toml
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
 from runtime.recording.recipes.recipe import ControlLaw, Recipe, Signal, Source, Time
@@ -53,12 +52,7 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
             f"there is no recipe {str(which)!r}; give the path of a TOML file "
             f"or one of the bundled names {', '.join(bundled_names())}"
         )
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise RecordingError(
-            f"{path.name} is expected to be TOML, but: {error}; correct that place"
-        ) from error
+    table = record_from_toml(dict[str, Any], path, f"recipe {path.name}", RecordingError)
     try:
         return recipe_from_table({"name": _default_name(path), **table})
     except RecordingError as error:

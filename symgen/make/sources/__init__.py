@@ -18,8 +18,10 @@ from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import files
 from pathlib import Path
+from typing import Any
 
-from runtime.common.files import text_of, toml_of
+from runtime.common.files import text_of
+from runtime.common.records import record_from_toml
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
@@ -78,10 +80,7 @@ def read_source(
     if path.suffix == ".xacro":
         text = expanded(path, source.arguments, source.packages)
     elif path.suffix == ".toml":
-        try:
-            table = toml_of(path)
-        except (OSError, ValueError) as error:
-            raise BuildError(f"cannot read the robot '{path}': {error}") from None
+        table = record_from_toml(dict[str, Any], path, f"the robot '{path}'", BuildError)
         text, stated = robot_from_rows(table, f"'{path}'")
     else:
         text = urdf_text(path)

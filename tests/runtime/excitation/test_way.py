@@ -238,14 +238,19 @@ def test_a_session_in_one_file(
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("a = 1", r"tables \[\[obstacle\]\]"),
-        ("[[obstacle]]\nname = 'x'", "to have a center"),
-        ("[[obstacle]]\ncenter = [0, 0]\nradius = 0.1", "three finite numbers"),
-        ("[[obstacle]]\ncenter = [0, 0, 'a']\nradius = 0.1", "expected numbers in obstacle 1"),
-        ("[[obstacle]]\ncenter = [0, 0, nan]\nradius = 0.1", "three finite numbers"),
+        ("a = 1", "unknown key 'a'; known are obstacle"),
+        ("[[obstacle]]\nname = 'x'", "expects the key center in obstacle.0., got none; add it"),
+        ("obstacle = []", "obstacle expects a list that is not empty, got"),
+        (
+            "[[obstacle]]\ncenter = [0, 0]\nradius = 0.1",
+            "center expects a list of length 3, got .0, 0.;",
+        ),
+        ("[[obstacle]]\ncenter = [0, 0, 'a']\nradius = 0.1", "center.2. expects a number, got 'a'"),
+        ("[[obstacle]]\ncenter = [0, 0, nan]\nradius = 0.1", "center.2. expects a finite number"),
+        ("[[obstacle]]\ncenter = [0, 0, 101]\nradius = 0.1", "three finite numbers and a radius"),
         ("[[obstacle]]\ncenter = [0, 0, 1]", "edges and a radius from 0 m up"),
         ("[[obstacle]]\ncenter = [0, 0, 1]\nradius = -1", "edges and a radius from 0 m up"),
-        ("[[obstacle", "are not TOML"),
+        ("[[obstacle", "cannot be read as TOML"),
         (None, "cannot be read"),
     ],
 )

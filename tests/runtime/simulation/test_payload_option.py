@@ -47,7 +47,11 @@ def test_payloads_of_files(tmp_path: Path, fr3: Library) -> None:
     file.write_text("mass = 1.8\ncom = [0, 0, 0]\nlink = 'nowhere'\n")
     with pytest.raises(IdentificationError, match="no moving link of 'fr3' is called 'nowhere'"):
         read_payload(str(file)).pi(fr3)
-    for text in ("mass = 1\ncom = [0, 0, 0]\ncolour = 3", "mass = 1", "mass = 1\ncom = 3"):
+    for text, message in (
+        ("mass = 1\ncom = [0, 0, 0]\ncolour = 3", "unknown key 'colour'; known are mass, com"),
+        ("mass = 1", "expects the key com, got none; add it"),
+        ("mass = 1\ncom = 3", "com expects a list, got 3; correct it"),
+    ):
         file.write_text(text)
-        with pytest.raises(IdentificationError, match="expects mass"):
+        with pytest.raises(IdentificationError, match=message):
             read_payload(str(file))

@@ -85,7 +85,7 @@ def test_unknown_bundled_robot() -> None:
         ("home = []", "home expects a list of finite numbers, one per joint, got"),
         ("home = [nan]", r"home\[0\] expects a finite number, got inf or nan"),
         ('jerk = ["fast"]', "jerk expects limits above 0 for every joint, got"),
-        ("home = [", "cannot read the robot configuration"),
+        ("home = [", "cannot be read as TOML"),
         ("home = [1.0, 2.0]", "gives 2 values for home, the chain has 1 joints: swing"),
     ],
 )
@@ -101,5 +101,5 @@ def test_missing_configuration(tmp_path: Path) -> None:
     """Property: a configuration that is not there, or not text, is one sentence."""
     (tmp_path / "latin.toml").write_bytes(b"source = '\xe9'")
     for name in ("nowhere.toml", "latin.toml"):
-        with pytest.raises(BuildError, match="cannot read the robot configuration"):
+        with pytest.raises(BuildError, match="cannot be read as TOML"):
             read_config(tmp_path / name)

@@ -271,7 +271,7 @@ def test_further_priors_hold(lib, noisy, tmp_path):
             "trust = 'blind'",
             "trust expects one of cad, gripper, none or a number above 0, got 'blind'",
         ),
-        ("total_mass = ", "is not TOML"),
+        ("total_mass = ", "cannot be read as TOML"),
     ],
 )
 def test_priors_that_make_no_sense(lib, noisy, tmp_path, text, match):

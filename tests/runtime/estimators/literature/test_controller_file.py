@@ -40,25 +40,37 @@ def test_a_loop_returns_as_it_was_written(lib: Library, motion: Trajectory, tmp_
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("[controller", "cannot be read as a TOML file"),
-        ("[controller]\nstiffness = 1.0", r"lacks the \[reference\] trajectory"),
-        ("[controller]\ngain = 1.0", r"does not accept \[controller\] gain = 1.0"),
-        ("stiffness = 1.0", r"does not accept \[stiffness\]"),
-        ("[controller]\nstiffness = true", r"does not accept \[controller\] stiffness = True"),
+        ("[controller", "cannot be read as TOML"),
+        ("[controller]\nstiffness = 1.0", "expects the key reference, got none; add it"),
+        ("[reference]\nstart = 1.0", "expects the key trajectory in reference, got none; add it"),
+        ("[controller]\ngain = 1.0", "unknown key 'gain' in controller; did you mean 'damping'"),
+        ("stiffness = 1.0", "unknown key 'stiffness'; known are controller, reference"),
+        (
+            "[controller]\nstiffness = true",
+            "controller.stiffness expects one number from 0 up, or one per joint, got True",
+        ),
         (
             '[controller]\nstiffness = [1.0, 2.0]\n[reference]\ntrajectory = "motion.json"',
             "needs one number, or one for each of the 7 joints, got 2",
         ),
         (
             '[controller]\ndamping = -1.0\n[reference]\ntrajectory = "motion.json"',
-            "needs gains, rotors and a rate_hz above 0",
+            "controller.damping expects one number from 0 up, or one per joint, got -1.0",
         ),
         ('[reference]\ntrajectory = "other.json"', "is not a trajectory"),
         ('[reference]\ntrajectory = "../motion.json"', "does not lie beside it"),
         ('[reference]\ntrajectory = "/dev/zero"', "does not lie beside it"),
         (
             '[controller]\nrate_hz = [1.0]\n[reference]\ntrajectory = "motion.json"',
-            "does not accept",
+            r"controller.rate_hz expects a number, got \[1.0\]",
+        ),
+        (
+            '[controller]\nrate_hz = 0\n[reference]\ntrajectory = "motion.json"',
+            "controller.rate_hz expects a number above 0, got 0",
+        ),
+        (
+            '[controller]\nrotor = inf\n[reference]\ntrajectory = "motion.json"',
+            "controller.rotor expects a finite number",
         ),
     ],
 )
@@ -70,7 +82,7 @@ def test_files_that_are_no_loop(
     path.write_text(text)
     with pytest.raises((IdentificationError, RecordingError), match=sentence):
         read_controller(path, lib)
-    with pytest.raises(IdentificationError, match="cannot be read as a TOML file"):
+    with pytest.raises(IdentificationError, match="cannot be read as TOML"):
         read_controller(tmp_path / "missing.toml", lib)
 
 

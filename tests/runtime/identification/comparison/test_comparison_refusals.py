@@ -25,7 +25,7 @@ EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_simulated.npz"
             ("--truth", "no.json"),
             "expected a JSON with 70 numbers 'pi' of 'fr3', as simulate writes it, got 'no.json'",
         ),
-        (("--controller", "no.toml"), "cannot be read as a TOML file"),
+        (("--controller", "no.toml"), "cannot be read as TOML"),
         (("--friction", "treacle"), "treacle"),
     ],
 )

@@ -89,7 +89,7 @@ def test_recipe_files_that_are_none(tmp_path):
     with pytest.raises(RecordingError, match=r"no recipe 'nowhere'; .*panda_gaz"):
         load_recipe("nowhere")
     (tmp_path / "x.toml").write_text("a = ")
-    with pytest.raises(RecordingError, match=r"x.toml is expected to be TOML"):
+    with pytest.raises(RecordingError, match=r"recipe x.toml cannot be read as TOML"):
         load_recipe(tmp_path / "x.toml")
     (tmp_path / "x.toml").write_text("[tiem]\nrate_hz = 1")
     with pytest.raises(RecordingError, match=r"recipe x.toml: .*'tiem'; did you mean 'time'"):

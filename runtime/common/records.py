@@ -10,13 +10,14 @@ msgspec converts lists to tuples and whole numbers to floats and guesses nothing
 fault becomes one sentence: the place, what was expected, what came, and what to do. A description
 of a type, `Meta(description="[lowest, highest] in kg")`, is what was expected.
 
-Trap: msgspec 0.22 reads foreign memory where a number with bounds and a tuple of fixed length stand
-in one union; write `float | tuple[float, float]` and check the bounds after.
+Trap: msgspec 0.22 reads foreign memory where a type with bounds, a text too, stands in one union
+with a tuple of fixed length; write `float | tuple[float, float]` and check the bounds after.
 """
 
 import difflib
 import math
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
@@ -146,7 +147,9 @@ def _sentence(kind: Any, table: Any, fault: str) -> str:
         return f" has the unknown key '{field['name']}'{inside}; {hint}"
     expected = _EXPECTED.fullmatch(text)
     wanted = _words(expected["kind"]) if expected else text
-    if text.startswith("Invalid enum value"):
+    if text.endswith("out of range"):
+        wanted = f"a number of at most {sys.float_info.max:.2g} in size"
+    elif text.startswith("Invalid enum value"):
         wanted = f"one of {', '.join(filter(None, _choices(_kind_at(kind, steps))))}"
     for depth in range(len(steps), 0, -1):
         if described := _description(_kind_at(kind, steps[:depth])):

@@ -78,7 +78,7 @@ def test_the_harness_finds_faults(tiny_built: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(run.subprocess, "Popen", bad)
     reported = []
     tallies = run.fuzz(["csv"], len(OUTCOMES), 0, tiny_built, lambda *said: reported.append(said))
-    faults = dict(tallies["csv"].faults)
+    faults = {fault.index: fault.outcome for fault in tallies["csv"].faults}
     for index, words in enumerate(OUTCOMES):
         assert words in faults[index], faults[index]
     assert [fault for _, fault in reported] == tallies["csv"].faults

@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -228,12 +229,8 @@ def limits(compiler: Compiler, levels: tuple[str, ...]) -> dict[str, Callable[[]
         path, _ = compile_shared(compiler, flags, _SOURCE, ".c")
         function = open_shared(path)["limit"]
         function.argtypes, function.restype = (ctypes.c_long,), ctypes.c_double
-        measures[level] = _bound(function)
+        measures[level] = partial(function, 20_000)
     return measures
-
-
-def _bound(function: Callable[[int], float]) -> Callable[[], float]:
-    return lambda: function(20_000)
 
 
 def processor() -> str:

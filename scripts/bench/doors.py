@@ -19,7 +19,7 @@ from runtime.estimators.convex.compiled import follow_compiled
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.descent.descent import least_squares
-from runtime.estimators.descent.fit import start_of
+from runtime.estimators.descent.fit import fit_adam, start_of
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import compress
@@ -136,8 +136,6 @@ def adam_batch(s: Setting) -> Callable[[], float]:
 
 
 def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], float]:
-    from runtime.estimators.descent.fit import fit_adam
-
     problem = s.problem()
     problem.statistics()  # kept by the problem
 
@@ -152,22 +150,26 @@ def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], 
 
 def levenberg(s: Setting) -> Callable[[], float]:
     """`Library.levenberg`, per step."""
-    from runtime.estimators.descent.descent import least_squares
-    from runtime.estimators.descent.fit import start_of
-    from runtime.estimators.optimizers import LevenbergOptions
-
-    descent, options, steps = start_of(s.problem()), LevenbergOptions(), 5
-    squares = least_squares(descent.statistics, descent.objective.unit)
-    names = ("first_damping", "step_tolerance", "decrease_tolerance")
-    settings = {name: getattr(options, name) for name in names}
+    fresh = _levenberg(s, cholesky=False)
 
     def once() -> float:
-        jobs = s.lib.levenberg([descent.x0], [squares], settings, options.max_iterations)
+        jobs = fresh()
         start = time.perf_counter()
-        jobs.run(steps)
+        jobs.run(5)
         return (time.perf_counter() - start) / jobs[0].step
 
     return once
+
+
+def _levenberg(s: Setting, cholesky: bool) -> Callable[[], CompiledLevenberg]:
+    """What makes a descent from the first guess."""
+    descent, options = start_of(s.problem(), cholesky), LevenbergOptions()
+    squares = least_squares(descent.statistics, descent.objective.unit)
+    names = ("first_damping", "step_tolerance", "decrease_tolerance")
+    settings = {name: getattr(options, name) for name in names}
+    return lambda: s.lib.levenberg(
+        [descent.x0], [squares], settings, options.max_iterations, cholesky=cholesky
+    )
 
 
 def excitation_value(s: Setting) -> Callable[[], float]:
@@ -275,16 +277,7 @@ def log_cholesky(s: Setting) -> Callable[[], float]:
 
     Until the loss is `FALL` of its first value; the last digits are those of links without width.
     """
-    descent, options = start_of(s.problem(), cholesky=True), LevenbergOptions()
-    squares = least_squares(descent.statistics, descent.objective.unit)
-    names = ("first_damping", "step_tolerance", "decrease_tolerance")
-    settings = {name: getattr(options, name) for name in names}
-
-    def fresh() -> CompiledLevenberg:
-        return s.lib.levenberg(
-            [descent.x0], [squares], settings, options.max_iterations, cholesky=True
-        )
-
+    fresh = _levenberg(s, cholesky=True)
     jobs, steps = fresh(), 0
     jobs.run(0)
     first = jobs[0].loss

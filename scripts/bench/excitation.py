@@ -15,12 +15,11 @@ from scipy.optimize import minimize
 
 from bench.compiled import processor
 from bench.front import BenchError, Sheet
-from bench.peers import parameter_order, pinocchio_model
+from bench.peers import parameter_order, pinocchio_in_order
 from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
 from runtime.excitation.search.design_settings import SearchProblem
-from runtime.excitation.search.measures import Measure
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
@@ -65,13 +64,9 @@ def slsqp_staged(lib: Library, problem: SearchProblem) -> Callable[[int], float]
     """SciPy's SLSQP through the smooth stages of our search, then on the kinked objective."""
     search = Search(lib, problem)
     stages: list[tuple[Cost, int]] = [
-        (partial(_measured, search, measure), ITERATIONS) for measure, _ in search.goal.stages
+        (partial(search.cost.measure, measure=each), ITERATIONS) for each, _ in search.goal.stages
     ]
     return _slsqp(lib, problem, [*stages, (search.cost.value_gradient, ITERATIONS)])
-
-
-def _measured(search: Search, measure: Measure, a: Array) -> tuple[float, Array]:
-    return search.cost.measure(a, measure)
 
 
 def slsqp_differences(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
@@ -125,13 +120,8 @@ def _finish(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
 
 
 def _pinocchio_condition(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
-    model, ids = pinocchio_model(lib)
-    import pinocchio as pin
-
-    data, n = model.createData(), lib.n_joints
-    columns = np.array([model.joints[i].idx_v for i in ids])
-    order = np.empty(n, dtype=int)
-    order[columns] = np.arange(n)
+    pin, model, ids, _, order = pinocchio_in_order(lib)
+    data = model.createData()
     kept = parameter_order(ids)[list(lib.base_columns)]
     half = np.linspace(0.0, problem.duration, COST_SAMPLES)[: COST_SAMPLES // 2]
     basis = fourier_basis(lib, problem.harmonics, half, problem.duration)[..., :3]

@@ -14,7 +14,7 @@ import numpy as np
 
 from bench.compiled import processor
 from bench.front import BenchError, Sheet, sheet_of
-from runtime.excitation import Safety, Trajectory, design, information
+from runtime.excitation import Design, Safety, Trajectory, design, information
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.expected_accuracy.expected import (
@@ -99,7 +99,23 @@ def measure(
 
 def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: int) -> tuple:
     start = time.process_time()
-    result = design(
+    result = _designed(lib, shape, starts, seed)
+    cpu, motion = time.process_time() - start, result.trajectory
+    joints = unseen_joints(lib, lib.home)
+    t = sample_times(motion.duration, RATE)
+    planned = motion_samples_of(planned_recording(motion, t, lib, "planned"), lib, None, TERMS)
+    stated = _expected_error(lib, planned, np.full(lib.n_joints, NOISE), joints)
+    errors = [_ideal(lib, motion, each, joints) for each in range(draws)]
+    virtual = np.array([_virtual(lib, motion, each, joints) for each in range(arms)])
+    real, residual, whole = np.sqrt(np.mean(virtual**2, axis=0))
+    ideal = _rms(errors)
+    head = (shape.harmonics, shape.duration, "yes" if shape.friction else "no", result.condition)
+    of_arms = (1e3 * real, 1e3 * residual, 1e3 * whole, real / whole)
+    return (*head, 1e3 * stated, 1e3 * ideal, stated / ideal, *of_arms, cpu)
+
+
+def _designed(lib: Library, shape: Shape, starts: int, seed: int) -> Design:
+    return design(
         lib,
         duration=shape.duration,
         harmonics=shape.harmonics,
@@ -109,18 +125,6 @@ def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: i
         information=information(lib, NOISE, RATE, friction=shape.friction),
         safety=Safety(table=0.0),
     )
-    cpu, motion = time.process_time() - start, result.trajectory
-    joints = unseen_joints(lib, lib.home)
-    t = sample_times(motion.duration, RATE)
-    planned = motion_samples_of(planned_recording(motion, t, lib, "planned"), lib, None, TERMS)
-    promised = _promised(lib, planned, np.full(lib.n_joints, NOISE), joints)
-    errors = [_ideal(lib, motion, each, joints) for each in range(draws)]
-    virtual = np.array([_virtual(lib, motion, each, joints) for each in range(arms)])
-    real, residual, whole = np.sqrt(np.mean(virtual**2, axis=0))
-    ideal = _rms(errors)
-    head = (shape.harmonics, shape.duration, "yes" if shape.friction else "no", result.condition)
-    of_arms = (1e3 * real, 1e3 * residual, 1e3 * whole, real / whole)
-    return (*head, 1e3 * promised, 1e3 * ideal, promised / ideal, *of_arms, cpu)
 
 
 def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
@@ -136,11 +140,11 @@ def _virtual(
     """Real error on the virtual arm with this seed, and that expected without and with gains."""
     log = record(lib, motion, seed=seed, truth_seed=seed)
     real = error_of(lib, log.recording, PREPARATION, log.truth.pi, joints)
-    stated = float(log.truth.settings.sensors.torque_gain[0])
-    return real, *promised_of(lib, log.recording, joints, stated)
+    gain_error = float(log.truth.settings.sensors.torque_gain[0])
+    return real, *expected_error_of(lib, log.recording, joints, gain_error)
 
 
-def promised_of(
+def expected_error_of(
     lib: Library, log: Recording, joints: Array, gain_error: float = 0.0
 ) -> tuple[float, float]:
     """What `predict` states of a log with torque."""
@@ -149,10 +153,10 @@ def promised_of(
     if noise is None:
         raise BenchError(f"the log '{log.name}' has no noise")
     known = replace(Knowledge.of(lib), pi=noise.pi, error=noise.error)
-    promised = _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
+    stated = _expected_error(lib, moved, noise.sigma, joints, known, noise.inflation)
     slopes = gain_slopes(lib, moved, noise.sigma, known, noise.inflation)
     gains = np.linalg.norm(torque_of_gains(lib, slopes, gain_error, joints))
-    return promised, float(np.hypot(promised, gains))
+    return stated, float(np.hypot(stated, gains))
 
 
 def error_of(
@@ -166,7 +170,7 @@ def error_of(
     return float(np.sqrt(np.einsum("k,jkl,l->", wrong, joints, wrong)))
 
 
-def _promised(
+def _expected_error(
     lib: Library,
     moved: MotionSamples,
     sigma: Array,
@@ -183,33 +187,22 @@ def _rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-DURATION, HARMONICS = 20.0, 8  # of the design, s, and functions per joint
-
-
 def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Sheet:
     """Design, record and identify with and without each cause."""
-    motion = design(
-        lib,
-        duration=DURATION,
-        harmonics=HARMONICS,
-        starts=starts,
-        seed=seed,
-        criterion="mixed",
-        information=information(lib, NOISE, RATE),
-        safety=Safety(table=0.0),
-    ).trajectory
+    shape = Shape(8, 20.0, FRICTION)
+    motion = _designed(lib, shape, starts, seed).trajectory
     joints = unseen_joints(lib, lib.home)
     errors: dict[str, list[tuple[float, float]]] = {}
     for arm in range(arms):
         for label, (log, pi) in _logs(lib, motion, arm).items():
             real = error_of(lib, log, PREPARATION, pi, joints)
-            errors.setdefault(label, []).append((real, promised_of(lib, log, joints)[0]))
+            errors.setdefault(label, []).append((real, expected_error_of(lib, log, joints)[0]))
         say(f"arm {arm}: {1e3 * errors['all'][-1][0]:.0f} mN·m")
     means = {label: np.sqrt(np.mean(np.square(pairs), axis=0)) for label, pairs in errors.items()}
     rows = [(label, *(1e3 * mean)) for label, mean in means.items()]
     title = f"{lib.name}: causes of the real error, {processor()}"
     caption = (
-        f"Criterion mixed, {DURATION:g} s, best of {starts} starts. RMS torque error on "
+        f"Criterion mixed, {shape.duration:g} s, best of {starts} starts. RMS torque error on "
         f"unseen motions, mN·m, over {arms} virtual arms."
     )
     columns = {"the logs contain": "", "real": ".0f", "by residuals": ".0f"}
@@ -227,26 +220,21 @@ def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recordi
     for j in range(lib.n_joints):
         described[:, j] = shapes[:, j] @ np.linalg.lstsq(shapes[:, j], friction[:, j])[0]
     usual = rigid + described
+    scaled = sensors.gain * usual + sensors.bias
     noise = log.tau - (sensors.gain * true.link + sensors.bias)
     measured, exact = (log.q, log.dq), (true.q, true.dq)
     torques = {
         "all": (measured, log.tau),
         "all but wrong gains": (measured, true.link + sensors.bias + noise),
-        "all but friction beyond the columns": (
-            measured,
-            sensors.gain * usual + sensors.bias + noise,
-        ),
+        "all but friction beyond the columns": (measured, scaled + noise),
         "all but noise of the torque": (measured, sensors.gain * true.link + sensors.bias),
         "all with the exact motion": (exact, log.tau),
-        "wrong gains alone": (exact, sensors.gain * usual + sensors.bias),
+        "wrong gains alone": (exact, scaled),
         "friction beyond the columns alone": (exact, true.link),
         "measured motion alone": (measured, usual),
     }
-    names = lib.joint_names
+    names, pi = lib.joint_names, whole.truth.pi
     return {
-        label: (
-            Recording(log.t, q, dq, None, tau, name="virtual", joint_names=names),
-            whole.truth.pi,
-        )
+        label: (Recording(log.t, q, dq, tau=tau, name="virtual", joint_names=names), pi)
         for label, ((q, dq), tau) in torques.items()
     }

@@ -1,6 +1,5 @@
 """Designs of `scripts/bench_excitation --goals`: results, times and certificates."""
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -8,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.compiled import processor
-from bench.front import Sheet
+from bench.front import Sheet, cpu_seconds
 from runtime.common.threads import cores
 from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety
@@ -102,7 +101,7 @@ def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) ->
 
     known = information(lib, NOISE, RATE)
     processes = cores()
-    cpu, wall = _cpu(), time.perf_counter()
+    cpu, wall = cpu_seconds(), time.perf_counter()
     result = design(
         lib,
         duration=goal.duration,
@@ -115,7 +114,7 @@ def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) ->
         information=None if goal.criterion == "cond" else known,
         safety=goal.safety,
     )
-    cpu, wall = _cpu() - cpu, time.perf_counter() - wall
+    cpu, wall = cpu_seconds() - cpu, time.perf_counter() - wall
     trajectory = pulled_inside(lib, result.trajectory)
     scores = predict(lib, trajectory, known).scores
     score = next(s for s in scores if s.samples == SAMPLES and not s.friction)
@@ -140,12 +139,6 @@ def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) ->
         proof.holds,
         tuple(name for name, value, bound in bounds if bound is not None and value > bound),
     )
-
-
-def _cpu() -> float:
-    """Seconds of this process and of those that it has waited for."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
 
 
 KEYS = 3  # number of first columns that name a row

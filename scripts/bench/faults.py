@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.front import Sheet
+from bench.real_logs import library_of
 from runtime.cli.prepared_log import usable_columns
 from runtime.errors import RuntimeFault
 from runtime.estimators.choice.default_friction import DEFAULT_COLUMNS, choose_default_friction
@@ -31,8 +32,8 @@ from runtime.recording.preprocessing import prepare
 from symgen.chain import ChainOptions
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
-from tests.robots import CASES, ONE_LEVEL
-from tests.runtime.faults import FAULTS, Fault
+from tests.robots import ONE_LEVEL
+from tests.runtime.faults import FAULTS
 from tests.runtime.virtual_arms import WALL, Arm, Log, cobot, wall_arm
 
 CLEAN = "clean"
@@ -77,13 +78,9 @@ def _rows(robot: str, arm: Arm, root: Path) -> Iterator[Row]:
     kinds = tuple(f.kind for f in _loud(arm, arm.log, root))
     yield Row(robot, CLEAN, not kinds, kinds)
     for fault in FAULTS:
-        yield _row(robot, arm, fault, root)
-
-
-def _row(robot: str, arm: Arm, fault: Fault, root: Path) -> Row:
-    findings = _loud(arm, fault.put(arm), root)
-    right = any(f.kind in fault.kinds and fault.states(arm, f) for f in findings)
-    return Row(robot, fault.name, right, tuple(f.kind for f in findings))
+        findings = _loud(arm, fault.put(arm), root)
+        right = any(f.kind in fault.kinds and fault.states(arm, f) for f in findings)
+        yield Row(robot, fault.name, right, tuple(f.kind for f in findings))
 
 
 def _loud(arm: Arm, log: Log, root: Path) -> list:
@@ -95,12 +92,7 @@ def _loud(arm: Arm, log: Log, root: Path) -> list:
 
 def _real(name: str, robot: str, shared: Path, root: Path) -> Row:
     """A published log, read with its recipe."""
-    if robot == "fr3":
-        lib = load("fr3")
-    else:
-        request = CASES[robot].request(robot, shared / "models")
-        lib = load(build(request, root, levels=ONE_LEVEL).folder)
-    found = inspect_log(shared / "data" / name, lib, name).findings
+    found = inspect_log(shared / "data" / name, library_of(robot, shared, root), name).findings
     kinds = tuple(f.kind for f in found if f.level != INFO)
     return Row(name, CLEAN, not kinds, kinds)
 

@@ -14,8 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bench.compiled_plant import record
-from bench.front import SHORT
+from bench.front import SHORT, cpu_seconds
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.estimators.prior_file import PriorFile, read_prior
@@ -37,7 +36,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.settings import EVERYTHING
 from runtime.simulation import Plant, ideal
 from runtime.simulation.settings import settings_of
-from runtime.simulation.virtual_robot import perturbed
+from runtime.simulation.virtual_robot import perturbed, record
 
 OF_TYPE, SPREAD = 0.2, 0.05  # distance of the type from the URDF, and spread of the units
 SHORT_S, PAUSE_S = 3.0, 10.0
@@ -138,10 +137,8 @@ def motion(
 def joined(first: Recording, second: Recording, pause_s: float = PAUSE_S) -> Recording:
     """Two motions as one log with a pause."""
     later = second.t + first.t[-1] + pause_s
-    columns = (
-        np.concatenate([getattr(first, key), getattr(second, key)]) for key in ("q", "dq", "tau")
-    )
-    q, dq, tau = columns
+    pair, keys = (first, second), ("q", "dq", "tau")
+    q, dq, tau = (np.concatenate([getattr(log, key) for log in pair]) for key in keys)
     t = np.concatenate([first.t, later])
     return Recording(t, q, dq, None, tau, name="unit", joint_names=first.joint_names)
 
@@ -192,7 +189,7 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
             write_statistics(known, unit / FILE)
         words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "toml"]
         paths = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
-        start, before = time.perf_counter(), os.times()
+        start, before = time.perf_counter(), cpu_seconds()
         subprocess.run(
             [sys.executable, "-m", "runtime", *words],
             cwd=folder,
@@ -201,7 +198,4 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
             text=True,
             check=True,
         )
-        after, wall = os.times(), time.perf_counter() - start
-    cpu = after.children_user + after.children_system
-    cpu -= before.children_user + before.children_system
-    return cpu, wall
+        return cpu_seconds() - before, time.perf_counter() - start

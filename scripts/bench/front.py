@@ -148,6 +148,12 @@ def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
+def cpu_seconds() -> float:
+    """CPU time of this process and of those that it has waited for [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 def shared(needs: str = "models") -> Path:
     """Folder of published robots and logs."""
     folder = Path(os.environ.get("SYMGEN_DATA", ROOT.parent / "shared"))

@@ -127,10 +127,8 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
         times_of = interleave(contenders, rounds)
         seconds = float(np.median(times_of["ours"]))
         if "numpy" in times_of:
-            numpy, times = (
-                float(np.median(times_of["numpy"])),
-                ratio(times_of["numpy"], times_of["ours"]),
-            )
+            numpy = float(np.median(times_of["numpy"]))
+            times = ratio(times_of["numpy"], times_of["ours"])
     document = entry.document
     return Row(
         entry.ours.__name__,

@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bench.compiled_plant import record
-from bench.fleet import joined
+from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
+from bench.fleet import FILTERED, joined
 from runtime import Identification, Recording, choose_default_friction, identify
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import Posterior, read_posterior
@@ -39,19 +39,14 @@ from runtime.monitoring.observation import (
 )
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.observer_c import observer_c
-from runtime.recording import Friction, Preparation
+from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
 from runtime.simulation.box_payload import Box
 from runtime.simulation.settings import settings_of
-from runtime.simulation.virtual_robot import perturbed
+from runtime.simulation.virtual_robot import perturbed, record
 
-NOISE, SPREAD = 0.05, 0.1
-"""Standard deviation of the torque noise, N·m, and spread of the robots about the URDF."""
-VISCOUS, COULOMB = 0.5, 0.3
-TERMS = Friction(("viscous", "coulomb", "offset"), 0.03)
 OF_ARM = Friction(("viscous", "coulomb", "offset"))
-FILTERED = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from runtime.estimators.optimizers import AdamOptions, AdamState, adam_step
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import COST_SAMPLES, fourier_basis
 from runtime.library import Array, Library
@@ -116,11 +117,7 @@ def _chain(lib: Library, matrix: Array, lam: Array, slope: Callable[[Array], Arr
 
 def _descend(start: Array, count: int, gradient: Callable[[Array], Array]) -> Array:
     """Adam, Eqs. 4.42–4.46."""
-    lam = start.copy()
-    m, v = np.zeros_like(lam), np.zeros_like(lam)
-    for k in range(1, count + 1):
-        g = gradient(lam)
-        m = 0.9 * m + 0.1 * g
-        v = 0.999 * v + 0.001 * g * g
-        lam -= 1e-4 * (m / (1 - 0.9**k)) / (np.sqrt(v / (1 - 0.999**k)) + 1e-8)
+    lam, state = start, AdamState(np.zeros_like(start), np.zeros_like(start), 0)
+    for _ in range(count):
+        state, lam = adam_step(state, lam, gradient(lam), AdamOptions(1e-4))
     return lam

@@ -72,15 +72,19 @@ def pinocchio_model(lib: Library) -> tuple[Any, list[int]]:
     return model, [model.getJointId(name) for name in lib.joint_names]
 
 
+def pinocchio_in_order(lib: Library) -> tuple[Any, Any, list[int], Array, Array]:
+    """Pinocchio, model and joints; places of our joints in its order, and of its in ours."""
+    model, ids = pinocchio_model(lib)
+    import pinocchio
+
+    columns = np.array([model.joints[i].idx_v for i in ids])
+    return pinocchio, model, ids, columns, np.argsort(columns)
+
+
 def pinocchio_python(lib: Library, batch: Batch) -> Peer:
     """The same algorithms through Pinocchio's Python interface, one call per sample."""
-    model, ids = pinocchio_model(lib)
-    import pinocchio as pin
-
-    data, n = model.createData(), lib.n_joints
-    columns = np.array([model.joints[i].idx_v for i in ids])
-    order = np.empty(n, dtype=int)
-    order[columns] = np.arange(n)
+    pin, model, _, columns, order = pinocchio_in_order(lib)
+    data = model.createData()
     q, dq, ddq, tau = (x[:, order] for x in (batch.q, batch.dq, batch.ddq, batch.tau))
     motion = (q, dq, ddq)
 
@@ -234,13 +238,8 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
     ∂τ/∂λ is Pinocchio's regressor times ∂π/∂λ of the library, link by link; the residual of the
     loss is Pinocchio's torque less the measured one.
     """
-    model, ids = pinocchio_model(lib)
-    import pinocchio as pin
-
-    data, n = model.createData(), lib.n_joints
-    columns = np.array([model.joints[i].idx_v for i in ids])
-    order = np.empty(n, dtype=int)
-    order[columns] = np.arange(n)
+    pin, model, ids, columns, order = pinocchio_in_order(lib)
+    data = model.createData()
     parameters = parameter_order(ids)
     base, tip = (model.getFrameId(name) for name in (lib.manifest.base, lib.manifest.tip))
     blocks = lib.pi_jacobian(batch.lam)
@@ -258,7 +257,7 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
         y = pin.computeJointTorqueRegressor(model, data, *state)[columns][:, parameters]
         enter("regressor", y)
         enter("base_regressor", y[:, lib.base_columns])
-        by_link = y.reshape(n, n, 10).transpose(1, 0, 2) @ blocks
+        by_link = y.reshape(len(y), -1, 10).transpose(1, 0, 2) @ blocks
         enter("torque_jacobian", by_link.transpose(1, 0, 2))
         mass = np.triu(pin.crba(model, data, q[order]))
         mass = mass + np.triu(mass, 1).T

@@ -63,11 +63,7 @@ Value = np.ndarray | list[str]
 
 
 def chosen(only: Iterable[str]) -> list[str]:
-    """Cases whose names begin with a word of `only`, all where it is empty; their robots first.
-
-    Raises:
-        ValueError: a word that no case begins with.
-    """
+    """Cases whose names begin with a word of `only`, all where it is empty; their robots first."""
     only = tuple(only)
     for name in only:
         if not any(case.startswith(name) for case in CASES):
@@ -81,13 +77,7 @@ def chosen(only: Iterable[str]) -> list[str]:
 def write(folder: Path, tree: Path, only: Iterable[str], jobs: int, level: str = LEVEL) -> None:
     """Run cases with the commands of a checkout; a command that fails is a result.
 
-    Args:
-        folder: of the results; a case that it holds is replaced, but a robot that `only` does not
-            name is used as it is.
-        tree: the checkout.
-        only: see `chosen`.
-        jobs: number of cases at the same time.
-        level: instruction set of the robots; another one rounds otherwise.
+    Cases of the folder are replaced, but a robot that `only` does not name is used as it is.
     """
     only, folder, tree = tuple(only), folder.resolve(), tree.resolve()
     shared = Path(os.environ.get("SYMGEN_DATA", Path(__file__).resolve().parents[3] / "shared"))
@@ -136,11 +126,7 @@ def _environment(folder: Path, tree: Path, shared: Path) -> dict[str, str]:
     environment |= {"SYMGEN_DATA": str(shared), "LANG": "C.UTF-8", "MPLBACKEND": "agg"}
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}
     (folder / "home").mkdir(parents=True, exist_ok=True)
-    first_figure = [
-        _python(tree),
-        "-c",
-        "import matplotlib.font_manager",
-    ]  # writes a cache, says so
+    first_figure = [_python(tree), "-c", "import matplotlib.font_manager"]  # writes a cache
     subprocess.run(first_figure, env=environment, capture_output=True, check=False)
     return environment
 
@@ -179,19 +165,10 @@ def compare(
     say: Callable[[str], None],
     rounded: Path | None = None,
 ) -> int:
-    """Name every number, key and text in which the cases of two folders differ.
+    """Number of differences of two folders of `write`; every one is a line of `say`.
 
-    Args:
-        before: folder of `write`.
-        after: another one.
-        only: see `chosen`; without it, a case that only one of the folders holds is a difference.
-        rtol: relative tolerance of numbers.
-        say: is called with a line per difference, and one at the end.
-        rounded: folder of `write` of the first checkout at another level; numbers may differ by
-            `ROUNDING` times what they differ by there, and texts where they differ there.
-
-    Returns:
-        Number of differences.
+    Without `only` a case that one folder lacks is a difference. `rounded` is the first checkout at
+    another level: numbers may differ by `ROUNDING` times what they differ by there.
     """
     only = tuple(only)
     held = sorted({path.stem for folder in (before, after) for path in folder.glob("*.json")})

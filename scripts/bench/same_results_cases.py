@@ -14,6 +14,23 @@ _TIAGO_LOCKS = " ".join(
 )
 _BUILD = "build --level {level} --out ."
 _GO2 = "{examples}/go2_description/urdf/go2.urdf"
+_ROBOTS = {
+    "fr3": None,
+    "tx40": "{models}/staubli_tx40/tx40_mdh_modified.urdf --project",
+    "kuka_lwr4": "{models}/kuka_lwr4/kuka_lwr4.urdf",
+    "z1": "{models}/unitree_z1/z1.urdf",
+    "go2": _GO2,
+    "go2_free": f"{_GO2} --floating --project",
+    "icub": f"{{data}}/icub_feet/model.urdf --floating --project --snap 1e-4 {_ICUB_LOCKS}",
+    "tiago": "{data}/tiago/tiago_48_schunk.urdf --project --base torso_fixed_link"
+    f" {_TIAGO_LOCKS}",
+    "mtm": "{tree}/scripts/dvrk/mtm.toml",
+    "psm": "{tree}/scripts/dvrk/psm.toml",
+    "ur10": "{models}/universal_robots/ur10_robot.urdf",
+    "ur5e": None,
+    "gantry": "{tree}/tests/data/gantry.urdf",
+    "so101": "{models}/so101/so101_new_calib.urdf",
+}
 _PANDA = "identify panda_gaz --robot {fr3} --out out"
 _FR3 = "identify fr3_simulated --robot {fr3} --cutoff 10 --out"
 _DVRK = "identify {data}/dvrk"
@@ -46,34 +63,11 @@ _READ = (
 
 CASES: dict[str, tuple[str, ...]] = {
     "models": ("list", "inspect {tree}/symgen/robots/ur5e.urdf --json", "describe nothing"),
-    "robot-fr3": (f"{_BUILD} --robot fr3",),
-    "robot-tx40": (
-        f"{_BUILD} --urdf {{models}}/staubli_tx40/tx40_mdh_modified.urdf --name tx40 --project",
-    ),
-    "robot-kuka_lwr4": (
-        f"{_BUILD} --urdf {{models}}/kuka_lwr4/kuka_lwr4.urdf --name kuka_lwr4",
-    ),
-    "robot-z1": (f"{_BUILD} --urdf {{models}}/unitree_z1/z1.urdf --name z1",),
-    "robot-go2": (f"{_BUILD} --urdf {_GO2} --name go2",),
-    "robot-go2_free": (f"{_BUILD} --urdf {_GO2} --name go2_free --floating --project",),
-    "robot-icub": (
-        f"{_BUILD} --urdf {{data}}/icub_feet/model.urdf --name icub --floating --project"
-        f" --snap 1e-4 {_ICUB_LOCKS}",
-    ),
-    "robot-tiago": (
-        f"{_BUILD} --urdf {{data}}/tiago/tiago_48_schunk.urdf --name tiago --project"
-        f" --base torso_fixed_link {_TIAGO_LOCKS}",
-    ),
-    "robot-mtm": (f"{_BUILD} --urdf {{tree}}/scripts/dvrk/mtm.toml --name mtm",),
-    "robot-psm": (f"{_BUILD} --urdf {{tree}}/scripts/dvrk/psm.toml --name psm",),
-    "robot-ur10": (
-        f"{_BUILD} --urdf {{models}}/universal_robots/ur10_robot.urdf --name ur10",
-    ),
-    "robot-ur5e": (f"{_BUILD} --robot ur5e",),
-    "robot-gantry": (f"{_BUILD} --urdf {{tree}}/tests/data/gantry.urdf --name gantry",),
-    "robot-so101": (
-        f"{_BUILD} --urdf {{models}}/so101/so101_new_calib.urdf --name so101",
-    ),
+    **{
+        f"robot-{name}": (f"{_BUILD} --urdf {made} --name {name}" if made else
+                          f"{_BUILD} --robot {name}",)
+        for name, made in _ROBOTS.items()
+    },
     # One log with measured torque.
     "panda-map": (f"{_PANDA} --save-statistics", "evaluate out fr3_simulated --robot {fr3} --json"),
     "panda-no-refit": (f"{_PANDA} --no-refit --no-report --friction viscous,coulomb",),

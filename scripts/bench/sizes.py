@@ -6,7 +6,6 @@ runs the same compiler and notes when each call began and ended; nothing else is
 
 import json
 import os
-import resource
 import shlex
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import arms
-from bench.front import ROOT, BenchError, Sheet, sheet_of
+from bench.front import ROOT, BenchError, Sheet, cpu_seconds, sheet_of
 from runtime.common.compiler import compiler_version, find_compiler
 from runtime.library import load
 
@@ -91,7 +90,7 @@ def _torque_cpu(urdf: str) -> float:
     from symgen.mechanics.dynamics import inverse_dynamics
 
     os.environ["CCACHE_DISABLE"] = "1"
-    start = _cpu()
+    start = cpu_seconds()
     chain = read_chain(urdf)
     n = chain.freedom
     inputs = [Argument(key, (n,), state_unit(chain, k)) for k, key in enumerate(("q", "dq", "ddq"))]
@@ -116,12 +115,7 @@ def _torque_cpu(urdf: str) -> float:
             (Path(scratch) / file).write_text(text, encoding="utf-8")
         once, per_level = [Path(scratch) / "kernels.c"], [Path(scratch) / "tiles.c"]
         compile_library(once, Path(scratch) / "libsize.so", per_level, wanted=list(PORTABLE))
-    return _cpu() - start
-
-
-def _cpu() -> float:
-    parts = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(part.ru_utime + part.ru_stime for part in parts)
+    return cpu_seconds() - start
 
 
 _WRAPPER = """\

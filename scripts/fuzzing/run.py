@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 from rich.table import Table
 
@@ -18,17 +18,8 @@ ROOT = Path(__file__).parents[2]
 SILENCE = 600.0  # time without a line after which a child counts as hanging, s
 
 
-class Fault(NamedTuple):
-    """Index of a file, and the fault of its reader."""
-
-    index: int
-    outcome: str
-
-
-Step = Callable[[str, Fault | None], None]
-
-
-class Row(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Row:
     """How one file ended: read, refused, or the fault of its reader."""
 
     index: int
@@ -37,10 +28,12 @@ class Row(NamedTuple):
     grown: int = 0
 
     @property
-    def fault(self) -> Fault | None:
-        """What is neither read nor refused."""
-        usual = self.outcome in {"read", "refused"}
-        return None if usual else Fault(self.index, self.outcome)
+    def is_fault(self) -> bool:
+        """Neither read nor refused."""
+        return self.outcome not in {"read", "refused"}
+
+
+Step = Callable[[str, Row | None], None]
 
 
 @dataclass(slots=True)
@@ -65,9 +58,9 @@ class Tally:
         return sum(row.outcome == "refused" for row in self.rows)
 
     @property
-    def faults(self) -> list[Fault]:
+    def faults(self) -> list[Row]:
         """Files whose reader is at fault."""
-        return [row.fault for row in self.rows if row.fault is not None]
+        return [row for row in self.rows if row.is_fault]
 
 
 def fuzz(
@@ -141,7 +134,7 @@ def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
 
 def _add(tallies: dict[str, Tally], kind: str, row: Row, step: Step) -> None:
     tallies[kind].rows.append(row)
-    step(kind, row.fault)
+    step(kind, row if row.is_fault else None)
 
 
 def table(tallies: dict[str, Tally]) -> Table:

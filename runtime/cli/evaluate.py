@@ -77,7 +77,7 @@ def evaluate_command(
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
-    saved = read_result(result)
+    saved = read_result(result, with_learned=True)
     lib = open_robot(robot or saved.robot, yes)
     notes = list(require_model(saved, lib, result))
     recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
@@ -89,7 +89,7 @@ def evaluate_command(
         notes.append(ALIKE)
     prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)
-    after = torque_of(lib, samples, saved.pi, saved.phi)
+    after = torque_of(lib, samples, saved.pi, saved.phi, saved.learned)
     both = (samples.rigid(lib, lib.pi0), after)
     errors = [metrics.torque_error(samples.tau, tau) for tau in both]
     if is_filtered(saved.history) and not is_filtered(prepared.history):

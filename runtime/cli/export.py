@@ -59,7 +59,7 @@ def export_command(
     """
     names = tuple(EXPORT_FORMATS)
     kinds = listed(to, names, "--to") if to else names
-    saved = read_result(result)
+    saved = read_result(result, with_learned=True)
     lib = open_robot(robot or saved.robot, yes)
     notes = require_model(saved, lib, result, same_bodies=True)
     terms, folder = saved.friction, out or result / "export"
@@ -79,6 +79,8 @@ def export_command(
         say(f"note: {note}")
     if springs := springs_left_out(lib):
         say(f"note: {springs}")
+    if saved.learned is not None:
+        say(f"note: friction that {saved.method} learned has no counterpart in these formats")
     failed = [each.kind for each in done if each.path is None]
     # A result without friction has no file of friction; that is a failure only where --to names it.
     if failed and (to or not all(each.is_optional for each in done if each.path is None)):

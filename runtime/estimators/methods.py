@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.estimators.problem import Fit, Origin, Problem
+from runtime.estimators.problem import Fit, Learned, Origin, Problem
 from runtime.library import Library
 from runtime.registry import Registry
 
@@ -42,6 +42,7 @@ class Method:
             posterior is centred at its answer.
         in_batches: whether a preset (a name, settings or None) draws samples one by one; None
             where no preset does.
+        learned: reads the friction beyond φ that it learned from its `facts`, for result files.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Method:
     takes_prior: bool = False
     is_most_probable: bool = False
     in_batches: Callable[[Any], bool] | None = None
+    learned: Callable[[Any], Learned] | None = None
 
     @property
     def heading(self) -> str:

@@ -10,7 +10,7 @@ and 1 for usual arms.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from runtime.recording import Friction, Recording
 __all__ = [
     "Fit",
     "FrictionPrior",
+    "Learned",
     "NoiseFloor",
     "Origin",
     "Problem",
@@ -166,6 +167,16 @@ class Problem:
         return self.terms.columns if self.terms else ()
 
 
+class Learned(Protocol):
+    """Friction torque beyond φ that a method learned."""
+
+    def __call__(self, columns: Array) -> Array:
+        """Torque (N, n) [N·m, N] from friction columns (N, n, k)."""
+
+    def facts(self) -> dict[str, Any]:
+        """What a result file holds, JSON-ready; `Method.learned` reads it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """Result of an estimator.
@@ -182,7 +193,7 @@ class Fit:
         weights: diagonal of W, where the method has estimated it, (n,).
         statistics: of the training samples with these weights.
         coloured_noise: of the residuals with these weights, where the method estimates it.
-        learned: friction columns (N, n, k) → torque (N, n) beyond φ, where the method learned one.
+        learned: friction beyond φ, where the method learned one.
         unrepaired: smallest relative eigenvalue of the links before thin axes were raised; None
             where the method raises none.
     """
@@ -198,7 +209,7 @@ class Fit:
     weights: Array | None = None
     statistics: Statistics | None = None
     coloured_noise: ColouredNoise | None = None
-    learned: Callable[[Array], Array] | None = None
+    learned: Learned | None = None
     unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:

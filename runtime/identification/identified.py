@@ -1,6 +1,5 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.estimators.optimizers import Trace
+from runtime.estimators.problem import Learned
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
@@ -80,7 +80,7 @@ class Identification(Framed):
         one_run: True when the three are parts of one recording.
         seed: seed of mini-batches and nets.
         notes: sentences on steps that were taken on the way.
-        learned: friction columns (N, n, k) → torque (N, n) beyond φ, where the method learned one.
+        learned: friction beyond φ, where the method learned one.
         log_names: names of several logs, whose offsets are the last columns of φ.
         streamed: figures over all rows, where train, validation and test are windows of a log.
         urdf_phi: friction coefficients fitted with the inertial parameters of the URDF, (n, k);
@@ -114,7 +114,7 @@ class Identification(Framed):
     one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
-    learned: Callable[[Array], Array] | None = None
+    learned: Learned | None = None
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
@@ -274,7 +274,7 @@ def torque_of(
     samples: Samples,
     pi: Array,
     phi: Array,
-    learned: Callable[[Array], Array] | None = None,
+    learned: Learned | None = None,
 ) -> Array:
     """τ̂ of a model with its friction.
 

@@ -287,7 +287,7 @@ def friction_facts(result: Identification) -> dict[str, Any] | None:
         "values": result.usual_phi.tolist(),
         **interval_facts(result),
         **({} if motors is None else {"gear": motors.tolist()}),
-        **({} if result.learned is None else {"learned": True}),
+        **({} if result.learned is None else {"net": result.learned.facts()}),
     }
 
 

@@ -108,8 +108,7 @@ KEYS: tuple[Key, ...] = (
     Key("friction.dahl_stroke", "number", "z_c, travel of a reversal", unit="rad",
         is_optional=True),
     Key("friction.gear", "list", "gear matrix R of q_motor = R q", "(n, n)", is_optional=True),
-    Key("friction.learned", "boolean", "whether the errors contain friction that the method "
-        "learned beyond the columns and that no file holds", is_optional=True),
+    Key("friction.net", "table", "friction net: theta, scale", is_optional=True),
     Key("convergence", "table?", "losses over the iterations; null for closed forms", older=None),
     Key("convergence.iteration", "list", "numbers of the iterations"),
     Key("convergence.training", "list", "L on the training part"),

@@ -13,6 +13,8 @@ import numpy as np
 
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
+from runtime.estimators.methods import METHODS
+from runtime.estimators.problem import Learned
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
@@ -61,6 +63,7 @@ class SavedResult(Framed):
         preparation: settings of the preparation.
         model: model of the parameters; None in files that lack it.
         facts: the whole content of the file.
+        learned: friction beyond φ, where the method learned one.
     """
 
     robot: str
@@ -74,6 +77,7 @@ class SavedResult(Framed):
     preparation: Preparation
     model: ModelOfResult | None
     facts: dict[str, Any] = field(default_factory=dict)
+    learned: Learned | None = None
 
     def _repr_html_(self) -> str:
         """Torque errors and bodies of the links, as tables for notebooks."""
@@ -143,8 +147,8 @@ def model_facts(lib: Library) -> dict[str, Any]:
     }
 
 
-def read_result(folder: Path) -> SavedResult:
-    """Read the result that `identify` wrote."""
+def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
+    """Read the result that `identify` wrote; learned friction is refused without `with_learned`."""
     try:
         file = folder / "result.json" if folder.is_dir() else folder
         facts = read_facts(file)
@@ -155,10 +159,11 @@ def read_result(folder: Path) -> SavedResult:
             )
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
-        if terms.get("learned"):
+        net = terms.get("net")
+        if net and not with_learned:
             raise RecordingError(
                 f"'{file}': expected a result whose friction is its columns, got one of the method "
-                f"{facts['method']}, which learned more than a file holds; identify again by "
+                f"{facts['method']}, which learned more, as evaluate takes it; identify again by "
                 "another method"
             )
         saved = SavedResult(
@@ -173,6 +178,7 @@ def read_result(folder: Path) -> SavedResult:
             preparation=_preparation(facts["recording"]["preparation"]),
             model=None if facts["model"] is None else _model(facts["model"]),
             facts=facts,
+            learned=_learned(facts["method"], net),
         )
         links = n if saved.model is None else len(saved.model.kinds)
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
@@ -180,11 +186,23 @@ def read_result(folder: Path) -> SavedResult:
             raise ValueError
         if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST_VALUE).all():
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        if saved.learned and saved.learned(np.zeros((1, *saved.phi.shape))).shape != (1, n):
+            raise ValueError
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None
     return saved
+
+
+def _learned(method: str, facts: Any) -> Learned | None:
+    """Friction that a method learned; None where the file has none."""
+    if not facts:
+        return None
+    read = METHODS[method].learned
+    if read is None:
+        raise ValueError
+    return read(facts)
 
 
 def _preparation(facts: dict[str, Any]) -> Preparation:

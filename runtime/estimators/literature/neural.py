@@ -14,6 +14,7 @@ input would learn one run by heart.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -53,6 +54,20 @@ class FrictionNet:
 
     theta: Array
     scale: Array
+
+    @classmethod
+    def from_facts(cls, facts: dict[str, Any]) -> Self:
+        """Nets of a result file."""
+        theta, scale = (np.array(facts[key], dtype=float) for key in ("theta", "scale"))
+        n, k = scale.shape
+        fits = theta.shape == (n, UNITS * (k + 2) + 1) and np.isfinite(theta).all()
+        if not fits or not ((scale > 0) & np.isfinite(scale)).all():
+            raise ValueError("theta and scale do not fit together")
+        return cls(theta, scale)
+
+    def facts(self) -> dict[str, Any]:
+        """Numbers of the nets, JSON-ready."""
+        return {"theta": self.theta.tolist(), "scale": self.scale.tolist()}
 
     def __call__(self, columns: Array) -> Array:
         """Friction torque (N, n), N·m, from friction columns (N, n, k)."""
@@ -232,6 +247,7 @@ NEURAL = Method(
     label="neural",
     default_columns=INPUTS,
     uses_validation=True,
+    learned=FrictionNet.from_facts,
     when_recommended="the log contains friction that linear columns do not describe; try "
     "--friction auto, too",
 )

@@ -1,5 +1,6 @@
 """Friction nets and the NN-aided method: nets learn friction, and only friction."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from runtime.excitation import Trajectory
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
 from runtime.library import Library
-from runtime.recording import Friction, Split
+from runtime.recording import Friction, Split, write_recording
+from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
+from tests.runtime.conftest import Command
 from tests.runtime.estimators.plant import SPEED, simulated_case
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -110,9 +113,47 @@ def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
         identify(sticky, lib, "nn", splitting=HALVES)
 
 
-def test_a_result_with_a_net_is_not_used_further(learned: Identification, tmp_path: Path) -> None:
-    """Property: no file holds the net; what reads a result refuses it, in one sentence."""
+def test_results_keep_the_net(
+    learned: Identification, sticky: Recording, tmp_path: Path, command: Command, lib: Library
+) -> None:
+    """Property: evaluate computes what the net said; export says what its formats omit."""
+    facts = write_result(learned, tmp_path / "found", "a test")
+    write_recording(sticky, tmp_path / "log.npz")
+    ran = command(
+        "evaluate", tmp_path / "found", tmp_path / "log.npz", "--robot", lib.folder, "--json"
+    )
+    assert ran.code == 0
+    seen = json.loads(ran.out)["torque_error_percent"]["after_overall"]
+    whole = prepare(sticky, None, TERMS, lib=lib)
+    error = learned.predict_recording(whole) - sticky.tau
+    percent = 100 * np.linalg.norm(error) / np.linalg.norm(sticky.tau)
+    # Numbers pass through JSON and NPZ unrounded.
+    assert seen == pytest.approx(percent, rel=1e-9)
+    assert "net" in facts["friction"]
+    ran = command("export", tmp_path / "found", "--to", "urdf", "--robot", lib.folder)
+    assert ran.code == 0
+    assert "note: friction that nn learned has no counterpart in these formats" in ran.out + ran.err
+
+
+def test_other_commands_and_damaged_nets_are_refused(
+    learned: Identification, tmp_path: Path
+) -> None:
+    """Property: what reads columns only refuses a net, and a net of other joints is damage."""
     facts = write_result(learned, tmp_path, "a test")
-    assert facts["friction"]["learned"] is True
     with pytest.raises(RecordingError, match=r"got one of the method nn, .* by another method"):
         read_result(tmp_path)
+    assert read_result(tmp_path, with_learned=True).learned is not None
+    net = facts["friction"]["net"]
+    for damage in (
+        {"theta": net["theta"][:-1]},
+        {"theta": [[None] * len(row) for row in net["theta"]]},
+        {"theta": "deep"},
+        {"scale": [row[:-1] for row in net["scale"]]},
+        {"scale": [[0.0] * len(row) for row in net["scale"]]},
+        {key: rows[:-1] for key, rows in net.items()},
+        {key: [*rows, rows[0]] for key, rows in net.items()},
+    ):
+        friction = {**facts["friction"], "net": {**net, **damage}}
+        (tmp_path / "result.json").write_text(json.dumps({**facts, "friction": friction}))
+        with pytest.raises(RecordingError, match=r"holds no valid result.json"):
+            read_result(tmp_path, with_learned=True)

@@ -330,15 +330,16 @@ def test_run_time_needs_no_build_tool() -> None:
     assert run.stdout.strip() == "[]"
 
 
-CONSOLE = "from symgen.console import main; sys.argv = ['symgen', '--help']; main()"
+HELP = "from {} import main; sys.argv = ['symgen', '--help']; main()"
+STARTS = ("import runtime", *map(HELP.format, ("symgen.console", "symgen.cli", "runtime.cli")))
 
 
-@pytest.mark.parametrize("start", ["import runtime", CONSOLE])
+@pytest.mark.parametrize("start", STARTS)
 def test_start_loads_no_heavy_library(start: str) -> None:
     """Property: libraries of half a second and more are imported where they are used."""
     code = (
         "import atexit, sys\n"
-        "names = ('matplotlib', 'mujoco', 'pinocchio', 'scipy.signal')\n"
+        "names = ('casadi', 'matplotlib', 'mujoco', 'pinocchio', 'scipy.signal')\n"
         f"atexit.register(lambda: print([m for m in names if m in sys.modules]))\n{start}"
     )
     run = subprocess.run(

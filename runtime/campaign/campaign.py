@@ -95,7 +95,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CampaignOutcome:
     """End of a campaign.
 
     Attributes:
@@ -121,7 +121,7 @@ def run_campaign(
     say: Callable[[str], None] = lambda _: None,
     on_model: Callable[[ArmModel], None] = lambda _: None,
     safety: Safety = EMPTY_CELL,
-) -> Outcome:
+) -> CampaignOutcome:
     """Run a campaign, or continue it from its files."""
     lib = driver.lib
     model_error(lib)  # the guards need it; before a motion is designed and rehearsed
@@ -252,15 +252,17 @@ def _recorded(
     )
 
 
-def _outcome(sigma: float, k: int, seconds: float, target: Target) -> Outcome:
+def _outcome(sigma: float, k: int, seconds: float, target: Target) -> CampaignOutcome:
     is_reached = k >= LEAST_MOTIONS and sigma <= target.value
     how = "reached" if is_reached else "not reached within the time"
     known = f"σ is {target.shown(sigma)}" if k else "no motion fits into the time"
     sentence = f"the target {target.text} is {how}: {known}, {k} motions, {seconds:g} s of motion"
-    return Outcome(is_reached, sigma, k, seconds, sentence)
+    return CampaignOutcome(is_reached, sigma, k, seconds, sentence)
 
 
-def _report(folder: Path, lib: Library, plan: Plan, target: Target, outcome: Outcome) -> str:
+def _report(
+    folder: Path, lib: Library, plan: Plan, target: Target, outcome: CampaignOutcome
+) -> str:
     """Markdown of the whole campaign."""
     lines = [
         f"# Campaign of {lib.name}",

@@ -23,7 +23,7 @@ from runtime.recording import Recording
 START = 0.05
 """Largest distance from the start of a motion at which it begins [rad, m]: friction holds an arm
 without integral action some hundredths away."""
-Motion = Trajectory | JoinedMotion
+DriverMotion = Trajectory | JoinedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ class Driver(ABC):
     def stop(self) -> None:
         """Brake to rest and hold; called once, also where the connection is lost."""
 
-    def begin(self, motion: Motion) -> None:  # noqa: B027
+    def begin(self, motion: DriverMotion) -> None:  # noqa: B027
         """Prepare the robot for a motion, at whose start it stands; by default nothing.
 
         Raises:
@@ -178,7 +178,7 @@ class Driver(ABC):
     def close(self) -> None:  # noqa: B027
         """Close the connection; by default nothing."""
 
-    def references(self, motion: Motion) -> Iterator[Reference]:
+    def references(self, motion: DriverMotion) -> Iterator[Reference]:
         """References of a motion in their order, one per period, up to its end."""
         t = sample_times(motion.duration, self.rate_hz)
         q, dq, ddq, _ = motion.at(self.lib, t)
@@ -187,7 +187,7 @@ class Driver(ABC):
 
     def stream(
         self,
-        trajectory: Motion,
+        trajectory: DriverMotion,
         on_sample: Callable[[Sample], None] = lambda _: None,
         guards: Sequence[Guard] = (),
     ) -> Streamed:

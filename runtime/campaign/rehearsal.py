@@ -47,7 +47,7 @@ LATE = 3e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class RehearsalVerdict:
     """Result of the rehearsal of one planted fault.
 
     Attributes:
@@ -73,7 +73,7 @@ class Verdict:
         return bool(self.error <= RECOVERED)
 
 
-def rehearse(lib: Library, motion: Trajectory, seed: int = 0) -> tuple[Verdict, ...]:
+def rehearse(lib: Library, motion: Trajectory, seed: int = 0) -> tuple[RehearsalVerdict, ...]:
     """Let the virtual robot run a motion with one fault of each kind."""
     rng = np.random.default_rng([seed, 3])
     kinds = KINDS if lib.n_joints > 1 else tuple(kind for kind in KINDS if kind != "order")
@@ -89,7 +89,7 @@ def rehearsed(
     joint: int,
     seed: int,
     settings: VirtualRobotSettings | None = None,
-) -> Verdict:
+) -> RehearsalVerdict:
     """Let one virtual robot run a motion with one fault, and judge its log."""
     usual = settings or settings_of(lib)
     if kind == "friction":
@@ -115,10 +115,10 @@ def rehearsed(
         )
     except RuntimeFault as fault:  # a log that a step refuses is named by its message
         sentences.append(str(fault))
-    return Verdict(kind, joint, tuple(sentences), float(error))
+    return RehearsalVerdict(kind, joint, tuple(sentences), float(error))
 
 
-def unnoticed(verdicts: tuple[Verdict, ...], lib: Library) -> tuple[str, ...]:
+def unnoticed(verdicts: tuple[RehearsalVerdict, ...], lib: Library) -> tuple[str, ...]:
     """Planted faults that were neither named nor recovered."""
     return tuple(
         f"a fault of kind '{each.kind}' on {lib.joint_names[each.joint]} was neither named nor "
@@ -128,7 +128,7 @@ def unnoticed(verdicts: tuple[Verdict, ...], lib: Library) -> tuple[str, ...]:
     )
 
 
-def _error(verdict: Verdict) -> str:
+def _error(verdict: RehearsalVerdict) -> str:
     if np.isnan(verdict.error):
         return "no model was identified"
     return f"torque error {100 * verdict.error:.2g} %"

@@ -202,7 +202,7 @@ def _unreachable(target: Target, last: PlannedSession | None) -> IdentificationE
     }.get(name, "state a larger target")
     longest = max(last.attempts)
     return IdentificationError(
-        f"expected a target that a motion of up to {LONGEST:g} s promises, '{target.text}' is not: "
-        f"{longest:.3g} s promise {target.shown(last.attempts[longest])}, of which {name} "
-        f"{target.shown(last.parts[name])}; {advice}"
+        f"expected a target that a motion of up to {LONGEST:g} s reaches, got '{target.text}': "
+        f"after {longest:.3g} s {target.shown(last.attempts[longest])} are expected, of which "
+        f"{name} {target.shown(last.parts[name])}; {advice}"
     )

@@ -40,7 +40,13 @@ from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.row import HEAD, cells
-from runtime.identification.comparison.run import Comparison, Truth, beside, compare, read_truth
+from runtime.identification.comparison.run import (
+    Comparison,
+    TrueParameters,
+    beside,
+    compare,
+    read_truth,
+)
 from runtime.identification.long_logs.identify import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.outputs.report import write_report
@@ -154,7 +160,9 @@ def _streams(
     return False if stream is None and whole else stream
 
 
-def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
+def _with_progress(
+    assembly: Assembly, names: tuple[str, ...], truth: TrueParameters | None
+) -> Comparison:
     with counting(state()) as progress:
         task = progress.add_task("comparing", total=len(names), state="")
 

@@ -59,7 +59,7 @@ Until = Annotated[
     str | None,
     typer.Option(
         metavar="TARGET",
-        help='Find the shortest session that promises a standard deviation: "payload 5 g", '
+        help='Find the shortest session with an expected standard deviation: "payload 5 g", '
         "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). It "
         "counts noise, friction, offsets, gains and model error. --duration and --criterion "
         "follow.",
@@ -150,7 +150,7 @@ def write_design(
     ways: SessionPlan,
     files: MotionFiles,
     *,
-    promise: dict[str, Any] | None,
+    session: dict[str, Any] | None,
     note: str,
     sentences: Callable[[Design], Sequence[str]],
     margin: float,
@@ -158,7 +158,7 @@ def write_design(
     """Write a designed motion; print its criteria, certificate and the names of its files."""
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=margin))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, files.path, expected, ways.parts, promise)
+    write_trajectory(optimum, lib, files.path, expected, ways.parts, session)
     motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
     written = [files.path]
     if not files.formats:

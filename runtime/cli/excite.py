@@ -337,7 +337,7 @@ def excite_command(
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     ways = session_plan(lib, from_pose, returns, rest, safety, used, zero_jerk, seed)
     with search_progress(wanted, starts) as report:
-        optimum, promise, promised = searched(
+        optimum, session, session_sentences = searched(
             lib,
             until,
             chosen,
@@ -355,7 +355,7 @@ def excite_command(
             *search_notes(best, budget, starts),
             *(() if until else design_notes(lib, duration, best.trajectory.duration)),
             *ways.sentences(best.trajectory),
-            *promised,
+            *session_sentences,
         )
 
     files = MotionFiles(path, rate, formats, export_rate, speeds, pictures, accepted)
@@ -365,7 +365,7 @@ def excite_command(
         planned,
         ways,
         files,
-        promise=promise,
+        session=session,
         note=note,
         sentences=sentences,
         margin=used,

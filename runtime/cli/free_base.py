@@ -17,7 +17,7 @@ from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording.free_base import read_free_base
 
-Rows = Annotated[
+EquationRows = Annotated[
     str | None,
     typer.Option(
         "--rows",

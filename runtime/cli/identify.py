@@ -23,7 +23,7 @@ from runtime.cli.common import (
     torque_table,
 )
 from runtime.cli.drive import delayed, drive_request, print_drives, terms_of, with_mirrored_links
-from runtime.cli.free_base import Rows, identify_free_base_log, require_fixed_base
+from runtime.cli.free_base import EquationRows, identify_free_base_log, require_fixed_base
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -143,7 +143,7 @@ def identify_command(
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
-    rows: Rows = None,
+    rows: EquationRows = None,
     robust: Annotated[
         bool,
         typer.Option(

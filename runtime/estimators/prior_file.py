@@ -39,10 +39,10 @@ from runtime.common.files import text_of
 from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, GRIPPER, NONE
-from runtime.estimators.convex.constraints import Constraints, Row
+from runtime.estimators.convex.constraints import ConstraintRow, Constraints
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.estimators.type_prior import (
-    Bodies,
+    BodyTables,
     FrictionTables,
     KnownFriction,
     Least,
@@ -113,7 +113,7 @@ class Stated(Record, frozen=True):
         default_factory=dict
     )
     armature_from: str | None = None
-    centre: Bodies | None = None
+    centre: BodyTables | None = None
     friction: FrictionTables | None = None
     noise: dict[str, Least] | None = None
     fleet: Annotated[Fleet, Meta(description="a table with units")] | None = None
@@ -183,8 +183,8 @@ class _Rows:
 
     def __init__(self, lib: Library, where: str) -> None:
         self._lib, self._where = lib, where
-        self.equations: list[Row] = []
-        self.bounds: list[Row] = []
+        self.equations: list[ConstraintRow] = []
+        self.bounds: list[ConstraintRow] = []
 
     def interval(
         self, name: str, given: float | tuple[float, float], links: tuple[str, ...]
@@ -195,9 +195,9 @@ class _Rows:
             self._refuse(name, _MASS, given)
         total = np.asarray(sum(self._unit(link, "m") for link in links))
         if isinstance(given, tuple):
-            self.bounds += [Row(name, total, high), Row(name, -total, -low)]
+            self.bounds += [ConstraintRow(name, total, high), ConstraintRow(name, -total, -low)]
         else:
-            self.equations.append(Row(name, total, given))
+            self.equations.append(ConstraintRow(name, total, given))
 
     def box(self, link: str, corners: tuple[Vector3, Vector3]) -> None:
         """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m."""
@@ -208,8 +208,8 @@ class _Rows:
         for axis, key in enumerate(("mX", "mY", "mZ")):
             moment = self._unit(link, key)
             self.bounds += [
-                Row(name, moment - high[axis] * mass, 0.0),
-                Row(name, low[axis] * mass - moment, 0.0),
+                ConstraintRow(name, moment - high[axis] * mass, 0.0),
+                ConstraintRow(name, low[axis] * mass - moment, 0.0),
             ]
 
     def hull(self, link: str, points: tuple[Vector3, ...]) -> None:
@@ -222,13 +222,13 @@ class _Rows:
         moments = np.array([self._unit(link, key) for key in ("mX", "mY", "mZ")])
         mass = self._unit(link, "m")
         for facet in facets:
-            self.bounds.append(Row(name, facet[:3] @ moments + facet[3] * mass, 0.0))
+            self.bounds.append(ConstraintRow(name, facet[:3] @ moments + facet[3] * mass, 0.0))
 
     def symmetry(self, link: str, given: Plane | tuple[Plane, ...]) -> None:
         """Add that m c and the products of inertia across planes vanish."""
         name, planes = f"{link}.symmetry", given if isinstance(given, tuple) else (given,)
         for key in sorted({key for plane in planes for key in MIRRORED[plane]}):
-            self.equations.append(Row(name, self._unit(link, key), 0.0))
+            self.equations.append(ConstraintRow(name, self._unit(link, key), 0.0))
 
     def _unit(self, link: str, key: str) -> Array:
         row = np.zeros(self._lib.pi0.size)

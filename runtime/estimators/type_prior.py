@@ -31,17 +31,17 @@ from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
 from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 
-LARGEST = 1e9
+LARGEST_PRIOR = 1e9
 """Largest number of the tables [SI]."""
 INFLATION = "inflation"
 """Key of N / N_eff in [noise]."""
 ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 
-Real = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
-Least = Annotated[float, Meta(ge=0, lt=LARGEST)]
-Above = Annotated[float, Meta(gt=0, lt=LARGEST)]
-Bodies = dict[
+Real = Annotated[float, Meta(gt=-LARGEST_PRIOR, lt=LARGEST_PRIOR)]
+Least = Annotated[float, Meta(ge=0, lt=LARGEST_PRIOR)]
+Above = Annotated[float, Meta(gt=0, lt=LARGEST_PRIOR)]
+BodyTables = dict[
     str,
     Annotated[
         tuple[Real, ...],
@@ -104,7 +104,7 @@ def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
     return prior_of(lib, guess) if centre is None else prior_of(lib, centre, floor=0.0)
 
 
-def centre_of(stated: Bodies, where: str, lib: Library) -> Array:
+def centre_of(stated: BodyTables, where: str, lib: Library) -> Array:
     """Centre of a type.
 
     Returns (10 n,) [kg, kg·m, kg·m²].

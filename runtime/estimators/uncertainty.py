@@ -55,7 +55,7 @@ BAND_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Information:
+class LogInformation:
     """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P]).
 
     Attributes:
@@ -109,7 +109,7 @@ class Uncertainty:
     rank: int
     determined: int
     conditioning: float
-    information: Information | None = None
+    information: LogInformation | None = None
     tests: ModelTests = field(default_factory=ModelTests)
     filtered: float = 1.0
 
@@ -279,7 +279,7 @@ def uncertainty_of(
         rank=rank,
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
-        information=Information(statistics, float(level), kappa, prior.centre),
+        information=LogInformation(statistics, float(level), kappa, prior.centre),
         tests=outcome,
     )
 

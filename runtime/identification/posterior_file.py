@@ -22,7 +22,7 @@ from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex import bodies_of, reduce
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced
-from runtime.estimators.uncertainty import Information, Uncertainty
+from runtime.estimators.uncertainty import LogInformation, Uncertainty
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library
@@ -32,7 +32,7 @@ FILE = "posterior.npz"
 
 
 class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
-    """The file; fields are those of `Information` and `Posterior`."""
+    """The file; fields are those of `LogInformation` and `Posterior`."""
 
     centre: Array
     pi: Array
@@ -53,7 +53,7 @@ class Posterior:
         logs: number of logs with offsets of their own; 0 for one log. The offset is their mean.
     """
 
-    information: Information
+    information: LogInformation
     pi: Array
     pi_root: Array
     joints: int
@@ -165,5 +165,5 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
         raise IdentificationError(
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
-    known = Information(stored.statistics, stored.density, stored.kappa, stored.centre)
+    known = LogInformation(stored.statistics, stored.density, stored.kappa, stored.centre)
     return Posterior(known, stored.pi, root, lib.n_joints, logs)

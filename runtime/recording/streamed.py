@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.digests import Digests
-from runtime.recording.formats.log_format import Rows
+from runtime.recording.formats.log_format import LogRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe
@@ -63,8 +63,8 @@ class StreamedRecording:
     source: Digests
     joint_names: tuple[str, ...]
     origin: float | None
-    files: tuple[Rows, ...]
-    clock: Rows | None
+    files: tuple[LogRows, ...]
+    clock: LogRows | None
     remarks: tuple[str, ...] = ()
     one_at_a_time: Lock = field(default_factory=Lock)
 

@@ -10,7 +10,7 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 
-LARGEST = 1e6
+LARGEST_PAYLOAD = 1e6
 """Largest number of a payload that is read, kg and m."""
 
 
@@ -31,7 +31,7 @@ class Box(Record, frozen=True):
 
     def __post_init__(self) -> None:
         numbers = np.array([self.mass, *self.com, *self.size], dtype=float)
-        if numbers.size != 7 or not (np.abs(numbers) < LARGEST).all() or not self.mass > 0:
+        if numbers.size != 7 or not (np.abs(numbers) < LARGEST_PAYLOAD).all() or not self.mass > 0:
             raise IdentificationError(
                 "a payload expects a mass above 0 kg, a centre x, y, z and edges of a box in m, "
                 f"got {self.mass!r}, {self.com!r}, {self.size!r}"

@@ -180,7 +180,7 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
     return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)
 
 
-class JointFriction:
+class SimulatedFriction:
     """The friction of all joints in time; z is its state."""
 
     def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
@@ -227,7 +227,7 @@ class _Simulator:
         self._substeps = round(1 / (settings.rate_hz * step))
         self._plant = plant_engine(lib, pi, settings.rotor, step)
         self._belief = plant_engine(lib, model, settings.rotor, step, ranges=False)
-        self._friction = JointFriction(settings.friction, step, self._plant.places)
+        self._friction = SimulatedFriction(settings.friction, step, self._plant.places)
         self._delay = round(settings.delay_s / step)
         self._effort = self._plant.sorted(lib.limits()["effort"])
         self.engine = self._plant.name

@@ -198,7 +198,7 @@ class LoadFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class LoadRows:
     """Difference of two runs at N instants."""
 
     difference: Array  # of the torques, less that of the motions, (N, 3) [N·m, N]
@@ -206,10 +206,10 @@ class Rows:
     regressor: Array  # of all bodies, (N, 3, 10 n)
     periods: Array  # number of the period of each row, (N,)
 
-    def of_period(self, number: int) -> "Rows":
+    def of_period(self, number: int) -> "LoadRows":
         """Rows of one period."""
         taken = self.periods == number
-        return Rows(
+        return LoadRows(
             self.difference[taken], self.terms[:, taken], self.regressor[taken], self.periods[taken]
         )
 
@@ -222,7 +222,7 @@ class Rows:
         return np.asarray(rest / self.difference.std(axis=0))
 
 
-def difference(lib: Library, data: Path, empty: str, loaded: str) -> Rows:
+def difference(lib: Library, data: Path, empty: str, loaded: str) -> LoadRows:
     """Difference of the run with the load to that without."""
     pi = fitted(lib, data, empty, empty).pi
     steps = Preparation(filter="butterworth", cutoff_hz=CUTOFF, trim_s=1.0)
@@ -235,7 +235,7 @@ def difference(lib: Library, data: Path, empty: str, loaded: str) -> Rows:
     taken = np.flatnonzero(motion[0][:, 1] < END)[::STEP]
     dq, before = motion[1][taken, :JOINTS], tau[0][taken]
     terms = [np.ones_like(dq), dq, np.tanh(dq / SPEED), before]
-    return Rows(
+    return LoadRows(
         (tau[1] - tau[0] - rigid[1] + rigid[0])[taken],
         np.stack(terms, axis=-1).transpose(1, 0, 2),
         lib.regressor(*(values[taken] for values in motion))[:, :JOINTS],
@@ -250,7 +250,7 @@ def point(mass: float, r: Array) -> Array:
     return np.array([mass, *(mass * r), xx, yy, zz, xy, xz, yz])
 
 
-def load_on(rows: Rows, body: int, name: str) -> LoadFit:
+def load_on(rows: LoadRows, body: int, name: str) -> LoadFit:
     """The load as a point on one of the bodies."""
     starts = [np.array([0.1, x, y, z]) for x in PLACES for y in PLACES for z in PLACES]
     best = min((_fit(rows, body, start) for start in starts), key=lambda each: float(each[1]))[0]
@@ -260,11 +260,11 @@ def load_on(rows: Rows, body: int, name: str) -> LoadFit:
     return LoadFit(name, float(best[0]), float(spread), best[1:], np.sqrt(np.mean(rest**2, axis=0)))
 
 
-def _torque(rows: Rows, body: int, x: Array) -> Array:
+def _torque(rows: LoadRows, body: int, x: Array) -> Array:
     return np.asarray(rows.regressor[..., 10 * body : 10 * body + 10] @ point(x[0], x[1:]))
 
 
-def _fit(rows: Rows, body: int, start: Array) -> tuple[Array, float]:
+def _fit(rows: LoadRows, body: int, start: Array) -> tuple[Array, float]:
     def rest(x: Array) -> Array:
         return rows.unexplained(_torque(rows, body, x)).ravel()
 

@@ -7,7 +7,7 @@ Positions are commanded to the joint impedance controller; τ is the measured to
 import time
 from typing import Any
 
-from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
+from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
 from runtime.campaign.drivers import (
     DriverKind,
     DriverSettings,
@@ -61,7 +61,7 @@ class FrankaDriver(Driver):
                 f"expected a state of the robot, libfranka says: {error}; {_READY}"
             ) from None
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, motion: DriverMotion) -> None:
         """Start the control of joint positions."""
         mode = self._franka.ControllerMode.JointImpedance
         try:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
+from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
 from runtime.campaign.drivers import DriverKind, DriverSettings, imported
 from runtime.errors import SimulationError
 from runtime.excitation.motion_export import ROS_RATE
@@ -78,7 +78,7 @@ class RosDriver(Driver):
         self._inbox.clear()
         return self._next(WAIT_S)
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, motion: DriverMotion) -> None:
         """Send the motion as one goal."""
         goal = self._action.Goal()
         goal.trajectory.joint_names = list(self.lib.joint_names)
@@ -108,7 +108,7 @@ class RosDriver(Driver):
         self._inbox.clear()
         self._started = self._newest = self._next(WAIT_S).t
 
-    def references(self, motion: Motion) -> Iterator[Reference]:
+    def references(self, motion: DriverMotion) -> Iterator[Reference]:
         """References at the times of the messages to come, up to the end of the motion."""
         while True:
             t = self._newest + 1 / self.rate_hz - self._started

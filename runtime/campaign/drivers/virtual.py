@@ -11,14 +11,14 @@ from zlib import crc32
 
 import numpy as np
 
-from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
+from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
 from runtime.campaign.drivers import DriverKind, DriverSettings
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.simulation.plant_engine import plant_engine
 from runtime.simulation.sensors import Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
-from runtime.simulation.virtual_robot import JointFriction, perturbed
+from runtime.simulation.virtual_robot import SimulatedFriction, perturbed
 
 FAULTS = ("stuck", "collision", "dead", "clock")
 TIMEOUT = 0.003
@@ -119,7 +119,7 @@ class VirtualDriver(Driver):
         """Newest sample."""
         return self._sample(*self._now)
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, motion: DriverMotion) -> None:
         """Start a motion at rest, with noise of its own: its log does not depend on earlier ones.
 
         A campaign that was interrupted so records what an undisturbed one records.
@@ -164,9 +164,9 @@ class VirtualDriver(Driver):
         """True velocity, (n,) [rad/s, m/s]."""
         return self._plant.restored(np.array(self._plant.dq))
 
-    def _new_friction(self) -> JointFriction:
+    def _new_friction(self) -> SimulatedFriction:
         settings = self._settings
-        return JointFriction(settings.friction, settings.step_s, self._plant.places)
+        return SimulatedFriction(settings.friction, settings.step_s, self._plant.places)
 
     def _new_encoders(self) -> Encoders:
         sensors, places = self._settings.sensors, self._plant.places

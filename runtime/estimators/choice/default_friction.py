@@ -133,7 +133,7 @@ def choose_default_friction(
     springs = spring_names(lib) if SPRINGS in allowed else ()
     shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed) + springs
 
-    def trial_of(*terms: Friction) -> Trial:
+    def trial_of(*terms: Friction) -> FrictionTrial:
         return trial_on(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
 
     speeds = np.array(SPEEDS if coulomb_speed is None else (coulomb_speed,))
@@ -185,7 +185,7 @@ def _coulomb(speeds: Array) -> list[Friction]:
 
 
 def _with_memory(
-    trial_of: Callable[..., "Trial"], shared: tuple[str, ...], usual: Friction
+    trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction | None, float]:
     """The model with a Dahl column in place of the Coulomb column, if it predicts much better."""
     coulomb = Friction(("coulomb",), usual.coulomb_speed)
@@ -214,7 +214,7 @@ def _with_memory(
     return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
 
 
-def _best_width(trial: "Trial", shared: int, speeds: Array) -> float:
+def _best_width(trial: "FrictionTrial", shared: int, speeds: Array) -> float:
     """ε or z_c with the smallest error of the richest model: vertex of a parabola at the best."""
     scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
     return minimum_on_grid(speeds, scores)
@@ -278,7 +278,7 @@ def column_solver(statistics: Statistics) -> ColumnSolver:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class FrictionTrial:
     """Factors of the blocks with all columns.
 
     Attributes:
@@ -301,7 +301,7 @@ class Trial:
         ])  # fmt: skip
 
 
-def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
+def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
     """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
     if done.columns is not None and done.tau is not None:
         done = without_columns(done, unresolved(done.columns, done.tau))
@@ -333,7 +333,7 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> Trial:
         for k in range(len(stats))
         if (rest := [s for i, s in enumerate(stats) if i != k])
     ]
-    return Trial(tuple(stats), tuple(others), lib.n_joints)
+    return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
 
 
 def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> Statistics:

@@ -39,7 +39,7 @@ ACTIVE = 1e-2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class ConstraintRow:
     """One linear prior, coefficients · π = value or ≤ value.
 
     Attributes:
@@ -57,8 +57,8 @@ class Row:
 class Constraints:
     """Linear priors: equations, and upper bounds."""
 
-    equations: tuple[Row, ...] = ()
-    bounds: tuple[Row, ...] = ()
+    equations: tuple[ConstraintRow, ...] = ()
+    bounds: tuple[ConstraintRow, ...] = ()
 
 
 def constrained(
@@ -185,7 +185,7 @@ def _whitening(prior: Prior) -> Array:
     return np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
 
 
-def _stacked(rows: tuple[Row, ...], size: int) -> tuple[Array, Array]:
+def _stacked(rows: tuple[ConstraintRow, ...], size: int) -> tuple[Array, Array]:
     """Coefficients (rows, size) and values (rows,)."""
     matrix = np.array([r.coefficients for r in rows]).reshape(len(rows), size)
     return matrix, np.array([r.value for r in rows])

@@ -33,7 +33,7 @@ _ROUNDS = 30
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ConeBlock:
     """Rows b − A x ∈ cone: the nonnegative numbers, or triangles of psd matrices of `order`."""
 
     a: Array
@@ -41,7 +41,9 @@ class Block:
     order: int | None = None
 
 
-def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, list[Array]] | None:
+def solve(
+    quadratic: Array, linear: Array, blocks: list[ConeBlock]
+) -> tuple[Array, list[Array]] | None:
     """Solve min ½ xᵀP x + qᵀx over the blocks.
 
     quadratic (p, p), linear (p,) → (p,).
@@ -198,13 +200,13 @@ class Curved:
         bent._used = self._used | (self._peaks(after) & (after > _FIRST))
         return bent
 
-    def block(self, variables: int) -> Block:
+    def block(self, variables: int) -> ConeBlock:
         """Rows g + J d ≤ t and t ≥ 0, with t the last of the variables."""
         g, slopes = self._values[self._used], self._slopes[self._used]
         a = np.zeros((len(g) + 1, variables))
         a[:-1, : self._slopes.shape[1]] = slopes
         a[:, -1] = -1.0
-        return Block(a, np.append(-g, 0.0))
+        return ConeBlock(a, np.append(-g, 0.0))
 
     def after(self, step: Array) -> float:
         """Violation v after the step by the linear model."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from runtime.excitation.search.conic import (
     MU,
-    Block,
+    ConeBlock,
     Curved,
     LinearRows,
     Nonlinear,
@@ -239,7 +239,7 @@ class _End:
     values: Array
     slopes: Array
 
-    def block(self, sign: float, column: int, variables: int) -> Block:
+    def block(self, sign: float, column: int, variables: int) -> ConeBlock:
         """Block sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
         r = len(self.values)
         # Clarabel wants columns of the upper triangle with √2 off the diagonal.
@@ -249,7 +249,7 @@ class _End:
         a[:, : len(self.slopes)] = sign * (self.slopes[:, i, j] * size).T
         a[:, column] = -sign * (i == j)
         b = -sign * np.diag(self.values)[i, j] * size
-        return Block(a, b, r)
+        return ConeBlock(a, b, r)
 
     def weight(self, dual: Array) -> Array:
         """Dual triangle as V U Vᵀ with trace 1."""
@@ -316,13 +316,13 @@ class _Model:
         linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * MU)
         box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
         fixed = [
-            Block(box, np.full(2 * p, radius)),
+            ConeBlock(box, np.full(2 * p, radius)),
             self.upper.block(1.0, p, size),
             self.lower.block(-1.0, p + 1, size),
         ]
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-            limits = Block(np.hstack([a, np.zeros((len(a), size - p))]), slack)
+            limits = ConeBlock(np.hstack([a, np.zeros((len(a), size - p))]), slack)
             elastic = [] if curved is None else [curved.block(size)]
             return solve(quadratic, linear, [limits, *fixed, *elastic])
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import block_diag, lapack
 from scipy.optimize import nnls
 
-from runtime.excitation.search.conic import MU, Block, Curved, LinearRows, Nonlinear
+from runtime.excitation.search.conic import MU, ConeBlock, Curved, LinearRows, Nonlinear
 from runtime.library import Array
 
 _EMPTY = 1e-12
@@ -140,7 +140,9 @@ class _Model:
         """Step and multipliers of the curved rows; None where the programme failed."""
         if self.curved is not None:
             return self._elastic(self.curved)
-        plain = self._rows.solve(self._x, lambda a, slack: self._programme.solve([Block(a, slack)]))
+        plain = self._rows.solve(
+            self._x, lambda a, slack: self._programme.solve([ConeBlock(a, slack)])
+        )
         return None if plain is None else (plain[0], np.zeros(0))
 
     def corrected(self, step: Array) -> Array | None:
@@ -154,7 +156,7 @@ class _Model:
         p = len(self._x)
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-            limits = Block(np.hstack([a, np.zeros((len(a), 1))]), slack)
+            limits = ConeBlock(np.hstack([a, np.zeros((len(a), 1))]), slack)
             return self._programme.solve([limits, curved.block(p + 1)])
 
         solution = self._rows.solve(self._x, programme, curved.grow)
@@ -215,7 +217,7 @@ class QuadraticProgramme:
         self._shift = self._lower(linear) if self.is_convex else linear
         self._size = float(np.linalg.norm(self._shift)) or 1.0
 
-    def solve(self, blocks: Sequence[Block]) -> tuple[Array, list[Array]] | None:
+    def solve(self, blocks: Sequence[ConeBlock]) -> tuple[Array, list[Array]] | None:
         """Solve for blocks of rows b − A x ≥ 0."""
         if not self.is_convex:
             return None

@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from runtime.experiments.report.labels import DOCUMENT, case_name, curve_name, method_name
-from runtime.experiments.report.reading import Array, Experiment, Key, SavedView, Value
+from runtime.experiments.report.reading import Array, Experiment, MetricKey, SavedView, Value
 from runtime.experiments.report.tables import cases_of
 from runtime.outputs.report.canvas import (
     BLUE,
@@ -261,7 +261,9 @@ def _bars(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=columns)
 
 
-def _heights(known: Mapping[Key, Value], case: str, method: str, metrics: tuple[str, ...]) -> Array:
+def _heights(
+    known: Mapping[MetricKey, Value], case: str, method: str, metrics: tuple[str, ...]
+) -> Array:
     values = [known.get((case, method, metric), Value(math.nan)).mean for metric in metrics]
     return np.array(values, dtype=float)
 

@@ -21,7 +21,7 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet_format import rows_of
 
-LARGEST = 1e100
+LARGEST_DRAWN = 1e100
 
 """Largest number that is drawn; its square must be finite."""
 
@@ -34,7 +34,10 @@ def is_drawable(kind: str, series: Sequence[NDArray[np.float64]], names: Sequenc
     """Whether series have the shapes that a kind of figure needs."""
     shapes = [values.shape for values in series]
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in series]
-    if any(not shape or shape[0] < 1 for shape in shapes) or max(sizes, default=0.0) > LARGEST:
+    if (
+        any(not shape or shape[0] < 1 for shape in shapes)
+        or max(sizes, default=0.0) > LARGEST_DRAWN
+    ):
         return False
     if kind in _LINES:
         return len(series) == _LINES[kind] and set(shapes) == {(shapes[0][0],)}
@@ -94,7 +97,7 @@ class Value:
     misprint: str = ""
 
 
-Key = tuple[str, str, str]
+MetricKey = tuple[str, str, str]
 """Case, method, metric."""
 
 
@@ -133,8 +136,8 @@ class Experiment:
     methods: Mapping[str, str]
     views: tuple[SavedView, ...]
     series: Mapping[str, Array]
-    values: Mapping[Key, Value]
-    document: Mapping[str, Mapping[Key, Value]]
+    values: Mapping[MetricKey, Value]
+    document: Mapping[str, Mapping[MetricKey, Value]]
     source: Mapping[str, str]
     facts: Mapping[str, Any]
     provenance: tuple[tuple[str, str], ...]
@@ -206,7 +209,7 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
     mark, rows = _trials(folder / TRIALS)
     if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
         raise RuntimeFault(f"the files of '{folder}' have different configs; {_AGAIN}")
-    counted: dict[Key, list[float]] = {}
+    counted: dict[MetricKey, list[float]] = {}
     for row in rows:
         for name, value in row.items():
             if name not in {"case", "method", "trial", "status"} and value is not None:
@@ -257,7 +260,7 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
         )
         for e in raw["summary"]
     }
-    document: dict[str, dict[Key, Value]] = {}
+    document: dict[str, dict[MetricKey, Value]] = {}
     for e in raw["document"]:
         values_of_id = document.setdefault(e["id"], {})
         values_of_id[e["case"], e["method"], e["metric"]] = Value(
@@ -306,7 +309,7 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
 
 
 def _with_document(
-    view: SavedView, views: tuple[SavedView, ...], document: Mapping[str, Mapping[Key, Value]]
+    view: SavedView, views: tuple[SavedView, ...], document: Mapping[str, Mapping[MetricKey, Value]]
 ) -> SavedView:
     """Add to bars the document numbers of the first table with the same cases and metrics."""
     if view.kind != "bars" or view.document in document:

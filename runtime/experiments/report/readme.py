@@ -29,7 +29,7 @@ PICTURES = 3
 """Number of figures in the section."""
 CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
 """Candidates, of which the first available ones are shown."""
-LARGEST = 60_000
+LARGEST_PICTURE = 60_000
 """Largest size of a figure [byte]."""
 RUBBING = "-friction"
 """End of the names of methods with friction columns."""
@@ -66,9 +66,9 @@ def _pictures(experiments: tuple[Experiment, ...], folder: Path) -> list[tuple[s
         experiment, view = there[name]
         path = folder / f"{name}.png"
         write_picture(experiment, view, path, _SIZE, _DPI)
-        if path.stat().st_size > LARGEST:
+        if path.stat().st_size > LARGEST_PICTURE:
             raise RuntimeFault(
-                f"expected at most {LARGEST} bytes in '{path}', got {path.stat().st_size}; "
+                f"expected at most {LARGEST_PICTURE} bytes in '{path}', got {path.stat().st_size}; "
                 "reduce its size in readme.py"
             )
         written.append((f"{caption(view)}: {view.title}", path))

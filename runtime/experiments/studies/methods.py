@@ -16,7 +16,7 @@ from runtime.experiments.trials.motions import designed, document_robot
 from runtime.experiments.trials.scores import per_joint, torque_rms
 from runtime.experiments.trials.timed_fits import stream
 from runtime.identification.comparison.row import Figures
-from runtime.identification.comparison.run import Truth, compare
+from runtime.identification.comparison.run import TrueParameters, compare
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -59,7 +59,7 @@ class MethodsSetup:
     lib: Library
     config: MethodsConfig
     assembly: Assembly
-    truth: Truth
+    truth: TrueParameters
     test: Array
 
 
@@ -100,7 +100,9 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
         inputs={"controller": ClosedLoop(designs[0], law, np.array(config.rotor))},
     )
     tau = assembly.parts[2].required("tau")
-    return MethodsSetup(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
+    return MethodsSetup(
+        lib, config, assembly, TrueParameters(lib.base_matrix @ pi, "plant", ""), tau
+    )
 
 
 def _run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from runtime.estimators.methods import DEFAULT, METHODS
-from runtime.identification.comparison.row import NOT_RUN, RAN, Figures, Row
+from runtime.identification.comparison.row import NOT_RUN, RAN, Figures, MethodRow
 from runtime.library import Array
 
 UNCONSTRAINED = "ols"
@@ -47,7 +47,7 @@ class Advice:
     sentences: tuple[str, ...]
 
 
-def advise(rows: Sequence[Row], n_base: int) -> Advice:
+def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
     """Advice on the rows of one comparison."""
     ran = {row.method: row.figures for row in rows if row.figures is not None}
     if not ran:
@@ -218,7 +218,7 @@ def _truth(ran: dict[str, Figures], take: str) -> str:
     return nearest if best == take else f"{nearest}, those of {take} {errors[take]:.3g} %"
 
 
-def _absent(rows: Sequence[Row]) -> str:
+def _absent(rows: Sequence[MethodRow]) -> str:
     missing = [row.method for row in rows if row.outcome == NOT_RUN]
     failed = [row.method for row in rows if row.outcome not in {NOT_RUN, RAN}]
     parts = [f"not run: {', '.join(missing)}"] if missing else []

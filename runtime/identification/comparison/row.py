@@ -69,7 +69,7 @@ class Figures:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class MethodRow:
     """Outcome of one method.
 
     Attributes:
@@ -85,7 +85,7 @@ class Row:
     figures: Figures | None = None
 
 
-def row_facts(row: Row) -> dict[str, Any]:
+def row_facts(row: MethodRow) -> dict[str, Any]:
     """A row of compare.json."""
     head = {
         "method": row.method,

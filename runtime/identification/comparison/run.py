@@ -28,7 +28,7 @@ from runtime.identification.comparison.row import (
     NOT_RUN,
     RAN,
     Figures,
-    Row,
+    MethodRow,
     cells,
     row_facts,
 )
@@ -40,7 +40,7 @@ from runtime.recording.notebook import html_table
 
 __all__ = [
     "Comparison",
-    "Truth",
+    "TrueParameters",
     "beside",
     "compare",
     "read_truth",
@@ -53,7 +53,7 @@ TINY = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class TrueParameters:
     """True base parameters.
 
     Attributes:
@@ -73,7 +73,7 @@ def beside(log: str) -> Path | None:
     return path if Path(log).is_file() and path.is_file() else None
 
 
-def read_truth(path: Path, lib: Library) -> Truth:
+def read_truth(path: Path, lib: Library) -> TrueParameters:
     """Read the parameters that `simulate` has written.
 
     Args:
@@ -97,7 +97,7 @@ def read_truth(path: Path, lib: Library) -> Truth:
             f"expected a JSON with {lib.pi0.size} numbers 'pi' of '{lib.name}', as simulate writes "
             f"it, got '{path}'; correct it, name another with --truth, or move it away"
         ) from None
-    return Truth(lib.base_matrix @ pi, path.name, hashlib.sha256(data).hexdigest())
+    return TrueParameters(lib.base_matrix @ pi, path.name, hashlib.sha256(data).hexdigest())
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +113,10 @@ class Comparison:
     """
 
     assembly: Assembly
-    rows: tuple[Row, ...]
+    rows: tuple[MethodRow, ...]
     before: float
     optimum: float
-    truth: Truth | None
+    truth: TrueParameters | None
 
     def _repr_html_(self) -> str:
         """One line per method, as a table for notebooks."""
@@ -130,7 +130,7 @@ def compare(
     assembly: Assembly,
     methods: Sequence[str],
     *,
-    truth: Truth | None = None,
+    truth: TrueParameters | None = None,
     started: Callable[[str], None] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Comparison:
@@ -157,7 +157,7 @@ def compare(
         optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
     except IdentificationError:  # the row of pc-ols states the reason
         optimum = np.nan
-    rows: list[Row] = []
+    rows: list[MethodRow] = []
     try:
         for method in methods:
             if started is not None:
@@ -169,30 +169,34 @@ def compare(
                 break
     except KeyboardInterrupt:
         pass
-    rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
+    rows += [MethodRow(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
     start = partial(Samples.rigid, lib=problem.lib, pi=problem.lib.pi0)
     before = _misfit(_part(assembly, "test"), start).error.overall
     return Comparison(assembly, tuple(rows), before, optimum, truth)
 
 
-def _row(assembly: Assembly, method: str, optimum: float, truth: Truth | None) -> Row:
+def _row(
+    assembly: Assembly, method: str, optimum: float, truth: TrueParameters | None
+) -> MethodRow:
     try:
         result = identify_assembled(assembly, method, certify=False)
         figures = _figures(assembly, result, optimum, truth)
     except NeedsError as error:
-        return Row(method, NOT_RUN, str(error))
+        return MethodRow(method, NOT_RUN, str(error))
     except RuntimeFault as error:
-        return Row(method, FAILED, str(error))
+        return MethodRow(method, FAILED, str(error))
     except np.linalg.LinAlgError as error:
-        return Row(method, FAILED, f"its linear algebra failed on these data ({error})")
+        return MethodRow(method, FAILED, f"its linear algebra failed on these data ({error})")
     errors = (figures.test_percent, figures.validation_percent, figures.train_percent)
     if not np.isfinite([*errors, *figures.rms]).all():
-        return Row(method, FAILED, "its result predicts torques that are not finite; do not use it")
-    return Row(method, RAN, result.status, figures)
+        return MethodRow(
+            method, FAILED, "its result predicts torques that are not finite; do not use it"
+        )
+    return MethodRow(method, RAN, result.status, figures)
 
 
 def _figures(
-    assembly: Assembly, result: Identification, optimum: float, truth: Truth | None
+    assembly: Assembly, result: Identification, optimum: float, truth: TrueParameters | None
 ) -> Figures:
     """Errors, consistency, gap and determined parameters of one result."""
     problem, lib = assembly.problem, result.lib

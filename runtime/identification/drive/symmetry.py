@@ -31,7 +31,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import Row
+from runtime.estimators.convex.constraints import ConstraintRow
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.drive.estimate import identify_drive
@@ -207,7 +207,7 @@ def _rise(result: Identification, pair: tuple[int, int], taken: list[int]) -> fl
     return errors[0] / max(errors[1], 1e-300)
 
 
-def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
+def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow, ...]:
     """Equations that tie the links of mirrored joints."""
     places = mirrored_joints(lib.joint_names, pairs)
     if lib.n_links != lib.n_joints:
@@ -217,7 +217,7 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
         )
     poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
     mirror = _plane(poses, places)
-    rows: list[Row] = []
+    rows: list[ConstraintRow] = []
     for left, right in places:
         if not _turns_alike(lib, mirror, left, right):
             raise _not_mirrored(lib.joint_names[left], lib.joint_names[right])
@@ -227,7 +227,9 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[Row, ...]:
             row = np.zeros(lib.pi0.size)
             row[right * N_PARAMETERS + k] = 1.0
             row[left * N_PARAMETERS : (left + 1) * N_PARAMETERS] -= image[k]
-            rows.append(Row(f"{lib.joint_names[left]}:{lib.joint_names[right]}", row, 0.0))
+            rows.append(
+                ConstraintRow(f"{lib.joint_names[left]}:{lib.joint_names[right]}", row, 0.0)
+            )
     return tuple(rows)
 
 

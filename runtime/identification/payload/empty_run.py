@@ -69,7 +69,7 @@ def empty_residual(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PostureError:
+class PostureDeviation:
     """Errors that repeat with the position of a joint.
 
     Attributes:
@@ -98,7 +98,7 @@ class PostureError:
 def posture_error(
     run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array,
     covariance: Array,
-) -> PostureError | None:  # fmt: skip
+) -> PostureDeviation | None:  # fmt: skip
     """Errors that repeat with the position of the joint where they are largest."""
     whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
     worst, largest = None, SIGNIFICANT
@@ -113,5 +113,5 @@ def posture_error(
         ratio = (GROUPS - 1) * np.var(changes, axis=0) / variance
         if ratio.max() > largest:
             largest = float(ratio.max())
-            worst = PostureError(names[int(joint)], np.maximum(FEW * np.sqrt(ratio), 1.0))
+            worst = PostureDeviation(names[int(joint)], np.maximum(FEW * np.sqrt(ratio), 1.0))
     return worst

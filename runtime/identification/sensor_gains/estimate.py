@@ -19,7 +19,7 @@ from runtime.identification.payload.known import KnownPayload
 from runtime.identification.sensor_gains.problem import (
     RUNS,
     GainProblem,
-    Solution,
+    GainSolution,
     problem_of,
     reduced,
     solve,
@@ -106,7 +106,7 @@ def identify_gains(
     return _gains(problem, solution, coloured_noise_of_basis(stretches, problem.n_blocks))
 
 
-def _over_noise(problem: GainProblem, solution: Solution, block: Array) -> tuple[Array, Array]:
+def _over_noise(problem: GainProblem, solution: GainSolution, block: Array) -> tuple[Array, Array]:
     """Orthonormal basis of the fitted rows, (N, n, ·), and residual over noise, (N, n)."""
     rest = solution.rest(block) / solution.noise[:, None]
     if not np.isfinite(rest).all():
@@ -123,7 +123,7 @@ def _over_noise(problem: GainProblem, solution: Solution, block: Array) -> tuple
     return basis.transpose(1, 0, 2), rest.T
 
 
-def _gains(problem: GainProblem, solution: Solution, coloured: ColouredNoise) -> Gains:
+def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise) -> Gains:
     """Gains and bias with their standard deviations, status and notes."""
     n, names = len(solution.g), problem.channels
     root = solution.root * np.sqrt(coloured.density)
@@ -157,7 +157,9 @@ def _gains(problem: GainProblem, solution: Solution, coloured: ColouredNoise) ->
     )
 
 
-def _require_determined(problem: GainProblem, solution: Solution, is_determined: Claims) -> None:
+def _require_determined(
+    problem: GainProblem, solution: GainSolution, is_determined: Claims
+) -> None:
     """Refuse a result without a determined gain, or with a negative one."""
     if not (solution.converged and is_determined.any()):  # without a visible load g tends to 0
         raise IdentificationError(

@@ -48,7 +48,7 @@ _DIGITS = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class GainSolution:
     """Maximum likelihood solution.
 
     Attributes:
@@ -97,7 +97,7 @@ def reduced(blocks: Iterable[Array]) -> Array:
     return triangle
 
 
-def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
+def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
     """Gauss–Newton from the linear solution, with steps halved until the likelihood increases."""
     # Below the rows of the offsets, the triangle is that of the centred data.
     rows = triangle[:, n_runs:, n_runs:]
@@ -130,7 +130,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
     levels: Array = np.asarray(
         np.linalg.solve(triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:])
     )
-    return Solution(x[:p], x[p:], _root(slopes), noise, levels, converged)
+    return GainSolution(x[:p], x[p:], _root(slopes), noise, levels, converged)
 
 
 def linear(rows: Array) -> tuple[Array, Array]:

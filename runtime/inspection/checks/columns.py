@@ -65,7 +65,7 @@ SI = {
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ColumnBlock:
     """Neighbouring columns of one signal.
 
     Attributes:
@@ -81,7 +81,7 @@ class Block:
     reason: str
 
 
-def blocks_by_content(values: FloatArray, joints: int) -> tuple[Block, ...]:
+def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...]:
     """Assign the columns of a table to signals."""
     rows = values[np.isfinite(values).all(axis=1)][:MOST_ROWS]
     if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST_NUMBER:
@@ -92,16 +92,16 @@ def blocks_by_content(values: FloatArray, joints: int) -> tuple[Block, ...]:
         return ()
     named = _signals([rows[:, s : s + joints] for s in starts])
     blocks = [
-        Block(kind, tuple(range(s, s + joints)), "", reason)
+        ColumnBlock(kind, tuple(range(s, s + joints)), "", reason)
         for s, (kind, reason) in zip(starts, named, strict=True)
     ]
     inside = {column for block in blocks for column in block.columns}
     for column in set(range(rows.shape[1])) - inside - set(single):
-        single[column] = Block("", (column,), "", "constant")
+        single[column] = ColumnBlock("", (column,), "", "constant")
     return tuple(sorted((*blocks, *single.values()), key=lambda block: block.columns))
 
 
-def _clock_and_counters(rows: FloatArray) -> dict[int, Block]:
+def _clock_and_counters(rows: FloatArray) -> dict[int, ColumnBlock]:
     """The clock, and increasing columns that are not used, by their number."""
     steps = np.diff(rows, axis=0)
     spread = {}
@@ -111,12 +111,12 @@ def _clock_and_counters(rows: FloatArray) -> dict[int, Block]:
             spread[column] = float(step.std() / middle)
     counters = [k for k in spread if (steps[:, k] == 1.0).all()]
     clocks = sorted((k for k in spread if k not in counters), key=lambda k: (spread[k], k))
-    blocks = {k: Block("", (k,), "", "row counter") for k in counters}
+    blocks = {k: ColumnBlock("", (k,), "", "row counter") for k in counters}
     for place, k in enumerate(clocks):
         middle = float(np.median(steps[:, k]))
         unit = next(unit for largest, unit in _UNITS if middle <= largest)
         reason = f"increases by {middle:.4g} per row"
-        blocks[k] = Block("" if place else "time", (k,), "" if place else unit, reason)
+        blocks[k] = ColumnBlock("" if place else "time", (k,), "" if place else unit, reason)
     return blocks
 
 

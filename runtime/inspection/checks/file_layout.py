@@ -15,7 +15,7 @@ from typing import Any
 from runtime.errors import RecordingError
 from runtime.inspection.checks.columns import (
     SI,
-    Block,
+    ColumnBlock,
     Meaning,
     blocks_by_content,
     by_joint,
@@ -61,7 +61,7 @@ def _by_convention(place: Path) -> Recipe | None:
     return plan if timed else None
 
 
-def _by_content(blocks: tuple[Block, ...]) -> Finding:
+def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
     """What every column of a file without header was taken for; `inspect` shows it as a table."""
     rows = [
         {"columns": list(each.columns), "signal": each.kind or None, "reason": each.reason}
@@ -250,7 +250,9 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
             yield from _untitled(width, file_name, path.name, joints)
 
 
-def _recognised(blocks: tuple[Block, ...], file_name: str, name: str) -> Iterable[tuple[str, dict]]:
+def _recognised(
+    blocks: tuple[ColumnBlock, ...], file_name: str, name: str
+) -> Iterable[tuple[str, dict]]:
     """Signals of columns without titles, by their content."""
     for block in blocks:
         first = block.columns[0]

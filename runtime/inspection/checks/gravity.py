@@ -122,7 +122,7 @@ def _joint(falls: Array, inertial: Array, dq: Array, tau: Array) -> tuple[float,
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class SignTrial:
     """One sign of τ with one of gravity, with the relative residuals of two fits.
 
     Attributes:
@@ -210,7 +210,12 @@ def _gravity_reversed(lib: Library, comparison: str, facts: dict) -> Finding:
 
 
 def _reversed(
-    lib: Library, plan: Recipe, present: Trial, best: Trial, trials: list[Trial], evidence: dict
+    lib: Library,
+    plan: Recipe,
+    present: SignTrial,
+    best: SignTrial,
+    trials: list[SignTrial],
+    evidence: dict,
 ) -> tuple[Recipe, list[Finding]]:
     """The finding of a better case: reversed torque, compensated gravity, or an arm mounted so."""
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
@@ -233,12 +238,12 @@ def _reversed(
     return plan, [Finding("gravity", ERROR, f"{comparison}: {what}", evidence)]
 
 
-def _name(trial: Trial) -> str:
+def _name(trial: SignTrial) -> str:
     sign = "τ as logged" if trial.sign > 0 else "τ negated"
     return f"{sign} and gravity {_NAMES[trial.gravity]}"
 
 
-def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
+def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> SignTrial:
     """Fit consistent bodies, and unconstrained parameters, to ±τ with gravity s g."""
     lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
@@ -271,4 +276,4 @@ def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
     gamma = NONE * max(data.variance, 1e-6) / data.count
     pi = solve(lib, convex_problem(data, prior_of(lib), gamma)).pi
     loss = np.sqrt(max(2.0 * data.value(pi) * data.count, 0.0))
-    return Trial(sign, scale, float(loss) / size, free)
+    return SignTrial(sign, scale, float(loss) / size, free)

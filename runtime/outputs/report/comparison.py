@@ -17,7 +17,7 @@ from runtime.outputs.report.page import Page, ReportTable, Section, Tile
 NAME = "compare.json"
 FORMAT = 1
 NOTHING, NOT_RUN = "–", "not run"
-LARGEST = 1e9
+LARGEST_RMS = 1e9
 """Largest RMS torque error that is drawn [N·m, N]."""
 _AGAIN = "run the comparison again, or give its output folder"
 
@@ -129,7 +129,7 @@ def _entry(row: Mapping[str, Any], n: int) -> MethodEntry:
     if "rms" not in row:
         return MethodEntry(*head)
     rms = np.array(row["rms"], dtype=float)
-    if rms.shape != (n,) or not (np.abs(rms) < LARGEST).all():
+    if rms.shape != (n,) or not (np.abs(rms) < LARGEST_RMS).all():
         raise ValueError(f"'rms': expected {n} numbers, got {rms.tolist()!r:.60}")
     return MethodEntry(
         *head,

@@ -15,13 +15,13 @@ from runtime.common.files import require_file, values_of
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.identification.result_schema import read_facts
 from runtime.outputs.report.several_logs import SeveralLogs, read_several_logs
-from runtime.outputs.report.sides import Row, read_sides
+from runtime.outputs.report.sides import SideRow, read_sides
 from runtime.outputs.report.uncertainty import ResultUncertainty, read_uncertainty
 from runtime.recording.formats.npz import open_npz
 
 Array = NDArray[np.float64]
 
-LARGEST = 1e100
+LARGEST_ACCEPTED = 1e100
 """Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
 _AGAIN = "identify again, or give the output folder of an identification"
 
@@ -125,7 +125,7 @@ class Result:
     warnings: tuple[str, ...]
     uncertainty: ResultUncertainty | None
     several_logs: SeveralLogs | None
-    sides: tuple[Row, ...]
+    sides: tuple[SideRow, ...]
     provenance: Provenance
     prediction: PredictedTorques
 
@@ -141,8 +141,8 @@ def read_result(folder: Path) -> Result:
         raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
     except (ValueError, TypeError) as error:
         raise RuntimeFault(f"'{path}' is damaged ({error}); {_AGAIN}") from None
-    if any(isinstance(x, float) and LARGEST < abs(x) < np.inf for x in values_of(raw)):
-        raise RuntimeFault(f"'{path}' is damaged (a number above {LARGEST:g}); {_AGAIN}")
+    if any(isinstance(x, float) and LARGEST_ACCEPTED < abs(x) < np.inf for x in values_of(raw)):
+        raise RuntimeFault(f"'{path}' is damaged (a number above {LARGEST_ACCEPTED:g}); {_AGAIN}")
     try:
         return _result(raw, folder)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -258,8 +258,10 @@ def _prediction(path: Path, n: int) -> PredictedTorques:
         shapes = ", ".join(f"{key} {a.shape}" for key, a in [("t", t), *arrays.items()])
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
     # Largest and smallest are NaN where a value is, and no comparison holds.
-    if not all(x.min() >= -LARGEST and x.max() <= LARGEST for x in (t, *arrays.values())):
-        raise RuntimeFault(f"'{path}' holds NaN or numbers above {LARGEST:g}; {fault}")
+    if not all(
+        x.min() >= -LARGEST_ACCEPTED and x.max() <= LARGEST_ACCEPTED for x in (t, *arrays.values())
+    ):
+        raise RuntimeFault(f"'{path}' holds NaN or numbers above {LARGEST_ACCEPTED:g}; {fault}")
     return PredictedTorques(t, **arrays)
 
 

@@ -6,15 +6,15 @@ from typing import Any
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.outputs.report.page import ReportTable, Section
 
-Row = tuple[str, str, str, str, str, str]
+SideRow = tuple[str, str, str, str, str, str]
 
 
-def read_sides(raw: Any) -> tuple[Row, ...]:
+def read_sides(raw: Any) -> tuple[SideRow, ...]:
     """Rows of the entry `symmetric` of result.json."""
     return tuple(_row(each) for each in raw or ())
 
 
-def sides_section(rows: tuple[Row, ...]) -> tuple[Section, ...]:
+def sides_section(rows: tuple[SideRow, ...]) -> tuple[Section, ...]:
     """The section; none without rows."""
     if not rows:
         return ()
@@ -29,7 +29,7 @@ def sides_section(rows: tuple[Row, ...]) -> tuple[Section, ...]:
     )
 
 
-def _row(each: Mapping[str, Any]) -> Row:
+def _row(each: Mapping[str, Any]) -> SideRow:
     sides = [
         ", ".join(f"{float(v):.4g} ± {NORMAL_95 * float(s):.2g}" for v, s in zip(v, s, strict=True))
         for v, s in zip(each["values"], each["sigma"], strict=True)

@@ -23,7 +23,7 @@ from runtime.library import Array, Library
 BASE = "base"
 LINE_RADIUS = 0.012
 """Radius of the line that replaces a link without shape [m]."""
-LARGEST = 1e4
+LARGEST_COORDINATE = 1e4
 """Largest coordinate that is accepted [m]."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
 """Colours (RGBA) of links without one, in turn."""
@@ -154,8 +154,8 @@ def _pose(origin: Element | None) -> Array:
 
 def _numbers(text: str, count: int) -> list[float]:
     values = [float(word) for word in text.split()]
-    if len(values) != count or not np.abs(values).max() < LARGEST:
-        raise ValueError(f"expected {count} numbers below {LARGEST:g}, got '{text}'")
+    if len(values) != count or not np.abs(values).max() < LARGEST_COORDINATE:
+        raise ValueError(f"expected {count} numbers below {LARGEST_COORDINATE:g}, got '{text}'")
     return values
 
 

@@ -13,8 +13,8 @@ from runtime.recording.formats.log_format import (
     Extras,
     LogFormat,
     LogReader,
+    LogRows,
     RawFile,
-    Rows,
     Texts,
 )
 from runtime.recording.formats.tables import LogTable
@@ -45,7 +45,7 @@ class BagReader(LogReader):
         """Field of JointState that a part of the recipe means."""
         return self._messages().table(_field(kind, part), self.raw.name)
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of merged messages."""
         keys = {kind: _field(kind, part) for kind, part in parts.items()}
         return self._messages().rows(keys, self.raw.name)

@@ -13,7 +13,7 @@ from typing import IO, Any
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
+from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows
 from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool
 from runtime.recording.formats.text_tables import (
     cells_of,
@@ -79,7 +79,7 @@ class TextReader(LogReader):
             )
         return csv_table(text, columns, self.raw.name)
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the columns, parsed once."""
         return CsvRows(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile, Rows, imported
+from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, RawFile, imported
 from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -209,7 +209,7 @@ class HdfReader(LogReader):
         del kind
         return self._log().table(part.key)
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the arrays, read where they lie."""
         return HdfRows(self._log(), {kind: part.key for kind, part in parts.items()})
 

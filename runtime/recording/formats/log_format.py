@@ -37,7 +37,7 @@ def imported(module: str, kind: str) -> ModuleType:
 Texts = tuple[str, ...]
 
 
-class Rows(Protocol):
+class LogRows(Protocol):
     """Rows of one file that stays where it is."""
 
     @property
@@ -149,7 +149,7 @@ class LogReader:
         """
         raise RecordingError(f"{self.raw.name} holds no numbers of {kind} {part.unit}")
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of several signals of a file that stays where it is.
 
         Args:

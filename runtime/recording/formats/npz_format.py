@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile, Rows
+from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, LogRows, RawFile
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
@@ -45,7 +45,7 @@ class NpzReader(LogReader):
         del kind
         return npz_table(self._content(), part.key, self.raw.name)
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of uncompressed arrays, read where they lie."""
         path = self.raw.hashed()
         if "columns" in NpzRows(path).keys:

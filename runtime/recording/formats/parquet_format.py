@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, Rows, imported
+from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, FloatArray, LogTable
 from runtime.recording.recipes.default_convention import (
     KINDS,
@@ -316,7 +316,7 @@ class ParquetReader(LogReader):
         with closing(ParquetLog(self.raw.hashed())) as log:
             return log.table(parquet_columns(part.columns, part.key, log.columns))
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the columns, decoded batch by batch."""
         log = ParquetLog(self.raw.hashed())
         return ParquetRows(

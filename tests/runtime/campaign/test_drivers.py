@@ -18,7 +18,7 @@ from runtime.library import Library
 
 MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
 WITHIN_S = 0.005 + 1e-9
-"""Time from a fault to the stop that is promised, and rounding of the clock."""
+"""Stated time from a fault to the stop, and rounding of the clock."""
 
 
 @pytest.fixture(scope="module")

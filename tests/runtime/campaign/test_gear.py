@@ -11,14 +11,14 @@ from runtime.campaign.campaign import Plan, _rehearsed
 from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
 from runtime.campaign.gate import torque_faults
 from runtime.campaign.gear_friction import GearFriction, gear_of, smoothed
-from runtime.campaign.rehearsal import Verdict, unnoticed
+from runtime.campaign.rehearsal import RehearsalVerdict, unnoticed
 from runtime.campaign.target import base_covariance
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.simulation.settings import VirtualFriction
-from runtime.simulation.virtual_robot import JointFriction
+from runtime.simulation.virtual_robot import SimulatedFriction
 
 STROKE, PEAK_SPEED, WAVES, DELAY, NOISE = 1.4e-3, 0.15, 9.0, 8e-4, 0.02
 FINE, STEP = 4, 2.5e-4
@@ -55,7 +55,7 @@ def moved(
         ripple_phase=0.3 * one,
         dahl_stroke=STROKE * one,
     )
-    joints = JointFriction(law, STEP, np.arange(n))
+    joints = SimulatedFriction(law, STEP, np.arange(n))
     tau = lib.inverse_dynamics(q, dq, ddq, (1 + load) * lib.pi0)
     friction = np.zeros_like(tau)
     for k in range(1, len(t)):  # grows with the torque behind the joint, friction included
@@ -131,13 +131,13 @@ def test_dry_friction_is_not_taken_for_the_load(arm: Library) -> None:
 
 def test_a_planted_fault_that_passes_is_stated(arm: Library) -> None:
     """Property: named or recovered faults are left out."""
-    named = Verdict("sign", 0, ("the sign is wrong",), 2.0)
-    recovered, missed = Verdict("delay", 0, (), 0.01), Verdict("gain", 0, (), 0.3)
+    named = RehearsalVerdict("sign", 0, ("the sign is wrong",), 2.0)
+    recovered, missed = RehearsalVerdict("delay", 0, (), 0.01), RehearsalVerdict("gain", 0, (), 0.3)
     (said,) = unnoticed((named, recovered, missed), arm)
     assert "'gain'" in said
     assert arm.joint_names[0] in said
     assert "torque error 30 %" in said
-    (said,) = unnoticed((Verdict("order", 0, (), np.nan),), arm)
+    (said,) = unnoticed((RehearsalVerdict("order", 0, (), np.nan),), arm)
     assert "no model was identified" in said
     assert "nan" not in said
 

@@ -103,7 +103,7 @@ def test_the_real_error_is_the_predicted_one(
     planned = planned_recording(trajectories[0], t, lib, "planned")
     samples = motion_samples_of(planned, lib, None, Friction())
     statistics = samples.statistics(lib, np.full(lib.n_joints, SIGMA))
-    promised = expected(lib, statistics, Knowledge.of(lib), 1.0, samples.columns)
+    expectation = expected(lib, statistics, Knowledge.of(lib), 1.0, samples.columns)
     errors = []
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
@@ -118,7 +118,7 @@ def test_the_real_error_is_the_predicted_one(
         errors.append(result.beta - lib.base_matrix @ plant.pi)
     real = np.einsum("ik,jkl,il->", errors, joints, errors) / DRAWS
     # 16 draws of some ten independent directions: ± 8 %. The training part alone gives 0.62.
-    assert 0.85 < np.linalg.norm(promised.torque(lib, joints)) / np.sqrt(real) < 1.15
+    assert 0.85 < np.linalg.norm(expectation.torque(lib, joints)) / np.sqrt(real) < 1.15
 
 
 def test_a_motion_out_and_back_tests_on_its_training_rows(

@@ -27,7 +27,7 @@ from tests.robots import DATA
 Array = NDArray[np.float64]
 
 HOPPER = (DATA / "hopper.urdf").read_text()
-EXACT = 1e-9  # the promise; rounding of sums of some hundred terms is 1e-12 of the largest
+EXACT = 1e-9  # the stated accuracy; rounding of sums of some hundred terms is 1e-12 of the largest
 STATES = 1000
 
 

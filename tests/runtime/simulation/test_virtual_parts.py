@@ -15,7 +15,7 @@ from runtime.simulation import settings_of
 from runtime.simulation.plant_engine import engine
 from runtime.simulation.sensors import Calibration, Encoders, measured_torque, quantised
 from runtime.simulation.settings import Sensors, VirtualFriction
-from runtime.simulation.virtual_robot import JointFriction, perturbed
+from runtime.simulation.virtual_robot import SimulatedFriction, perturbed
 from tests.oracle import random_states
 
 ROBOTS = ("fr3", "tree", "gantry", "iiwa14")
@@ -98,7 +98,7 @@ def law(**changes: float) -> VirtualFriction:
 
 def moved(terms: VirtualFriction, speed: float, seconds: float, tau: float = 0.0) -> float:
     """VirtualFriction at the end of a way with constant speed, from rest at q = 0."""
-    step, joint = 1e-4, JointFriction(terms, 1e-4, np.array([0]))
+    step, joint = 1e-4, SimulatedFriction(terms, 1e-4, np.array([0]))
     f = np.zeros(1)
     for k in range(round(seconds / step)):
         q, dq, load_ = np.array([speed * step * (k + 1)]), np.array([speed]), np.array([tau])
@@ -136,7 +136,7 @@ def test_friction_tells_its_slope() -> None:
     for speed in (0.02, -0.3):
         ends = []
         for side in (-1e-6, 1e-6):
-            joint = JointFriction(terms, 2.5e-4, np.array([0]))
+            joint = SimulatedFriction(terms, 2.5e-4, np.array([0]))
             joint.z = np.array([0.4 * np.sign(speed)])
             ends.append(joint.advance(np.zeros(1), np.array([speed + side]), np.zeros(1)))
             assert np.abs(joint.z) <= 1

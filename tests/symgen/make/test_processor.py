@@ -90,6 +90,6 @@ def test_the_cost_is_printed_before_the_compilation(
     assert every.cpu_s == pytest.approx(9.2, rel=0.15)
     one, two = (expected_cost(kernels, [], cores).memory_mb for cores in (1, 2))
     assert two - one == pytest.approx(67, rel=0.15)
-    # Measured peaks of generator and two compilers: two-link arm, FR3, Talos; 1.3 as it promises.
+    # Measured peaks of generator and two compilers: two-link arm, FR3, Talos; 1.3 as it states.
     for count, measured in ((8309, 153), (55821, 340), (189288, 507)):
         assert 1 / 1.3 < expected_memory(count, 2) / measured < 1.3

@@ -243,7 +243,7 @@ def test_impossible_bodies_are_named(pi: list[float], message: str) -> None:
 
 
 def test_a_point_becomes_a_millimetre_wide() -> None:
-    """Oracle: the promise itself, 1 mm of standard deviation along every axis; no constant of ours.
+    """Oracle: 1 mm of standard deviation along every axis, as documented; no constant of ours.
 
     A point of 2 kg: Σ_com = 2 · (1e-3)² 1, so that I_com = 2 Σ_com = 4e-6 kg·m² about each axis.
     """

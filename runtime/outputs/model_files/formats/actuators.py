@@ -14,6 +14,7 @@ from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines import yaml
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.inertials import yaml_comment, yaml_number
+from runtime.outputs.model_files.joint_friction import Values
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import unchecked
 
@@ -25,8 +26,6 @@ _OF_CONFIG = {
 }
 """Key of Isaac Lab → key of a drive."""
 _SIGMA = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
-
-Values = tuple[float | None, ...]
 
 
 def actuators_text(model: IdentifiedModel) -> str:

@@ -15,7 +15,7 @@ from runtime.estimators.convex import (
     prior_of,
     reduce,
 )
-from runtime.estimators.convex.constraints import Constraints, Row, constrained
+from runtime.estimators.convex.constraints import ConstraintRow, Constraints, constrained
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import compress
@@ -75,7 +75,7 @@ def test_only_bounds_that_hold_the_estimate_are_named(fr3: Library) -> None:
     moment[61] = 1.0
     for distance, named in ((0.5, False), (0.1, False), (-0.1, True), (-0.5, True)):
         limit = float(free[61] + distance * scale)
-        bounds = Constraints(bounds=(Row("fr3_link7.com_box", moment, limit),))
+        bounds = Constraints(bounds=(ConstraintRow("fr3_link7.com_box", moment, limit),))
         found, notes = constrained(bounds, data, prior, gamma)
         assert found.pi[61] < limit
         assert any("fr3_link7.com_box" in note for note in notes) == named, distance

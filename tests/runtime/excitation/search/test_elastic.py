@@ -76,7 +76,7 @@ def test_many_discs_against_slsqp() -> None:
             options={"ftol": 1e-13, "maxiter": 500},
         )
         assert (oracle.success, discs.values(oracle.x).max() > -1e-6) == (True, True)
-        # Ends when a step promises less than 1e-11, three of which may be missed.
+        # Ends when a step is expected to gain less than 1e-11, three of which may be missed.
         assert result.value == pytest.approx(oracle.fun, abs=1e-8)
         assert discs.violation(result.x) <= 1e-9
 

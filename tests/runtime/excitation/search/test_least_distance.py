@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from runtime.excitation.search.conic import Block, solve
+from runtime.excitation.search.conic import ConeBlock, solve
 from runtime.excitation.search.sqp import QuadraticProgramme
 
 
-def random_programme(seed: int, p: int = 20, m: int = 90) -> tuple[np.ndarray, np.ndarray, Block]:
+def random_programme(
+    seed: int, p: int = 20, m: int = 90
+) -> tuple[np.ndarray, np.ndarray, ConeBlock]:
     """Convex programme whose rows leave the origin inside."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(p, p))
-    rows = Block(rng.normal(size=(m, p)), rng.uniform(0.0, 1.0, m))
+    rows = ConeBlock(rng.normal(size=(m, p)), rng.uniform(0.0, 1.0, m))
     return root @ root.T + 0.01 * np.eye(p), 10 * rng.normal(size=p), rows
 
 
@@ -19,7 +21,7 @@ def random_programme(seed: int, p: int = 20, m: int = 90) -> tuple[np.ndarray, n
 def test_the_solution_is_optimal(seed: int) -> None:
     """Property: rows kept, multipliers of active rows alone, no gradient of the Lagrangian."""
     quadratic, linear, rows = random_programme(seed)
-    halves = [Block(rows.a[:40], rows.b[:40]), Block(rows.a[40:], rows.b[40:])]
+    halves = [ConeBlock(rows.a[:40], rows.b[:40]), ConeBlock(rows.a[40:], rows.b[40:])]
     solution = QuadraticProgramme(quadratic, linear).solve(halves)
     assert solution is not None
     x, duals = solution
@@ -48,7 +50,7 @@ def test_against_the_interior_point() -> None:
 def test_without_active_rows_it_is_the_step_of_newton() -> None:
     """Oracle: x = −P⁻¹ q far inside all rows; the multipliers are zero."""
     quadratic, linear, rows = random_programme(1)
-    far = Block(rows.a, rows.b + 1e6)
+    far = ConeBlock(rows.a, rows.b + 1e6)
     x, (lam,) = QuadraticProgramme(quadratic, linear).solve([far])
     assert x == pytest.approx(-np.linalg.solve(quadratic, linear), rel=1e-8)
     assert not lam.any()
@@ -56,6 +58,6 @@ def test_without_active_rows_it_is_the_step_of_newton() -> None:
 
 def test_what_has_no_solution_is_none() -> None:
     """Property: x ≤ −1 with x ≥ 1, and an indefinite objective, give no numbers."""
-    apart = Block(np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0]))
+    apart = ConeBlock(np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0]))
     assert QuadraticProgramme(np.eye(1), np.ones(1)).solve([apart]) is None
     assert QuadraticProgramme(-np.eye(1), np.ones(1)).solve([apart]) is None

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize, rosen, rosen_der
 
 from runtime.excitation.search import conic
-from runtime.excitation.search.conic import SLACK, Block, LinearRows, solve
+from runtime.excitation.search.conic import SLACK, ConeBlock, LinearRows, solve
 from runtime.excitation.search.sqp import QuadraticProgramme, descend
 
 
@@ -134,7 +134,7 @@ def test_a_programme_that_fails_ends_the_descent(monkeypatch: pytest.MonkeyPatch
 def test_a_quadratic_programme() -> None:
     """Oracle: the projection of (3, 0) on a disc of many sides is (1, 0); its dual is 2."""
     rows = disc(8)
-    x, (dual,) = solve(np.eye(2), np.array([-3.0, 0.0]), [Block(rows.matrix, rows.bound)])
+    x, (dual,) = solve(np.eye(2), np.array([-3.0, 0.0]), [ConeBlock(rows.matrix, rows.bound)])
     # Clarabel's tolerance times a few.
     assert x == pytest.approx([1.0, 0.0], abs=1e-7)
     assert dual == pytest.approx([2.0, *[0.0] * 7], abs=1e-7)
@@ -145,7 +145,7 @@ def test_a_semidefinite_programme() -> None:
     matrix = np.array([[2.0, 1.0], [1.0, -1.0]])
     values, vectors = np.linalg.eigh(matrix)
     triangle = np.array([2.0, np.sqrt(2.0), -1.0])
-    block = Block(np.array([[-1.0], [0.0], [-1.0]]), -triangle, order=2)
+    block = ConeBlock(np.array([[-1.0], [0.0], [-1.0]]), -triangle, order=2)
     x, (dual,) = solve(np.zeros((1, 1)), np.ones(1), [block])
     assert x == pytest.approx(values[-1:], abs=1e-7)
     top = np.outer(vectors[:, 1], vectors[:, 1])
@@ -154,7 +154,7 @@ def test_a_semidefinite_programme() -> None:
 
 def test_an_infeasible_programme_is_none() -> None:
     """Property: x ≤ −1 and x ≥ 1 have no solution."""
-    block = Block(np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0]))
+    block = ConeBlock(np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0]))
     assert solve(np.eye(1), np.ones(1), [block]) is None
 
 
@@ -162,7 +162,7 @@ def test_rows_are_added_until_all_are_kept() -> None:
     """Property: a step past rows that were not looked at comes back inside, or is cut."""
     rows = disc(500)
     result = rows.solve(
-        np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [Block(a, b)])
+        np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [ConeBlock(a, b)])
     )
     assert result is not None
     assert (rows.matrix @ result[0]).max() <= 1 + SLACK
@@ -185,7 +185,7 @@ def test_rounds_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(conic, "_ROUNDS", 1)
     rows = disc(500)
     result = rows.solve(
-        np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [Block(a, b)])
+        np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [ConeBlock(a, b)])
     )
     assert result is not None
     assert (rows.matrix @ result[0]).max() > 1.01

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.identification.comparison.advice import Advice, advise, better_beyond_chance
-from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
+from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, MethodRow
 
 RNG = np.random.default_rng(0)
 NOISE = RNG.chisquare(7, 400)
@@ -34,11 +34,11 @@ def figures(percent: float = 1.4, **changes: object) -> Figures:
     return replace(base, **changes)  # type: ignore[arg-type]
 
 
-def ran(method: str, percent: float = 1.4, **changes: object) -> Row:
-    return Row(method, RAN, "a status", figures(percent, **changes))
+def ran(method: str, percent: float = 1.4, **changes: object) -> MethodRow:
+    return MethodRow(method, RAN, "a status", figures(percent, **changes))
 
 
-def advice_on(*rows: Row) -> Advice:
+def advice_on(*rows: MethodRow) -> Advice:
     return advise(rows, 43)
 
 
@@ -101,7 +101,7 @@ def test_without_the_default() -> None:
         "No method that ran is physically consistent (ols, map); ols predicts torques best, but "
         "use none of them in a simulator or a controller: run map",
     )
-    nothing = advice_on(Row("map", FAILED, "too bad"), Row("iv", NOT_RUN, "no loop"))
+    nothing = advice_on(MethodRow("map", FAILED, "too bad"), MethodRow("iv", NOT_RUN, "no loop"))
     assert nothing.take is None
     assert says(nothing, "No method has a result")
 
@@ -155,7 +155,9 @@ def test_the_truth_where_it_is_known() -> None:
 
 def test_the_absent_are_named() -> None:
     """Property: what lacks something and what failed, apart."""
-    advice = advice_on(ran("map"), Row("iv", NOT_RUN, "no loop"), Row("ekf", FAILED, "diverged"))
+    advice = advice_on(
+        ran("map"), MethodRow("iv", NOT_RUN, "no loop"), MethodRow("ekf", FAILED, "diverged")
+    )
     assert advice.sentences[-1] == "Not run: iv; failed: ekf, each for the reason in its row"
     assert not says(advice_on(ran("map")), "reason in its row")
 

@@ -28,7 +28,7 @@ def test_bundled_recipes_load_and_are_whole(name):
 
 
 def test_bundled_names():
-    """Oracle: the data sets that the documentation promises."""
+    """Oracle: the data sets that the documentation names."""
     assert bundled_names() == ("lwr4_flobaroid", "panda_gaz", "tx40_figaroh")
 
 

@@ -44,7 +44,7 @@ Factors = Annotated[dict[str, float], Meta(min_length=1)]
 Vector3 = tuple[float, float, float]
 """Types of fields that stand in several records."""
 
-_FAULT = re.compile(r"(?P<text>.*?)(?: - at `(?P<path>[^`]*)`)?", re.DOTALL)
+_FAULT = re.compile(r"(?P<text>.*?)(?: - at (?:`key` in )?`(?P<path>[^`]*)`)?", re.DOTALL)
 _EXPECTED = re.compile(r"Expected (?P<kind>.+?)(?:, got .*)?", re.DOTALL)
 _FIELD = re.compile(r"Object (?:contains unknown|missing required) field `(?P<name>.*)`", re.DOTALL)
 _STEP = re.compile(r"\.(?P<key>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")

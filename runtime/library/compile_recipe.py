@@ -5,19 +5,20 @@ the compiler do nothing but compile.
 """
 
 import hashlib
-import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from msgspec import Meta
 
 from runtime.common.files import bytes_of, json_of, require_file
+from runtime.common.records import Record, record_from_table
 from runtime.errors import LibraryError
 
 REFERENCE = "casadi"
 """Level that the others are compared with; compiled only on request."""
 
-_FLAG = re.compile(
+_FLAGS = (
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
     r"|-ffp-contract=fast|-fno-tree-(slp-)?vectorize"
     r"|-fno-(tree-(dse|vrp|pre|pta|fre|ccp|copy-prop|dominator-opts)|ipa-(icf|modref|sra)|dse|ree)"
@@ -25,35 +26,44 @@ _FLAG = re.compile(
     r"|-fno-ira-share-spill-slots|-fira-region=one|--param=lra-max-considered-reload-pseudos=20"
     r"|-DQUICK|-DBY_SAMPLE|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
 )
-_FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
-_WORD = re.compile(r"[a-z0-9_]{0,16}")
+
+Flag = Annotated[str, Meta(pattern=rf"\A({_FLAGS})\Z", description="a flag of symgen")]
+FileName = Annotated[
+    str,
+    Meta(
+        pattern=r"\A[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)\Z",
+        description="a generated file",
+    ),
+]
+Files = Annotated[
+    dict[FileName, str], Meta(description="a table of generated files and their hashes")
+]
+Word = Annotated[str, Meta(pattern=r"\A[a-z0-9_]{0,16}\Z", description="a word of a-z, 0-9 and _")]
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(Record, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """Files that are compiled alike, the level they make and the machine they are for ("": all).
 
     `gcc` are flags for a compiler that supports all of them; they shorten compilation. `beside` are
     flags of a level that is compiled beside a better one, which is loaded in its place.
     """
 
-    level: str
-    machine: str
-    sources: tuple[str, ...]
-    flags: tuple[str, ...]
-    gcc: tuple[str, ...]
-    beside: tuple[str, ...]
+    level: Word
+    machine: Word
+    sources: tuple[FileName, ...]
+    flags: tuple[Flag, ...]
+    gcc: tuple[Flag, ...]
+    beside: tuple[Flag, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class CompileRecipe:
+class CompileRecipe(Record, frozen=True, forbid_unknown_fields=False):
     """Content of `compile.json`; `digest` is that of its bytes, `files` are name → sha256."""
 
-    digest: str
-    files: dict[str, str]
-    flags: tuple[str, ...]
+    files: Files
+    flags: tuple[Flag, ...]
     groups: tuple[Group, ...]
-    link: tuple[str, ...]
+    link: tuple[Flag, ...]
+    digest: str = ""
 
     def levels(self, machine: str) -> tuple[str, ...]:
         """The levels that can be compiled on a machine."""
@@ -71,34 +81,15 @@ def read_recipe(folder: Path) -> CompileRecipe:
             "make one; run: python -m symgen build"
         ) from None
     try:
-        raw = json_of(data)
-        recipe = CompileRecipe(
-            digest=hashlib.sha256(data).hexdigest(),
-            files={_matched(_FILE, name): str(digest) for name, digest in raw["files"].items()},
-            flags=_all(_FLAG, raw["flags"]),
-            groups=tuple(
-                Group(
-                    level=_matched(_WORD, group["level"]),
-                    machine=_matched(_WORD, group["machine"]),
-                    sources=_all(_FILE, group["sources"]),
-                    flags=_all(_FLAG, group["flags"]),
-                    gcc=_all(_FLAG, group["gcc"]),
-                    beside=_all(_FLAG, group.get("beside", [])),
-                )
-                for group in _list(raw["groups"])
-            ),
-            link=_all(_FLAG, raw["link"]),
-        )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LibraryError(
-            f"'{path}' is damaged ({type(error).__name__}: {error}); {again}"
-        ) from None
+        recipe = record_from_table(CompileRecipe, json_of(data), "compile.json", ValueError)
+    except ValueError as error:
+        raise LibraryError(f"'{path}' is damaged ({error}); {again}") from None
     for name in sorted({name for group in recipe.groups for name in group.sources}):
         if not name.endswith(".c") or name not in recipe.files:
             raise LibraryError(
                 f"'{path}' is damaged (it compiles '{name}' but does not list it); {again}"
             )
-    return recipe
+    return recipe.replace(digest=hashlib.sha256(data).hexdigest())
 
 
 def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = ()) -> None:
@@ -116,19 +107,3 @@ def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = (
                 f"'{path}' is not the file that was generated, so nothing is compiled; "
                 "install or generate the robot again"
             )
-
-
-def _matched(pattern: re.Pattern[str], text: Any) -> str:
-    if not isinstance(text, str) or not pattern.fullmatch(text):
-        raise ValueError(f"{text!r:.80} has no place in it")
-    return text
-
-
-def _all(pattern: re.Pattern[str], texts: Any) -> tuple[str, ...]:
-    return tuple(_matched(pattern, text) for text in _list(texts))
-
-
-def _list(value: Any) -> list[Any]:
-    if not isinstance(value, list):
-        raise TypeError(f"a list is expected, got {value!r:.80}")
-    return value

@@ -90,6 +90,15 @@ def test_a_fault_is_one_sentence(table: object, sentence: str) -> None:
     assert len(str(caught.value)) < 200
 
 
+def test_a_key_of_another_form_is_refused() -> None:
+    """Property: the sentence names the table."""
+    kind = dict[Annotated[str, Meta(min_length=2)], float]
+    with pytest.raises(
+        ValueError, match=r"^m: springs expects a text of length of at least 2, got"
+    ):
+        record_from_table(dict[str, kind], {"springs": {"a": 1}}, "m", ValueError)
+
+
 def test_tables_are_read_and_written() -> None:
     """Property: lists become tuples, whole numbers become floats, defaults are not written."""
     record = read({"spring": [{"name": "a", "xyz": [1, 2, 3], "of": {"j": 2}}]})

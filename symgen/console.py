@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def inspected_file(words: Sequence[str]) -> str | None:
-    """First argument of `inspect` that is no option."""
+    """First argument of `inspect` that is not an option."""
     rest = iter(words)
     for word in rest:
         if word == "--":

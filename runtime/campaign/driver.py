@@ -45,7 +45,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What was commanded before a sample: q_d, dq_d, ddq_d, (n,) each."""
+    """Commanded motion before a sample: q_d, dq_d, ddq_d, (n,) each."""
 
     q: Array
     dq: Array

@@ -90,7 +90,7 @@ def rehearsed(
     seed: int,
     settings: VirtualRobotSettings | None = None,
 ) -> RehearsalVerdict:
-    """Let one virtual robot run a motion with one fault, and judge its log."""
+    """Run a motion with one fault on a virtual robot, and check its log."""
     usual = settings or settings_of(lib)
     if kind == "friction":
         usual = replace(usual, friction=_stiff(usual, joint))

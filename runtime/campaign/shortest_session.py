@@ -65,7 +65,7 @@ class PlannedSession:
 
     @property
     def duration(self) -> float:
-        """Of the motion [s]."""
+        """Duration of the motion [s]."""
         return self.design.trajectory.duration
 
     def sentence(self) -> str:

@@ -30,7 +30,7 @@ def drive_request(
     method: str,
     tied: tuple[str, ...] = (),
 ) -> DriveRequest | None:
-    """What is estimated of the drives."""
+    """Request for an estimate of the drives."""
     estimated = delay in {AUTO, PER_JOINT}
     commanded = recording.torque_source == COMMANDED
     wanted = bias if bias is not None else commanded and estimated

@@ -1,4 +1,4 @@
-"""What a log that is not yet recorded will hold: noise, friction columns, earlier knowledge.
+"""Assumptions about a log that is not yet recorded: noise, friction columns, earlier knowledge.
 
 The noise of --noise is given as numbers, or as a log whose residuals are its noise:
 

@@ -99,7 +99,7 @@ def read_prepared_log(
     robust: bool = False,
     of_type: Friction | None = None,
 ) -> PreparedLog:
-    """Read a log and choose its cut-off, regressor and friction model where options say auto."""
+    """Read a log and choose its cut-off, regressor and friction model where options are auto."""
     streamed = _streamed(lib, log, options)
     if streamed is not None:
         recording = head_of(streamed)
@@ -219,7 +219,7 @@ def preparation_of(
 
 
 def _streamed(lib: Library, log: str, options: LogOptions) -> StreamedRecording | None:
-    """The log in its file, where --stream says so, or where it is large and can be streamed."""
+    """The log in its file, with --stream or where it is large and can be streamed."""
     if options.stream:
         return open_streamed(log, options.recipe, options.run, lib.joint_names)
     if options.stream is None and is_large(log):
@@ -229,7 +229,7 @@ def _streamed(lib: Library, log: str, options: LogOptions) -> StreamedRecording 
 
 
 def _hz(text: str | None) -> float | None:
-    """Number of --cutoff; None where the option is not given or says auto."""
+    """Number of --cutoff; None where the option is missing or auto."""
     if text is None or text == AUTO:
         return None
     try:

@@ -1,1 +1,1 @@
-"""What both packages use: documents from outside as records. Nothing of a robot."""
+"""Code that both packages share: files, records, commands, errors; not about robots."""

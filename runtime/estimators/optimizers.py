@@ -1,4 +1,4 @@
-"""The loop of every optimiser: init, step, status, until the status says why to stop.
+"""The loop of every optimiser: init, step, status, until the status states why to stop.
 
 An optimiser is an object with three methods (`Optimiser`); its state is an `Iterate`. The loop
 counts steps, catches Ctrl-C and calls an observer after each step. Two observers are here: early

@@ -171,7 +171,7 @@ class Uncertainty:
         return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
 
     def advice(self) -> str:
-        """What to trust, what this log cannot show, and what to record next."""
+        """Advice on the trust in the result, the limits of the log and the next recording."""
         if self.contradictions:
             doubts = "; ".join((*self.contradictions, *self.model_errors))
             return f"do not trust the result or its intervals yet: {doubts}"

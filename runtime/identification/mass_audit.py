@@ -48,7 +48,7 @@ class MassAudit:
         return self.least > 0
 
     def sentence(self) -> str:
-        """What was shown, in one sentence."""
+        """Result of the audit in one sentence."""
         place = ", ".join(f"{x:.2f}" for x in self.at)
         if self.proven_bound is not None:
             return (

@@ -68,7 +68,7 @@ class OnlineEstimate:
 
 
 def status_of(steps: int, converged: bool, rejected: int) -> str:
-    """How an estimate came about."""
+    """Status of an estimate: the reason why its computation ended."""
     if converged:
         status = f"converged after {steps} Newton steps"
     elif steps:

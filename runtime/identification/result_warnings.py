@@ -114,7 +114,7 @@ def warnings_of(
 
 
 def of_the_log(history: Iterable[str]) -> list[str]:
-    """Steps of reading a log that its user should know: corrupt rows, and warnings."""
+    """Notes on the reading of a log: corrupt rows and warnings."""
     matches = (re.search(r"(^|: )(Warning: |(?=Dropped .* as corrupt))", step) for step in history)
     return [
         f"{match.string[: match.start()]}{match[1]}{match.string[match.end() :].rstrip('.')}"

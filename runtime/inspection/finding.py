@@ -14,7 +14,7 @@ LEVELS = (ERROR, WARNING, INFO)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One property of a log that a user should know or correct.
+    """Property of a log to note or to correct.
 
     Attributes:
         kind: short name of the check's result, stable between versions.

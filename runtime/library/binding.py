@@ -143,7 +143,7 @@ class Binding:
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
     def function(self, name: str, *types: Any) -> Callable[..., None] | None:
-        """Function of the level that is no batch of a kernel; None if the library lacks it."""
+        """Function of the level other than a batch of a kernel; None if the library lacks it."""
         function = self.of_level(name)
         if function is not None:
             function.argtypes, function.restype = types, None

@@ -129,7 +129,7 @@ class MonitoredModel:
         return np.asarray(np.abs(self.phi[:, np.array(dry, dtype=bool)]).sum(axis=1))
 
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:
-        """Joints so slow that the smooth sign of dq does not say which way friction acts.
+        """Joints so slow that the smooth sign of dq does not give the direction of friction.
 
         dq (N, n) [rad/s, m/s] → (N, n).
         """

@@ -1,1 +1,1 @@
-"""What people open and load: reports, model files, the 3D viewer."""
+"""Outputs for users: reports, model files, the 3D viewer."""

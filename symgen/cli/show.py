@@ -128,7 +128,7 @@ def _joint_table(manifest: dict[str, Any]) -> Table:
 
 
 def _follows(manifest: dict[str, Any], place: int) -> str:
-    """What moves a joint that is not independent."""
+    """Joints or motors that move a dependent joint."""
     if "loops" in manifest:
         return "by the loops"
     if "coupling" not in manifest:

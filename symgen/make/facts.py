@@ -1,4 +1,4 @@
-"""What a build states of a robot: its part of the manifest, and notes for the user.
+"""Facts of a robot for its manifest, and notes of a build for the user.
 
 The manifest has all that run time needs to know; the notes say what was lumped, cut off, assumed,
 coupled or rounded.

@@ -70,7 +70,7 @@ class Triangle:
 
 @dataclass(frozen=True, slots=True)
 class ClosedChain:
-    """What the equations of loops depend on; functions of it are made once.
+    """Joints, coupling and loop joints of a chain; its functions are made once.
 
     Attributes:
         joints: all joints.

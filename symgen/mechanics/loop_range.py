@@ -95,7 +95,7 @@ def within_loops(chain: Chain) -> Chain:
 
 
 def _turn(chain: Chain, k: int, positions: Array) -> Turn | None:
-    """What a turn of a joint without limits moves; None where it does not come back."""
+    """Joints moved by one turn of a joint without limits; None where it does not come back."""
     joint = chain.coordinates[k]
     if chain.loops is None or chain.coupling is not None or len(chain.joints) != len(positions.T):
         return None

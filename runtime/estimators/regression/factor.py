@@ -100,7 +100,7 @@ class Statistics:
         return replace(self, factor=np.where(kept, self.factor, 0.0))
 
     def holding(self, held: NDArray[np.bool_], values: Array) -> "Statistics":
-        """Statistics in which some entries of φ have given values and are no unknowns.
+        """Statistics in which some entries of φ are fixed at given values.
 
         Args:
             held: a flag per entry of φ, (n k,).

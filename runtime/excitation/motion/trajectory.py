@@ -146,7 +146,7 @@ class JoinedMotion:
 
     @property
     def duration(self) -> float:
-        """Of all parts [s]."""
+        """Duration of all parts together [s]."""
         return sum(part.duration for part in self.parts)
 
     @property

@@ -153,7 +153,7 @@ def _started(
 
 
 def _best(lib: Library, search: Search, ended: Ended) -> Finished:
-    """Of the starts the first one in their order that can be finished."""
+    """First start, in the given order, that can be finished."""
     failure = None
     for a in in_order(search, [ended[number] for number in sorted(ended)]):
         try:

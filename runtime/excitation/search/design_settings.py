@@ -96,7 +96,7 @@ def settings_from(settings: DesignSettings | None, keywords: dict[str, Any]) -> 
 
 @dataclass(frozen=True, slots=True)
 class SearchProblem:
-    """What is searched, small enough to be sent to another process.
+    """Settings of a search, small enough to be sent to another process.
 
     Attributes:
         folder: of the robot.

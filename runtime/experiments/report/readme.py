@@ -103,7 +103,7 @@ def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...]
 
 
 def _over(view: SavedView) -> str:
-    """What a table of quartiles is over."""
+    """Statistic of a table of quartiles, for its caption."""
     return ", median [quartiles] of 20 designs" if view.spread == "quartiles" else ""
 
 

@@ -243,7 +243,7 @@ class Weighed:
         return row.ravel()
 
     def phrase(self) -> str:
-        """What fixes the scale."""
+        """Assumption that fixes the scale."""
         what = "the moving links" if self.link is None else self.link
         return f"the mass of {what}, {self.kg:g} kg"
 

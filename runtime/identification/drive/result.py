@@ -31,7 +31,7 @@ def places_of(columns: tuple[str, ...]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class DriveRequest:
-    """What is estimated beside the parameters.
+    """Quantities of the drives that are estimated beside the parameters.
 
     Attributes:
         delay: whether a delay is estimated.

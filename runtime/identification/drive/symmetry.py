@@ -90,7 +90,7 @@ class MirroredDrive:
     rise: float | None = None
 
     def sentence(self) -> str:
-        """Where the sides disagree, and why."""
+        """Sentence on joints whose two sides differ, with the reason."""
         sizes = [
             " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
             for each in zip(self.values, self.sigmas, strict=True)

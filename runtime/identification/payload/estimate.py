@@ -273,7 +273,7 @@ def _payload(
 
 
 def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
-    """How the identification ended."""
+    """Status of the identification: the reason why it ended."""
     if not converged:
         return "not converged; check the recording for outliers and the unit of the torque"
     if body.mass < 3 * body.sigma[0]:

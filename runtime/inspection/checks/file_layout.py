@@ -62,7 +62,7 @@ def _by_convention(place: Path) -> Recipe | None:
 
 
 def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
-    """What every column of a file without header was taken for; `inspect` shows it as a table."""
+    """Signals assigned to the columns of a file without header; `inspect` shows them as a table."""
     rows = [
         {"columns": list(each.columns), "signal": each.kind or None, "reason": each.reason}
         for each in blocks
@@ -174,7 +174,7 @@ def run_of(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:
 
 
 def several_runs(parts: list[dict[str, Any]], run: str) -> Finding:
-    """Which of the runs of a folder is read, and how to read the others."""
+    """Finding on a folder of several runs: the one that is read, and how to read the others."""
     files = [str(part["where"]["file"]) for part in parts if part["measured"]]
     names = sorted({_NUMBER.findall(name)[0] for name in files}, key=int)
     sentence = (

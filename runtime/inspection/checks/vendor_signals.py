@@ -1,4 +1,4 @@
-"""What the torque column of a known maker is, by its name.
+"""Kind of torque signal of a known maker, by the name of its column.
 
 Makers publish currents, model torques, compensated torques and sensor torques under names that
 do not say so. A record per name states what it is and what to write. Sources: RTDE guide and

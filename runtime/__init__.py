@@ -4,8 +4,7 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
     lib = runtime.load("fr3")
     recording = runtime.read_recording("log.csv")
-    friction = runtime.choose_default_friction(recording, lib).terms
-    result = runtime.identify(recording, lib, friction_columns=friction, refit=True)
+    result = runtime.identify(recording, lib)
 """
 
 import os
@@ -30,12 +29,12 @@ if TYPE_CHECKING:
     from runtime.estimators.descent.fit import PRESETS
     from runtime.estimators.methods import METHODS
     from runtime.identification.identified import Identification
+    from runtime.identification.identify import identify
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
     from runtime.identification.payload.body import Payload
     from runtime.identification.payload.estimate import identify_payload
     from runtime.identification.sensor_gains.estimate import Gains, identify_gains
     from runtime.identification.settings import Settings
-    from runtime.identification.single_log import identify
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
     from runtime.recording import Recording, read_recording, write_recording
@@ -84,7 +83,7 @@ _MODULES = {
     "Settings": "runtime.identification.settings",
     "choose_default_friction": "runtime.estimators.choice.default_friction",
     "choose_friction": "runtime.estimators.choice.friction_choice",
-    "identify": "runtime.identification.single_log",
+    "identify": "runtime.identification.identify",
     "identify_gains": "runtime.identification.sensor_gains.estimate",
     "identify_payload": "runtime.identification.payload.estimate",
     "load": "runtime.library",

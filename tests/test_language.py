@@ -204,7 +204,7 @@ def test_the_checks_of_this_file_can_fail() -> None:
     function = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
     assert missing_sections(function) == ["told", "Returns"]
     assert SECTION.search(ast.get_docstring(function) or "")
-    assert ("runtime.identification.single_log", "identify") in exported()
+    assert ("runtime.identification.identify", "identify") in exported()
     inside = "import runtime.cli\nfrom runtime.identification import metrics\n"
     public = "from runtime import load\nfrom runtime.experiments.study import Row\n"
     assert internal_imports(ast.parse(inside + public)) == {

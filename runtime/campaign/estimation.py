@@ -23,7 +23,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.several_logs.joint_fit import joined
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.settings import EVERYTHING
@@ -60,14 +60,14 @@ def arm_model(lib: Library, motions: Sequence[tuple[str, Recording]], first: int
     names = [name for name, _ in motions]
     prepared = [prepared_log(each, gear, PREPARATION) for _, each in motions]
     known = gear_prior(gear, len(motions))
-    result = identify(
+    result = identify_recording(
         joined(prepared, names, names),
         lib,
         method="map",
         prior=VAGUE,
         preparation=Preparation(),
-        splitting=EVERYTHING,
-        friction_columns=Friction(NAMES),
+        split=EVERYTHING,
+        friction=Friction(NAMES),
         friction_prior=known,
     )
     spread = _uncertainty(result, known, [len(each.t) for each in prepared])

@@ -253,6 +253,7 @@ def counting(*columns: ProgressColumn) -> Progress:
         *columns,
         console=console,
         transient=True,
+        disable=not console.is_terminal,  # which would leave an empty line in a file
     )
 
 

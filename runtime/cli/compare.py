@@ -1,6 +1,5 @@
 """`symgen compare`."""
 
-import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +20,6 @@ from runtime.cli.common import (
     state,
 )
 from runtime.cli.log_options import (
-    AUTO,
     ControllerFile,
     CoulombSpeed,
     Cutoff,
@@ -33,9 +31,11 @@ from runtime.cli.log_options import (
     Regressor,
     Run,
     Stream,
+    cutoff_of,
     inputs_of,
+    split_of,
 )
-from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
+from runtime.cli.shown_progress import ShownProgress
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
@@ -48,8 +48,11 @@ from runtime.identification.comparison.run import (
     read_truth,
 )
 from runtime.identification.long_logs.identify import assemble_streamed, require_streamable
+from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.settings import AUTO, Settings
 from runtime.outputs.report import write_report
+from runtime.recording import open_log
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")
 
@@ -112,14 +115,23 @@ def compare_command(
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
     streams = _streams(stream, names, controller, friction)
-    log_options = LogOptions(
-        recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor
+    wanted = Settings(
+        friction=friction,
+        coulomb_speed=coulomb_speed,
+        cutoff=cutoff_of(cutoff),
+        rate=rate,
+        regressor=regressor,
+        split=split_of(split),
+        refit=False,
     )
-    data = read_prepared_log(lib, log, log_options, usable_columns(names or tuple(METHODS)))
+    usable = usable_columns(names or tuple(METHODS))
+    with counting(state()) as bar:
+        opened = open_log(log, recipe, run, lib.joint_names, streams)
+        data = prepared_log(opened, lib, wanted, usable, ShownProgress(bar, "compare", lib.name))
     options: dict[str, Any] = {
         "preparation": data.preparation,
-        "splitting": data.splitting,
-        "friction_columns": data.friction,
+        "split": data.split,
+        "friction": data.friction,
         "seed": seed,
     }
     notes = data.notes
@@ -140,7 +152,15 @@ def compare_command(
         assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
     settings = {
         "methods": list(names),
-        **dataclasses.asdict(log_options),
+        "recipe": recipe,
+        "run": run,
+        "friction": friction,
+        "coulomb_speed": coulomb_speed,
+        "cutoff": cutoff,
+        "rate": rate,
+        "split": split,
+        "stream": streams,
+        "regressor": regressor,
         "loop": None if controller is None else controller.name,
         "truth": None if place is None else place.name,
         "seed": seed,

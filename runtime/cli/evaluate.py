@@ -8,12 +8,12 @@ import typer
 
 from runtime.cli.common import Yes, open_robot, torque_table
 from runtime.cli.log_options import Recipe, Run
-from runtime.cli.prepared_log import preparation_of
 from runtime.common.terminal import console, say
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
 from runtime.identification.mass_audit import audit_mass
+from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.outputs.model_files.joint_friction import joint_friction

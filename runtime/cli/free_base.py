@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import ResultFolder, require_result_folder
-from runtime.cli.prepared_log import fractions_of
+from runtime.cli.log_options import fractions_of
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import PriorFile
@@ -26,6 +26,8 @@ EquationRows = Annotated[
         "all; default all, and base without torques.",
     ),
 ]
+TAKEN = ("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite")
+"""Parameters of the command that apply to a robot with a free base."""
 WRITTEN = ResultFolder("identify", ("result.json", "identified.urdf"), "free_base")
 
 
@@ -42,19 +44,18 @@ def identify_free_base_log(
     lib: Library,
     logs: list[str],
     rows: str | None,
-    *,
     cutoff: str | None,
     split: str | None,
     prior: PriorFile | None,
     out: Path | None,
     overwrite: bool,
-    others: dict[str, object],
+    given: dict[str, str],
 ) -> None:
     """Read a log, identify, write result.json and identified.urdf, and print the errors."""
-    given = [name for name, value in others.items() if value]
-    if given:
+    unused = [option for name, option in given.items() if name not in TAKEN]
+    if unused:
         raise IdentificationError(
-            f"{given[0]} does not apply to a robot with a free base; leave it out"
+            f"{unused[0]} does not apply to a robot with a free base; leave it out"
         )
     if len(logs) != 1:
         raise IdentificationError(

@@ -8,12 +8,12 @@ from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Yes, open_robot, torque_table
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
-from runtime.cli.log_options import Parts, Recipe, Run
-from runtime.cli.prepared_log import preparation_of, split_of
+from runtime.cli.log_options import Parts, Recipe, Run, split_of
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, console, say
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
+from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import error_facts, write_result
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
@@ -65,7 +65,7 @@ def friction_command(
     preparation = preparation_of(recording, cutoff, rate)
     if preparation is None and recording.preparation == Preparation():
         preparation = saved.preparation
-    settings = Settings(preparation=preparation, splitting=split_of(split), refit=True)
+    settings = Settings(preparation=preparation, split=split_of(split))
     renewed = identify_friction(recording, lib, saved, settings)
     facts = write_result(renewed.result, folder, command_line())
     for name in _STALE:

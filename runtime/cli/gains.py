@@ -12,14 +12,15 @@ from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
-from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.identification.payload.known import read_known_payload
+from runtime.identification.prepared_log import preparation_of
 from runtime.identification.sensor_gains.estimate import Gains, identify_gains
+from runtime.identification.settings import Settings, friction_of
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Recipe as Plan
@@ -129,7 +130,7 @@ def gains_command(
         lib,
         known,
         link,
-        friction=friction_of(bare, friction, coulomb_speed),
+        friction=friction_of(bare, Settings(friction=friction, coulomb_speed=coulomb_speed)),
         preparation=preparation_of(bare, cutoff, rate),
     )
     plan = plan_of(empty, recipe, run)
@@ -241,7 +242,7 @@ def print_gains_of_one_log(
         recording,
         lib,
         weighed,
-        friction=friction_of(recording, friction, coulomb_speed),
+        friction=friction_of(recording, Settings(friction=friction, coulomb_speed=coulomb_speed)),
         preparation=preparation_of(recording, cutoff, rate),
     )
     console.print(_gains_table(gains))

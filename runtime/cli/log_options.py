@@ -1,37 +1,21 @@
 """Options on logs that several commands share, and the files that they name."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from runtime.cli.common import numbers_option
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
+from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.identification.settings import AUTO
 from runtime.library import Library
-from runtime.recording import REGRESSORS, Friction
+from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
 from runtime.recording.friction import COLUMNS
-
-_ONE_LOG = {
-    "several": (
-        "--controller belongs to one log, but several are given; leave it out",
-        "--encoder-bias and --symmetric belong to one log, but several are given; identify each "
-        "alone",
-    ),
-    "streamed": (
-        "the closed loop of --controller is simulated over all samples, but the log is streamed; "
-        "leave out --controller, or give --no-stream",
-        "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; give "
-        "--no-stream",
-    ),
-}
-"""Logs → sentences that refuse --controller, and --encoder-bias with --symmetric."""
-
-
-AUTO = "auto"
-"""Word for a friction model, cut-off or regressor that is chosen from the log."""
 
 Log = Annotated[
     str,
@@ -39,6 +23,39 @@ Log = Annotated[
         metavar="LOG",
         help="A log as CSV, NPZ, Parquet, HDF5, MCAP or ROS bag, a folder with a recipe, or the "
         "name of a known data set such as panda_gaz.",
+    ),
+]
+Logs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG...",
+        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
+        "recipe, or names of known data sets such as panda_gaz.",
+    ),
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=completing(METHODS),
+        help=f"Estimator: {', '.join(METHODS)}; default map, with --preset adam.",
+    ),
+]
+Preset = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join(PRESETS),
+        autocompletion=completing(PRESETS),
+        help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
+        "document, full uses all samples in every step; default full.",
+    ),
+]
+Prior = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
+        "and symmetries.",
     ),
 ]
 Recipe = Annotated[
@@ -98,8 +115,6 @@ Regressor = Annotated[
         "acceleration.",
     ),
 ]
-PER_JOINT = "per-joint"
-"""Word for one delay per joint."""
 Delay = Annotated[
     str | None,
     typer.Option(
@@ -168,13 +183,76 @@ ControllerFile = Annotated[
         "didim need; simulate writes one as LOG.loop.toml.",
     ),
 ]
+Robust = Annotated[
+    bool,
+    typer.Option(
+        "--robust",
+        help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
+        "notes name the rows that count less.",
+    ),
+]
+PayloadOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="LOG=FILE",
+        help="Known payload of one of several logs: the payload.json that the command payload "
+        "wrote; repeatable.",
+    ),
+]
+Refit = Annotated[
+    bool,
+    typer.Option(
+        help="Fit the parameters again to all rows once the errors on the test part are "
+        "known (methods without early stopping)."
+    ),
+]
+SaveStatistics = Annotated[
+    bool,
+    typer.Option(
+        "--save-statistics",
+        help="Write statistics.npz, the compressed log that fleet needs.",
+    ),
+]
+WithReport = Annotated[
+    bool, typer.Option(help="Write report.html; its figures cost a tenth of a second.")
+]
 
 
-def require_one_log(logs: str, controller: Path | None, drives: object) -> None:
-    """Refuse options that need the samples of one whole log."""
-    for value, sentence in zip((controller, drives), _ONE_LOG[logs], strict=True):
-        if value:
-            raise IdentificationError(sentence)
+def cutoff_of(text: str | None) -> float | str | None:
+    """Value of --cutoff: a number, or auto."""
+    if text is None or text == AUTO:
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise IdentificationError(
+            f"--cutoff needs a frequency in Hz or auto, got '{text}'"
+        ) from None
+
+
+def split_of(text: str | None) -> Split | None:
+    """Parts of a log from --split."""
+    if text is None:
+        return None
+    if text == "all":
+        return EVERYTHING
+    a, b = fractions_of(text)
+    return Split((0.0, a), (a, b), (b, 1.0))
+
+
+def fractions_of(text: str) -> tuple[float, float]:
+    """Ends of training and validation from "A,B"."""
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return a, b
+
+
+def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]]:
+    """Logs with their runs; `--run 1,2,3` of one log gives three."""
+    if len(logs) == 1 and run is not None and "," in run:
+        return [(logs[0], each.strip()) for each in run.split(",")]
+    return [(log, run) for log in logs]
 
 
 def prior_of(path: Path | None, lib: Library) -> PriorFile | None:

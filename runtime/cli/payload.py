@@ -16,7 +16,6 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
-from runtime.cli.prepared_log import preparation_of
 from runtime.common.terminal import command_line, console, say
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
 from runtime.estimators.regression.samples import NORMAL_95
@@ -24,6 +23,7 @@ from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
+from runtime.identification.prepared_log import preparation_of
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 

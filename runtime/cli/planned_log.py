@@ -17,7 +17,6 @@ import numpy as np
 import typer
 
 from runtime.cli.common import numbers_option
-from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.search.information import (
     FRICTION,
@@ -41,6 +40,8 @@ from runtime.identification.expected_accuracy.planned_samples import (
     motion_samples_of,
     noise_of,
 )
+from runtime.identification.prepared_log import prepared_log
+from runtime.identification.settings import NO_FRICTION, Settings
 from runtime.library import Array, Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Friction, read_recording
@@ -136,7 +137,8 @@ def planned_noise(
         sigma = np.array(numbers_option(text, count, "--noise"))
         return TorqueNoise(information(lib, np.broadcast_to(sigma, lib.n_joints)).noise)
     names = FRICTION if friction is None else friction
-    data = read_prepared_log(lib, text, LogOptions(friction=",".join(names) or "none"))
+    log = read_recording(text, joints=lib.joint_names)
+    data = prepared_log(log, lib, Settings(friction=names or NO_FRICTION))
     moved = motion_samples_of(data.recording, lib, data.preparation, Friction(names))
     noise = noise_of(lib, moved)
     if noise is None:

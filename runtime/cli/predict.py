@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,8 +10,8 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Overwrite, Robot, Yes, open_robot
-from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
+from runtime.cli.common import Overwrite, Robot, Yes, counting, open_robot, state
+from runtime.cli.log_options import Cutoff, Rate, Recipe, Run, cutoff_of
 from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,
@@ -20,7 +21,7 @@ from runtime.cli.planned_log import (
     require_gain_error,
     situation_of,
 )
-from runtime.cli.prepared_log import LogOptions, read_prepared_log
+from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
@@ -42,11 +43,13 @@ from runtime.identification.expected_accuracy.planned_samples import (
     planned_recording,
 )
 from runtime.identification.expected_accuracy.session_error import ModelError
+from runtime.identification.prepared_log import prepared_log
+from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.manifest import listed_torques, torque_units
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.outputs.report.log_figure import draw_growth
-from runtime.recording import Friction
+from runtime.recording import Friction, read_recording
 from runtime.recording.friction import COLUMNS
 from runtime.simulation import sample_times
 
@@ -142,7 +145,7 @@ def predict_command(
     _require_rates_apply(
         [trajectory, *([] if more in {None, SAME} else [str(more)])], log_rate, rate
     )
-    options = LogOptions(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=rate)
+    options = LogToPredict(recipe, run, friction, cutoff, rate)
     situation = situation_of(
         lib, _moved(lib, trajectory, options, log_rate), noise, earlier_log, payload_only
     )
@@ -219,10 +222,21 @@ def _gain_error(given: float | None, payload_only: bool) -> float:
     return given
 
 
+@dataclass(frozen=True, slots=True)
+class LogToPredict:
+    """Values of the options on a log; None where an option is not given."""
+
+    recipe: str | None = None
+    run: str | None = None
+    friction: str | None = None
+    cutoff: str | None = None
+    rate: float | None = None
+
+
 def _moved(
     lib: Library,
     source: str,
-    options: LogOptions,
+    options: LogToPredict,
     log_rate: float | None,
     terms: Friction | None = None,
 ) -> MotionSamples:
@@ -232,7 +246,12 @@ def _moved(
         t = sample_times(motion.duration, log_rate or RATE)
         recording = planned_recording(motion, t, lib, Path(source).stem)
         return motion_samples_of(recording, lib, None, terms or _friction(options.friction))
-    data = read_prepared_log(lib, source, options)
+    wanted = Settings(
+        friction=options.friction, cutoff=cutoff_of(options.cutoff), rate=options.rate
+    )
+    with counting(state()) as bar:
+        log = read_recording(source, options.recipe, options.run, lib.joint_names)
+        data = prepared_log(log, lib, wanted, watch=ShownProgress(bar, "predict", lib.name))
     terms = terms or data.friction or _friction(None)
     return motion_samples_of(data.recording, lib, data.preparation, terms)
 
@@ -262,13 +281,13 @@ def _friction(text: str | None) -> Friction:
 
 
 def _further(
-    situation: Situation, more: str, given: LogOptions, log_rate: float | None
+    situation: Situation, more: str, given: LogToPredict, log_rate: float | None
 ) -> MotionSamples:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
         return moved
-    options = LogOptions(cutoff=given.cutoff, rate=given.rate)
+    options = LogToPredict(cutoff=given.cutoff, rate=given.rate)
     further = _moved(situation.lib, more, options, log_rate or moved.rate, moved.terms)
     further.require_columns(moved.columns)
     return further
@@ -278,7 +297,7 @@ def _gains(
     situation: Situation,
     now: Expected,
     more: str,
-    options: LogOptions,
+    options: LogToPredict,
     log_rate: float | None,
 ) -> tuple[GainOfRecording, ...]:
     further, lib = _further(situation, more, options, log_rate), situation.lib
@@ -291,7 +310,11 @@ def _gains(
 
 
 def _draw(
-    situation: Situation, more: str | None, options: LogOptions, log_rate: float | None, path: Path
+    situation: Situation,
+    more: str | None,
+    options: LogToPredict,
+    log_rate: float | None,
+    path: Path,
 ) -> None:
     lib = situation.lib
     further = None if more in {None, SAME} else _further(situation, str(more), options, log_rate)

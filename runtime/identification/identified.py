@@ -12,6 +12,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.identification.drive.result import DriveFit
+from runtime.identification.several_logs.agreement import LogAgreement
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
@@ -90,6 +91,7 @@ class Identification(Framed):
         drive: delay, encoder biases and standard deviations of φ; None where not estimated.
         symmetric: comparison of mirrored joints; empty where it was not requested.
         is_joined: the training part includes the validation part, which nothing is tuned by.
+        agreement: comparison of several logs; None for one.
     """
 
     method: str
@@ -122,6 +124,7 @@ class Identification(Framed):
     drive: DriveFit | None = None
     is_joined: bool = False
     symmetric: tuple[Any, ...] = ()
+    agreement: LogAgreement | None = None
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"

@@ -90,7 +90,7 @@ def identify_friction(
             "expected an earlier result with friction columns, got one without friction; identify "
             "the robot with --friction"
         )
-    chosen = replace(settings or Settings(refit=True), friction_columns=saved.friction)
+    chosen = replace(settings or Settings(), friction=saved.friction)
     assembly = assemble(recording, lib, chosen, is_joined=True)
     problem = assembly.problem
     if problem.train.equations < lib.n_joints:

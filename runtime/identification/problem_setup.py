@@ -18,13 +18,12 @@ from runtime.estimators.prior_file import friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains.scaling import in_torque
-from runtime.identification.settings import Settings, settings_from, shares_of
+from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import (
-    default_terms,
     geared,
     left_out_note,
     unresolved,
@@ -41,11 +40,6 @@ __all__ = [
 ]
 
 PARTS = ("train", "validation", "test")
-WITHOUT_FRICTION = (
-    "no friction was fitted, because neither the settings nor a recipe name friction columns; the "
-    "command identify chooses them by cross-validation, and "
-    "runtime.choose_default_friction(recording, lib).terms returns its choice for friction_columns"
-)
 WITHOUT_PRIOR = "pc-ols"
 """Method for such a robot where none is named: consistent, and convex from any start."""
 
@@ -107,13 +101,12 @@ def assemble(
     Raises:
         IdentificationError: parts are too short, or settings contradict the log.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = bare_settings(settings, keywords)
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     preparation = chosen.preparation
     recording, chosen = in_torque(recording, lib, chosen)
-    terms = chosen.friction_columns or default_terms(recording) or Friction(columns=())
-    terms = geared(terms, recording, lib)
+    terms = geared(terms_of(recording, chosen), recording, lib)
     usual = preparation or recording.preparation
     is_joined = is_joined and chosen.validation is None
     parts = _parts(recording, lib, chosen, terms, is_joined)
@@ -146,8 +139,6 @@ def assemble(
         noise_floor=known_noise(chosen, usual.regressor),
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
-    if chosen.friction_columns is None and not terms.columns and np.any(train.dq):
-        notes = (*notes, WITHOUT_FRICTION)
     origin = Origin(
         recording,
         terms,

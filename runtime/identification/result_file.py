@@ -68,7 +68,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "beta": result.beta.tolist(),
         "condition_number": condition_number(result),
         "trained": trained_facts(result),
-        "sessions": None,
+        "sessions": None if result.agreement is None else result.agreement.facts(),
         "provenance": {
             "command": command,
             "versions": versions() | lib.manifest.versions,
@@ -116,16 +116,13 @@ def error_facts(
     return facts
 
 
-def write_result(
-    result: Identification, folder: Path, command: str, agreement: dict[str, Any] | None = None
-) -> dict[str, Any]:
+def write_result(result: Identification, folder: Path, command: str) -> dict[str, Any]:
     """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
 
     Args:
         result: result of an identification.
         folder: existing folder.
         command: command line that made the result.
-        agreement: agreement of several sessions.
 
     Returns:
         Content of result.json.
@@ -140,7 +137,7 @@ def write_result(
             f"got {largest:.3g}, so nothing was written; leave out friction columns that the "
             "motion does not excite, or use a method with a prior (map)"
         )
-    facts = result_facts(result, command) | {"sessions": agreement}
+    facts = result_facts(result, command)
     test = samples_of(result.test, result.lib)
     arrays = {
         "t": np.asarray(result.test.t),

@@ -1,10 +1,11 @@
-"""Settings of an identification: method, preparation, friction, split, prior, first guess.
+"""Settings of an identification: choices from the log, method, prior, parts, and what is fitted.
 
-One frozen `Settings` serves a single log, several logs, a streamed log and a comparison of methods.
-Each of them refuses the fields that it cannot use.
+One frozen `Settings` is the keywords of `identify` and the options of the command. It serves a
+single log, several logs, a streamed log and a comparison of methods. Each of them refuses the
+fields that it cannot use.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -15,6 +16,14 @@ from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
+from runtime.recording.friction import default_terms
+
+AUTO = "auto"
+"""Word for a friction model, cut-off, regressor or delay that is chosen from the log."""
+PER_JOINT = "per-joint"
+"""Word for one delay per joint."""
+NO_FRICTION = "none"
+"""Word for a fit of the inertia only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,13 +34,26 @@ class Settings:
         method: one of `METHODS`; None is "map", or "adam" where a preset is given.
         preset: settings of "adam", a name of `PRESETS` or a `Preset`; None is "full".
         prior: inertial prior beyond the URDF, for "map".
-        preparation: steps from the log to the rows of the fit; None is the recipe's, and without
-            a recipe only missing derivatives are computed.
-        splitting: shares of the recording for training, validation and test; None is the
-            recipe's, and without a recipe 48 %, 12 % and 40 %.
-        friction_columns: friction model; None is the recipe's, and without a recipe no friction,
-            which a note of the result states. `runtime.choose_default_friction` returns the
-            choice of the command.
+        friction: friction model: a `Friction`, names of columns (with commas, or a sequence),
+            "none" or () for a fit of the inertia only, "auto" for a choice among all models by
+            cross-validation, "auto,rotor" with a column in every candidate. None is the recipe's,
+            and without one the choice among offset, viscous, Coulomb or Dahl, and rotor columns.
+        coulomb_speed: width of the smooth Coulomb sign [rad/s, m/s]; None is the recipe's, else
+            that of the choice.
+        preparation: all steps from the log to the rows of the fit, which are then taken as they
+            are; None is the recipe's with the next three fields in place, and without a recipe only
+            missing derivatives are computed.
+        cutoff: cut-off of the low-pass [Hz], or "auto" for a choice by cross-validation.
+        rate: rate of the rows to which the log is decimated [Hz].
+        regressor: form of the equations, one of `REGRESSORS`, or "auto" for momentum where the
+            differentiation of the log fails.
+        delay: delay of the torque [s], "auto" to estimate it, "per-joint" for one per joint.
+        encoder_bias: whether the zero of every encoder is estimated; None where the delay of a
+            commanded torque is.
+        symmetric: parts "LEFT:RIGHT" of the names of mirrored joints, whose drives are compared.
+        tie: whether mirrored links and drives are tied, too.
+        split: shares of the recording for training, validation and test; None is the recipe's, and
+            without a recipe 48 %, 12 % and 40 %.
         validation: separate recording for validation, prepared like the first; None splits.
         test: separate recording for the test; given together with `validation` or not at all.
         lam0: first guess λ, (10 n,) [ln kg, m ×3, rad ×3, kg^½·m ×3]; None is that of the URDF.
@@ -52,16 +74,24 @@ class Settings:
     method: str | None = None
     preset: "str | Preset | None" = None
     prior: PriorFile | None = None
+    friction: Friction | str | Sequence[str] | None = None
+    coulomb_speed: float | None = None
     preparation: Preparation | None = None
-    splitting: Split | None = None
-    friction_columns: Friction | None = None
+    cutoff: float | str | None = None
+    rate: float | None = None
+    regressor: str | None = None
+    delay: float | str | None = None
+    encoder_bias: bool | None = None
+    symmetric: Sequence[str] = ()
+    tie: bool = False
+    split: Split | None = None
     validation: Recording | None = None
     test: Recording | None = None
     lam0: ArrayLike | None = None
     inputs: Mapping[str, Any] | None = None
     seed: int = 0
     certify: bool = True
-    refit: bool = False
+    refit: bool = True
     robust: bool = False
     friction_prior: FrictionPrior | None = None
 
@@ -85,6 +115,8 @@ class Settings:
 
 
 NAMES = tuple(each.name for each in fields(Settings))
+CHOSEN = (*("cutoff", "rate", "regressor", "delay", "encoder_bias", "symmetric", "tie"),)
+"""Fields that `identify` turns into a preparation or unknowns before a fit."""
 
 
 def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
@@ -100,7 +132,44 @@ def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) 
     return replace(settings, **keywords)
 
 
+def bare_settings(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
+    """Settings of a fit that chooses nothing from the log, to the training part alone.
+
+    A whole record of settings is taken as it is, but for what is chosen.
+    """
+    if not isinstance(settings, Settings):
+        keywords = {"refit": False, **keywords}
+    chosen = settings_from(settings, keywords)
+    chosen.require_default(CHOSEN, "a fit of prepared rows")
+    return chosen
+
+
+def friction_of(recording: Recording, settings: Settings) -> Friction | None:
+    """Friction model of the settings, else of the recipe, with the stated width; None for neither.
+
+    The first column is "auto" where a model is to be chosen.
+    """
+    names, speed = settings.friction, settings.coulomb_speed
+    if isinstance(names, Friction):
+        return names if speed is None else replace(names, coulomb_speed=speed)
+    default = default_terms(recording)
+    if names is None and speed is None:
+        return default
+    written = recording.recipe.friction if recording.recipe else None
+    known = written or Friction(columns=())
+    columns, width = (default or known).columns, known.coulomb_speed if speed is None else speed
+    if names is not None:
+        listed = tuple(names.split(",")) if isinstance(names, str) else tuple(names)
+        columns = () if listed == (NO_FRICTION,) else listed
+    return replace(known, columns=columns, coulomb_speed=width)
+
+
+def terms_of(recording: Recording, settings: Settings) -> Friction:
+    """Friction model of a fit: that of the settings, else of the recipe, else none."""
+    return friction_of(recording, settings) or Friction(columns=())
+
+
 def shares_of(recording: Recording | StreamedRecording, settings: Settings) -> Split:
     """Fractions of the parts: of the settings, else of the recipe, else the default."""
     recipe = recording.recipe
-    return settings.splitting or (recipe.split if recipe else None) or Split()
+    return settings.split or (recipe.split if recipe else None) or Split()

@@ -1,9 +1,10 @@
 """Identification of a robot from one recording.
 
-`identify` prepares and splits the recording, passes the `Problem` to the chosen method and compares
-the answer with the optimum of the convex problem. The document's method is Adam in λ (Sec. 4): its
-settings are the presets "simulation" (Table 5.1) and "real" (Table 5.8). "full" is the same descent
-on all samples at once, from compressed statistics; it costs less and stops closer to the optimum.
+`identify_recording` prepares and splits the recording, passes the `Problem` to the chosen method
+and compares the answer with the optimum of the convex problem. The document's method is Adam in λ
+(Sec. 4): its settings are the presets "simulation" (Table 5.1) and "real" (Table 5.8). "full" is
+the same descent on all samples at once, from compressed statistics; it costs less and stops closer
+to the optimum.
 
 The method, the friction model and the weights are chosen, and the errors computed, with the fit to
 the training part. What is chosen is then fitted to the rows of all parts (`refitted`): the
@@ -32,14 +33,14 @@ from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
-from runtime.identification.settings import Settings, settings_from
+from runtime.identification.settings import Settings, bare_settings
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import filter_inflation
 
 
 @one_blas_thread
-def identify(
+def identify_recording(
     recording: Recording,
     lib: Library,
     settings: Settings | str | None = None,
@@ -47,32 +48,12 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     **keywords: Any,
 ) -> Identification:
-    """Identify π, and friction where columns are given, of a robot from a recording.
+    """Identify π, and φ of stated friction columns, from a recording; nothing else is chosen.
 
-    Friction columns are those of `friction_columns`, else of the recipe, else none, which a note of
-    the result states: a choice costs more than the fit, and Monte Carlo studies call this function
-    thousands of times. The command `identify` chooses columns by cross-validation and fits the
-    result to all rows. The same digits in Python:
-
-        terms = runtime.choose_default_friction(recording, lib).terms
-        result = runtime.identify(recording, lib, friction_columns=terms, refit=True)
-
-    Args:
-        recording: log as read, or already prepared.
-        lib: library of the robot.
-        settings: what is done; a string is the name of a method, None the defaults.
-        progress: called by methods that iterate, with iteration and best validation loss.
-        **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
-            prior, preparation, splitting, friction_columns, validation, test, lam0, inputs,
-            seed, certify, refit, robust, friction_prior.
-
-    Returns:
-        Parameters in SI units with their errors, certificates and prepared data.
-
-    Raises:
-        RuntimeFault: the data or settings do not make an identification problem.
+    Friction columns are those of the settings, else of the recipe, else none. Keywords alone fit
+    the training part only (`refit` False), as a Monte Carlo study needs it.
     """
-    chosen = settings_for(lib, settings_from(settings, keywords))
+    chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     joins = not METHODS[method].uses_validation
     assembly = assemble(recording, lib, chosen, progress=progress, is_joined=joins)
@@ -84,7 +65,7 @@ def identify_assembled(
     assembly: Assembly, settings: Settings | str | None = None, **keywords: Any
 ) -> Identification:
     """Identify from a problem that is assembled already."""
-    chosen = settings_for(assembly.problem.lib, settings_from(settings, keywords))
+    chosen = settings_for(assembly.problem.lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     start = time.perf_counter()
     given, assembly = assembly, _weighted(assembly, method, chosen)

@@ -209,13 +209,13 @@ def proposed_preparation(
     recording: Recording,
     lib: Library,
     preparation: Preparation,
-    splitting: Split | None,
+    split: Split | None,
     terms: Friction,
 ) -> tuple[Preparation, list[Finding]]:
     """Choose cut-off, derivative and regressor."""
-    choice = choose_cutoff(recording, lib, preparation, splitting, terms)
+    choice = choose_cutoff(recording, lib, preparation, split, terms)
     findings = [Finding("cutoff", INFO, choice.sentence)]
-    seen = before_test(recording, splitting)
+    seen = before_test(recording, split)
     for ready in _candidates(choice):
         quality = differentiation_of(seen, lib, ready)
         if quality is None or not quality.fails:

@@ -6,7 +6,7 @@ from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe, recipe_text
 from runtime.recording.recording import Recording
 from runtime.recording.settings import EVERYTHING, REGRESSORS, Friction, Preparation, Split
-from runtime.recording.streamed import StreamedRecording, is_large, open_streamed
+from runtime.recording.streamed import StreamedRecording, is_large, open_log, open_streamed
 
 __all__ = [
     "EVERYTHING",
@@ -21,6 +21,7 @@ __all__ = [
     "check_consistency",
     "is_large",
     "load_recipe",
+    "open_log",
     "open_streamed",
     "plan_of",
     "read_recording",

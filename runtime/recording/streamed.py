@@ -1,6 +1,7 @@
 """A log that stays in its file; any rows of it become a `Recording` without the others."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
@@ -14,7 +15,7 @@ from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.log_format import LogRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
-from runtime.recording.reader import place_and_recipe
+from runtime.recording.reader import place_and_recipe, read_recording
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.unit_conversion import converted
@@ -225,6 +226,36 @@ def open_streamed(
         clock=clock,
         remarks=files.remarks(),
     )
+
+
+def open_log(
+    path: str | Path,
+    recipe: str | Path | Recipe | None = None,
+    run: str | None = None,
+    joints: Sequence[str] = (),
+    stream: bool | None = None,
+) -> Recording | StreamedRecording:
+    """Read a log, or open it where it stays in its file.
+
+    Args:
+        path: as for `read_recording`.
+        recipe: as for `read_recording`.
+        run: as for `read_recording`.
+        joints: as for `read_recording`.
+        stream: True leaves it in its file, False reads it as a whole, None decides by its size.
+
+    Returns:
+        The log in memory, or in its file.
+
+    Raises:
+        RecordingError: the file is not a log, or has to be read as a whole where `stream` is True.
+    """
+    if stream:
+        return open_streamed(path, recipe, run, joints)
+    if stream is None and is_large(path):
+        with suppress(RecordingError):  # compressed or damaged: `read_recording` says which
+            return open_streamed(path, recipe, run, joints)
+    return read_recording(path, recipe, run, joints)
 
 
 def _time_first(item: tuple[str, object]) -> bool:

@@ -16,15 +16,15 @@ import numpy as np
 
 from bench.front import Sheet
 from bench.real_logs import library_of
-from runtime.cli.prepared_log import usable_columns
 from runtime.errors import RuntimeFault
 from runtime.estimators.choice.default_friction import DEFAULT_COLUMNS, choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
+from runtime.identification.prepared_log import usable_columns
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify_recording
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from runtime.recording import Friction, Recording, read_recording
@@ -183,8 +183,8 @@ def _errors(
     for name, terms in models.items():
         for method in methods if name != DEFAULT else ("map",):
             try:
-                wanted = Settings(method=method, friction_columns=terms, certify=False, refit=True)
-                error = _error(identify(train, lib, wanted), test)
+                wanted = Settings(method=method, friction=terms, certify=False, refit=True)
+                error = _error(identify_recording(train, lib, wanted), test)
             except RuntimeFault:
                 error = float("nan")
             yield Error(robot, method, name, terms.columns, error)

@@ -16,11 +16,12 @@ import numpy as np
 
 from bench.front import SHORT, cpu_seconds
 from bench.trials import trajectories
-from runtime import Identification, Recording, choose_default_friction, identify
+from runtime import Identification, Recording, choose_default_friction
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.identification.statistics_file import (
     FILE,
     UnitStatistics,
@@ -147,8 +148,8 @@ def identified(
     lib: Library, log: Recording, terms: Friction, prior: PriorFile | None, certify: bool = True
 ) -> Identification:
     """The unit by the default method with all rows."""
-    settings = {"preparation": FILTERED, "friction_columns": terms, "splitting": EVERYTHING}
-    return identify(log, lib, prior=prior, certify=certify, **settings)
+    settings = {"preparation": FILTERED, "friction": terms, "split": EVERYTHING}
+    return identify_recording(log, lib, prior=prior, certify=certify, **settings)
 
 
 NOISE = 0.3  # torque noise, N·m

@@ -341,8 +341,11 @@ import json, sys, runtime
 lib = runtime.load(sys.argv[1])
 log = runtime.read_recording("fr3_simulated")
 friction = runtime.choose_default_friction(log, lib).terms
-for name, how in {"plain": {}, "command": {"friction_columns": friction, "refit": True},
-                  "ols": {"friction_columns": friction, "method": "ols"}}.items():
+# Of an earlier version the keyword has another name, and no friction is the default.
+word = "friction" if hasattr(runtime.Settings, "friction") else "friction_columns"
+for name, how in {"plain": {word: () if word == "friction" else None, "refit": False},
+                  "command": {word: friction, "refit": True},
+                  "ols": {word: friction, "method": "ols", "refit": False}}.items():
     result = runtime.identify(log, lib, **how)
     tau = result.predict(log.q, log.dq, 0 * log.dq)
     facts = {"pi": result.pi.tolist(), "phi": result.phi.tolist(), "tau": tau.tolist()}

@@ -125,7 +125,7 @@ def child(robot: str, path: str) -> None:
     lib = load(robot)
     start = time.perf_counter()
     log = open_streamed(path)
-    result = identify_streamed(log, lib, preparation=PREPARATION, friction_columns=FRICTION)
+    result = identify_streamed(log, lib, preparation=PREPARATION, friction=FRICTION)
     dict(log.source)  # waits until the file is hashed
     wall = time.perf_counter() - start
     rss = _peak()

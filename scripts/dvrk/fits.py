@@ -71,7 +71,7 @@ def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTO
     assembly = assemble(
         log(data, train),
         lib,
-        friction_columns=Friction((*COLUMNS, *springs), dahl_stroke=STROKE),
+        friction=Friction((*COLUMNS, *springs), dahl_stroke=STROKE),
         preparation=_steps(cutoff),
         validation=unseen,
         test=unseen,
@@ -103,7 +103,7 @@ def friction_of_start(fit: ArmFit, data: Path, run: str, seconds: float) -> Arra
         model=None,
     )
     start = log(data, run).take(slice(0, round((seconds + 2.0) * RATE)), "Took the start.")
-    settings = Settings(preparation=saved.preparation, splitting=EVERYTHING)
+    settings = Settings(preparation=saved.preparation, split=EVERYTHING)
     return identify_friction(start, lib, saved, settings).result.phi
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-import runtime
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
@@ -18,6 +17,7 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.experiments.storage.result_files import CONFIG, write_json, write_outcome
 from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
+from runtime.identification.single_log import identify_recording
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
 from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
@@ -215,7 +215,7 @@ def result(folder: Path, lib: Library) -> None:
     """Result of `identify`, and a log for evaluate."""
     log = motion(lib, 400)
     terms = Friction(("viscous", "coulomb", "offset"))
-    identified = runtime.identify(log, lib, preparation=Preparation(), friction_columns=terms)
+    identified = identify_recording(log, lib, preparation=Preparation(), friction=terms)
     write_result(identified, folder, "a test")
     write_recording(motion(lib), folder / "log.csv")
 
@@ -254,7 +254,7 @@ def units(folder: Path, lib: Library) -> None:
     for k in range(3):
         noise = np.random.default_rng(k + 1).normal(scale=0.05, size=log.tau.shape)
         unit = log.replace(tau=log.tau + noise)
-        result = runtime.identify(unit, lib, preparation=Preparation(), friction_columns=terms)
+        result = identify_recording(unit, lib, preparation=Preparation(), friction=terms)
         place = folder / "units" / f"u{k}"
         place.mkdir(parents=True)
         write_statistics(statistics_of(result, place.name), place / "statistics.npz")

@@ -18,6 +18,7 @@ import runtime
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.excitation.trajectory_file import read_trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library.parameters import inertia_matrix
 from runtime.recording import Friction, Preparation
@@ -256,11 +257,11 @@ FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] 
 
 def _identified() -> runtime.Identification:
     log = runtime.read_recording(EXAMPLES / "fr3_simulated.npz")
-    return runtime.identify(
+    return identify_recording(
         log,
         runtime.load("fr3"),
         preparation=Preparation(filter="butterworth", cutoff_hz=10.0),
-        friction_columns=Friction(("viscous", "coulomb")),
+        friction=Friction(("viscous", "coulomb")),
     )
 
 

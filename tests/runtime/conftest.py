@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify, read_recording, write_recording
+from runtime import Identification, Recording, read_recording, write_recording
 from runtime.cli import main
 from runtime.excitation import Design, Trajectory
 from runtime.excitation.search.information import FRICTION
@@ -22,6 +22,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     motion_samples_of,
     planned_recording,
 )
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
@@ -111,7 +112,7 @@ def panda(shared_data: Path) -> Recording:
 @pytest.fixture(scope="session")
 def panda_adam(panda: Recording, lib: Library) -> Identification:
     """The real log identified by the descent in λ."""
-    return identify(panda, lib, "adam")
+    return identify_recording(panda, lib, "adam")
 
 
 @pytest.fixture(scope="session")

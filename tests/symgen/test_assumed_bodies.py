@@ -7,6 +7,7 @@ import pytest
 
 import runtime
 from runtime.errors import IdentificationError
+from runtime.identification.single_log import identify_recording
 from symgen.chain import ChainOptions, read_chain
 from symgen.errors import UrdfError
 from symgen.make.pipeline import build, generate
@@ -88,13 +89,13 @@ def test_identification_without_prior(bare: runtime.Library) -> None:
     tau = bare.torque(q[:, None], dq[:, None], ddq[:, None], bare.lam_from_pi(pi))
     tau = tau + 1e-6 * rng.normal(size=tau.shape)
     log = runtime.Recording(t=t, q=q[:, None], dq=dq[:, None], ddq=ddq[:, None], tau=tau)
-    result = runtime.identify(log, bare)
+    result = identify_recording(log, bare)
     assert result.method == "pc-ols"
     assert any("states no <inertial>" in note for note in result.notes)
     # 1e-4: noise of 1e-6 over torques of order one, over 192 rows, times the condition
     np.testing.assert_allclose(result.beta, bare.base_matrix @ pi, rtol=1e-4, atol=1e-4)
     with pytest.raises(IdentificationError, match="method 'map' needs an inertial prior"):
-        runtime.identify(log, bare, "map")
+        identify_recording(log, bare, "map")
 
 
 def test_build_with_masses(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:

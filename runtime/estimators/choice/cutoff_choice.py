@@ -90,7 +90,7 @@ def choose_cutoff(
     recording: Recording,
     lib: Library,
     preparation: Preparation | None = None,
-    splitting: Split | None = None,
+    split: Split | None = None,
     friction: Friction | None = None,
 ) -> CutoffChoice:
     """Choose a cut-off on the training and validation parts of a recording.
@@ -102,7 +102,7 @@ def choose_cutoff(
     """
     recipe = recording.recipe
     base = preparation or recording.preparation
-    parts = splitting or (recipe.split if recipe else None) or Split()
+    parts = split or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
     seen = before_test(recording, parts).replace(columns=None, column_names=())
     trials = _Trials(seen, lib, base, terms)

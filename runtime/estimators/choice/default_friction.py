@@ -101,7 +101,7 @@ def choose_default_friction(
     recording: Recording,
     lib: Library,
     preparation: Preparation | None = None,
-    splitting: Split | None = None,
+    split: Split | None = None,
     coulomb_speed: float | None = None,
     allowed: Sequence[str] = USABLE,
     robust: bool = False,
@@ -115,7 +115,7 @@ def choose_default_friction(
         recording: as read; friction columns that it holds are not used.
         lib: library of the robot.
         preparation: None is the recipe's.
-        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
+        split: shares of the parts; None is the recipe's, else the first 60 % are used.
         coulomb_speed: ε [rad/s] of the Coulomb column, with which "dahl" is not tried; None
             searches it.
         allowed: columns that the method can use, `SPRINGS` for those of springs.
@@ -128,7 +128,7 @@ def choose_default_friction(
     Raises:
         RuntimeFault: the log cannot be prepared.
     """
-    parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
+    parts = split or (recording.recipe.split if recording.recipe else None) or Split()
     bare = before_test(recording, parts).replace(columns=None, column_names=())
     springs = spring_names(lib) if SPRINGS in allowed else ()
     shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed) + springs

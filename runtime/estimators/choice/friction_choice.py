@@ -100,7 +100,7 @@ def choose_friction(
     recording: Recording,
     lib: Library,
     preparation: Preparation | None = None,
-    splitting: Split | None = None,
+    split: Split | None = None,
     coulomb_speed: float | None = None,
     names: Sequence[str] = tuple(FRICTION_MODELS),
     extra: tuple[str, ...] = (),
@@ -114,7 +114,7 @@ def choose_friction(
         recording: as read; friction columns that it holds are not used.
         lib: library of the robot.
         preparation: None is the recipe's.
-        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
+        split: shares of the parts; None is the recipe's, else the first 60 % are used.
         coulomb_speed: ε [rad/s]; None searches it.
         names: candidates to try.
         extra: columns that every candidate has, such as "rotor".
@@ -131,7 +131,7 @@ def choose_friction(
             f"there is no friction model '{wrong[0] if wrong else ''}'; choose from "
             f"auto, {', '.join(FRICTION_MODELS)}"
         )
-    parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
+    parts = split or (recording.recipe.split if recording.recipe else None) or Split()
     bare = before_test(recording, parts).replace(columns=None, column_names=())
 
     made: Array | None = None  # rows without accelerations are by far the dearest part: kept

@@ -93,7 +93,7 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
         log(0, noisy),
         lib,
         preparation=config.preparation,
-        friction_columns=config.friction,
+        friction=config.friction,
         validation=log(1, noisy),
         test=log(2, clean),
         lam0=cad,

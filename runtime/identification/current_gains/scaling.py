@@ -23,13 +23,13 @@ def with_current_gains(
     *,
     friction: Friction | None = None,
     preparation: Preparation | None = None,
-    splitting: Split | None = None,
+    split: Split | None = None,
 ) -> Recording:
     """The recording with torques in place of currents with unknown gains."""
     if not recording.has_unknown_gains:
         return recording
     unit = of_gain_one(recording)
-    shares = splitting or (unit.recipe.split if unit.recipe else None)
+    shares = split or (unit.recipe.split if unit.recipe else None)
     seen = before_test(unit, shares)
     gains = current_gains(seen, lib, weighed, friction=friction, preparation=preparation)
     return scaled(recording, gains)
@@ -63,7 +63,7 @@ def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[R
         recording,
         lib,
         preparation=settings.preparation,
-        splitting=settings.splitting,
+        split=settings.split,
     )
     gains = recording.gains
     if gains is None:

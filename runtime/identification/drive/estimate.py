@@ -28,13 +28,13 @@ from runtime.identification.drive.feedback import (
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import assemble, known_friction
-from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify, identify_assembled
+from runtime.identification.settings import Settings, terms_of
+from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import default_terms, geared
+from runtime.recording.friction import geared
 from runtime.recording.preprocessing import before_test
 
 PASSES = 6
@@ -147,7 +147,7 @@ def identification_at(
     preparation = _delayed(recording, problem.preparation, point.delay)
     usual = replace(problem.settings, preparation=preparation)
     if removed is None:
-        return identify(moved, problem.lib, usual, progress=progress)
+        return identify_recording(moved, problem.lib, usual, progress=progress)
     assembly = assemble(moved, problem.lib, usual, progress=progress, is_joined=True)
     train, (t, torque) = assembly.parts[0], removed
     c = np.stack([np.interp(train.t, t, row) for row in torque.T], axis=1)
@@ -206,21 +206,20 @@ def identify_drive(
     _require(settings, recording)
     recording = independent_joints(recording, lib)
     recording = with_current_gains(
-        recording, lib, preparation=settings.preparation, splitting=settings.splitting or SPLIT
+        recording, lib, preparation=settings.preparation, split=settings.split or SPLIT
     )
     recipe = recording.recipe
     # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
     settings = replace(settings, refit=False)
-    if settings.splitting is None and (recipe is None or recipe.split is None):
-        settings = replace(settings, splitting=SPLIT)
+    if settings.split is None and (recipe is None or recipe.split is None):
+        settings = replace(settings, split=SPLIT)
     preparation = without_ends(recording, settings.preparation or recording.preparation)
     settings = replace(settings, preparation=preparation)
-    terms = settings.friction_columns or default_terms(recording) or Friction(columns=())
-    terms = geared(terms, recording, lib)
-    if settings.friction_columns is None and not (recipe and recipe.friction):
-        seen = before_test(recording, settings.splitting)
+    terms = geared(terms_of(recording, settings), recording, lib)
+    if settings.friction is None and not (recipe and recipe.friction):
+        seen = before_test(recording, settings.split)
         terms, sentence = with_dry_friction(seen, lib, preparation, terms, request.delay)
-        settings = replace(settings, friction_columns=terms)
+        settings = replace(settings, friction=terms)
         if sentence:
             result = identify_drive(recording, lib, settings, request, progress=progress)
             return replace(result, notes=(sentence, *result.notes))
@@ -255,7 +254,7 @@ def identify_drive(
 def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DrivePoint | None, str]:
     """The most probable delay and biases; None and the reason where the log has no delay."""
     # The profile is of the rows before the test part, as the passes are.
-    seen = before_test(problem.recording, problem.settings.splitting)
+    seen = before_test(problem.recording, problem.settings.split)
     first = recorded_delay(seen, problem.lib, problem.preparation, terms)
     if first.profile.is_flat:
         low, high = (1e3 * end for end in first.interval_s)

@@ -296,7 +296,7 @@ def identify_drives(
         return identify_drive(recording, lib, settings, apart, progress=progress)
     first = identify_drive(recording, lib, replace(settings, certify=False), apart)
     prior, names = tied_prior(first, settings, pairs)
-    usual = replace(settings, friction_prior=prior, friction_columns=first.friction)
+    usual = replace(settings, friction_prior=prior, friction=first.friction)
     result = identify_drive(recording, lib, usual, apart, progress=progress)
     note = (
         f"{' and '.join(names)} of the joints that --symmetric pairs are tied to their mean within "

@@ -47,7 +47,7 @@ from runtime.identification.problem_setup import (
     rounding_of,
     settings_for,
 )
-from runtime.identification.settings import Settings, settings_from, shares_of
+from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording import (
@@ -59,7 +59,7 @@ from runtime.recording import (
     check_consistency,
 )
 from runtime.recording.consistency import require_plausible
-from runtime.recording.friction import default_terms, geared, left_out_note, without_columns
+from runtime.recording.friction import geared, left_out_note, without_columns
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ALL
 
@@ -233,7 +233,7 @@ def assemble_streamed(
     **keywords: Any,
 ) -> StreamedAssembly:
     """Assemble the problem of a log that stays in its file."""
-    chosen = settings_for(lib, settings_from(settings, keywords))
+    chosen = settings_for(lib, bare_settings(settings, keywords))
     chosen.require_default(WHOLE_ONLY, "a streamed log")
     report = progress or (lambda _: None)
     recipe = log.recipe
@@ -244,8 +244,7 @@ def assemble_streamed(
             "--regressor momentum or --no-stream"
         )
     head = _head(log, lib)
-    terms = chosen.friction_columns or default_terms(head) or Friction(columns=())
-    terms = geared(terms, head, lib)
+    terms = geared(terms_of(head, chosen), head, lib)
     shares = shares_of(log, chosen)
     whole = parts_of_log(log, lib, preparation, terms, shares, is_joined, head.rate_hz)
     report("windows of the parts")
@@ -296,7 +295,7 @@ def identify_streamed(
     **keywords: Any,
 ) -> Identification:
     """Identify π from a log that stays in its file."""
-    chosen = settings_for(lib, settings_from(settings, keywords))
+    chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)
     joins = not METHODS[method].uses_validation

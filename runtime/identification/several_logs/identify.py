@@ -23,9 +23,10 @@ from runtime.estimators.methods import (
 )
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification
-from runtime.identification.metrics import TorqueError, torque_error
+from runtime.identification.metrics import torque_error
 from runtime.identification.problem_setup import assemble, settings_for
-from runtime.identification.settings import Settings, settings_from, shares_of
+from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
+from runtime.identification.several_logs.agreement import LeftOutLog, LogAgreement
 from runtime.identification.several_logs.joint_fit import (
     OFFSET,
     NamedLog,
@@ -35,114 +36,15 @@ from runtime.identification.several_logs.joint_fit import (
     shared_terms,
 )
 from runtime.identification.single_log import identify_assembled
-from runtime.library import Array, Library
+from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import default_terms, geared
+from runtime.recording.friction import geared
 
-AGREEING = 2.0
-"""Ratio of spread to expected spread below which logs agree; with three logs the ratio itself
-scatters by a third."""
 ONE_LOG_ONLY = (
     *("preparation", "validation", "test", "lam0", "inputs", "certify", "friction_prior"),
 )
 """Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
-
-
-@dataclass(frozen=True, slots=True)
-class LeftOutLog:
-    """Torque errors on one log of the result of all others.
-
-    Attributes:
-        name: name of the log.
-        before: torque error of the URDF.
-        after: torque error of the result of the others, with their mean offset.
-        with_offset: the same with the offset of this log, which is the mean of its residual.
-        alone: overall error of the fit to this log alone on the same rows, %.
-    """
-
-    name: str
-    before: TorqueError
-    after: TorqueError
-    with_offset: TorqueError
-    alone: float
-
-
-@dataclass(frozen=True, slots=True)
-class LogAgreement:
-    """Comparison of several logs that were fitted together.
-
-    Attributes:
-        names: names of the logs.
-        carried: mass of the known payload of every log, kg.
-        samples: training rows per log.
-        offsets: torque offsets of each log in the joint fit, (logs, n) N·m or N; None without
-            offset columns.
-        left_out: leave-one-out errors, one per log.
-        masses: link masses identified from every log alone, (logs, n) kg.
-        spread: standard deviation of each base parameter over the logs, (n_b,).
-        expected_spread: the same predicted by the covariances of the single fits, (n_b,).
-        delays: name, delay and standard deviation of every log [s]; None where not estimated.
-    """
-
-    names: tuple[str, ...]
-    carried: tuple[float, ...]
-    samples: tuple[int, ...]
-    offsets: Array | None
-    left_out: tuple[LeftOutLog, ...]
-    masses: Array
-    spread: Array
-    expected_spread: Array
-    delays: tuple[dict[str, Any], ...] | None = None
-
-    @property
-    def ratio(self) -> float:
-        """Root mean square of spread over expected spread."""
-        known = self.expected_spread > 0
-        return float(np.sqrt(np.mean((self.spread[known] / self.expected_spread[known]) ** 2)))
-
-    def sentence(self) -> str:
-        """One sentence on whether the logs agree within their noise."""
-        verdict = (
-            "the logs agree within their noise"
-            if self.ratio < AGREEING
-            else "the logs differ by more than noise: temperature, cables, a payload or a clock "
-            "changed between them"
-        )
-        return (
-            f"the base parameters of single logs spread {self.ratio:.2g} times as much as their "
-            "covariances predict, link masses up to "
-            f"{float(np.std(self.masses, axis=0, ddof=1).max()):.2g} kg; {verdict}"
-        )
-
-    def facts(self) -> dict[str, Any]:
-        """JSON-ready; the part `sessions` of result.json."""
-        return {
-            "names": list(self.names),
-            "payload_kg": list(self.carried),
-            "train_samples": list(self.samples),
-            "offsets": None if self.offsets is None else self.offsets.tolist(),
-            "delay_s": None if self.delays is None else list(self.delays),
-            "leave_one_out": [
-                {
-                    "name": log.name,
-                    "before_overall": log.before.overall,
-                    "after_overall": log.after.overall,
-                    "own_offset_overall": log.with_offset.overall,
-                    "alone_overall": log.alone,
-                    "rms": log.after.rms.tolist(),
-                }
-                for log in self.left_out
-            ],
-            "repeatability": {
-                "masses": self.masses.tolist(),
-                "mass_spread": np.std(self.masses, axis=0, ddof=1).tolist(),
-                "beta_spread": self.spread.tolist(),
-                "beta_promised": self.expected_spread.tolist(),
-                "ratio": self.ratio,
-                "sentence": self.sentence(),
-            },
-        }
 
 
 @one_blas_thread
@@ -153,15 +55,14 @@ def identify_logs(
     *,
     progress: Callable[[int, float], None] | None = None,
     **keywords: Any,
-) -> tuple[Identification, LogAgreement]:
+) -> Identification:
     """Identify one set of parameters from several logs, each split like a single one."""
-    chosen = settings_for(lib, settings_from(settings, keywords))
+    chosen = settings_for(lib, bare_settings(settings, keywords))
     chosen.require_default(ONE_LOG_ONLY, "a fit of several logs")
     chosen = replace(chosen, method=chosen_method(chosen.method, chosen.preset, chosen.prior))
     names = _names(logs, chosen)
     first = logs[0].recording
-    terms = chosen.friction_columns or default_terms(first) or Friction(columns=())
-    terms = geared(terms, first, lib)
+    terms = geared(terms_of(first, chosen), first, lib)
     prepared = [prepared_of(log, lib, terms) for log in logs]
     # The joint fit: all training parts in one recording, likewise validation and test.
     shares = shares_of(first, chosen)
@@ -203,7 +104,7 @@ def identify_logs(
         spread=np.std([single.beta for single in singles], axis=0, ddof=1),
         expected_spread=np.sqrt(np.mean(np.square(sigma), axis=0)),
     )
-    return result, agreement
+    return replace(result, agreement=agreement)
 
 
 def _names(logs: Sequence[NamedLog], settings: Settings) -> list[str]:
@@ -256,7 +157,7 @@ class _Fit:
         settings = replace(
             self.settings,
             preparation=Preparation(),
-            friction_columns=replace(self.terms, columns=shared_terms(self.terms)),
+            friction=replace(self.terms, columns=shared_terms(self.terms)),
             validation=validation,
             test=test,
             certify=certify,

@@ -61,7 +61,9 @@ def interrupted(code: str, *words: object, cwd: Path) -> tuple[int, str, str]:
 
 def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path: Path) -> None:
     """Property: SIGINT during the descent writes the best point so far, and says so."""
-    code = WAITING.format(module="runtime.identification.single_log", function="identify", stop=50)
+    code = WAITING.format(
+        module="runtime.identification.single_log", function="identify_recording", stop=50
+    )
     words = ("--robot", lib.folder, "--friction", "viscous,coulomb", "--out", "out")
     words += ("--method", "adam")
     ran = interrupted(code, "identify", log, *words, cwd=tmp_path)
@@ -113,7 +115,7 @@ def test_ctrl_c_before_there_is_anything(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("runtime.cli.prepared_log.read_recording", interrupt)
+    monkeypatch.setattr("runtime.recording.streamed.read_recording", interrupt)
     ran = command("identify", log, "--robot", lib.folder)
     assert (ran.code, ran.err.count("\n")) == (130, 1)
     assert "interrupted" in ran.err

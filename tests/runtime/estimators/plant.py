@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime import Identification, Recording, identify
+from runtime import Identification, Recording
 from runtime.estimators.literature.iv_didim import ClosedLoop
 from runtime.excitation import Trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Controller, Plant, closed_loop
@@ -42,14 +43,14 @@ class SimulatedCase:
         self, method: str, cutoff: float | None = 20.0, **options: object
     ) -> Identification:
         """Identify by one method, with all inputs that a method may need."""
-        return identify(
+        return identify_recording(
             self.log,
             self.lib,
             method,
             preparation=preparation(cutoff),
             **{
-                "splitting": SPLIT,
-                "friction_columns": FRICTION,
+                "split": SPLIT,
+                "friction": FRICTION,
                 "lam0": self.lam_cad,
                 "inputs": {"controller": self.loop},
                 "certify": False,

@@ -7,7 +7,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import read_prior
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 
@@ -38,11 +38,11 @@ def test_the_prior_pulls_a_rotor_to_its_mean(
     rotor = {}
     for sigma in (1e-4, 1e4):
         path.write_text(f"[armature]\nfr3_joint1 = [0.1, {sigma}]\n")
-        result = identify(
-            noisy, lib, prior=read_prior(path, lib), friction_columns=terms, certify=False
+        result = identify_recording(
+            noisy, lib, prior=read_prior(path, lib), friction=terms, certify=False
         )
         rotor[sigma] = result.phi[0, 2]
-    free = identify(noisy, lib, friction_columns=terms, certify=False).phi[0, 2]
+    free = identify_recording(noisy, lib, friction=terms, certify=False).phi[0, 2]
     assert rotor[1e-4] == pytest.approx(0.1, abs=1e-4)
     assert rotor[1e4] == pytest.approx(free, abs=1e-3)
 
@@ -87,4 +87,4 @@ def test_armature_needs_the_column(lib: Library, noisy: Recording, tmp_path: Pat
     path = tmp_path / "prior.toml"
     path.write_text("[armature]\nfr3_joint1 = 0.1\n")
     with pytest.raises(IdentificationError, match="add rotor to --friction"):
-        identify(noisy, lib, prior=read_prior(path, lib), friction_columns=Friction(("viscous",)))
+        identify_recording(noisy, lib, prior=read_prior(path, lib), friction=Friction(("viscous",)))

@@ -6,7 +6,6 @@ Oracle: simulated logs whose fault is known; clean ones have none.
 import numpy as np
 import pytest
 
-from runtime import identify
 from runtime.estimators import uncertainty
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.convex.constraints import Constraints
@@ -17,6 +16,7 @@ from runtime.excitation import Trajectory
 from runtime.identification.comparison.advice import advise
 from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Plant, ideal
@@ -47,7 +47,7 @@ def logged(lib: Library, motion: Trajectory, seed: int, payload: float = 0.0) ->
 
 
 def advice(recording: Recording, lib: Library, method: str = "map") -> str:
-    result = identify(recording, lib, method, friction_columns=TERMS, preparation=FILTERED)
+    result = identify_recording(recording, lib, method, friction=TERMS, preparation=FILTERED)
     assert result.uncertainty is not None
     return result.uncertainty.advice()
 
@@ -76,7 +76,7 @@ def test_compare_doubts_what_identify_doubts(lib, trajectories):
     """Oracle: 3 kg in the hand; of a clean log nothing is doubted."""
     for payload, is_doubted in ((0.0, False), (3.0, True)):
         log = logged(lib, trajectories[0], 1, payload)
-        assembly = assemble(log, lib, friction_columns=TERMS, preparation=FILTERED)
+        assembly = assemble(log, lib, friction=TERMS, preparation=FILTERED)
         rows = compare(assembly, ["pc-ols"]).rows
         sentences = advise(rows, len(lib.base_columns)).sentences
         assert any(s.startswith("Do not trust it") for s in sentences) == is_doubted
@@ -87,7 +87,7 @@ def test_a_unit_that_differs_from_its_fleet_is_named(lib, trajectories):
     """Oracle: 3 kg in the hand; the prior of the fleet is doubted instead of the URDF."""
     log = logged(lib, trajectories[0], 1, 3.0)
     prior = PriorFile(kappa=2500.0, constraints=Constraints((), ()), centre=lib.pi0, units=5)
-    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, prior=prior)
+    result = identify_recording(log, lib, friction=TERMS, preparation=FILTERED, prior=prior)
     words = result.uncertainty.advice()
     assert "kg in the prior of the fleet, about" in words
     assert "this unit differs from its fleet" in words
@@ -108,7 +108,7 @@ def test_a_heavy_payload_on_another_robot_is_named_with_its_mass(lib, trajectori
     pi[-10:] += body(lib, 3.0, np.array([0.0, 0.0, 0.15]) + 0.02 * rng.normal(size=3))
     plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)
     log = ideal(lib, trajectories[1], plant, rng=rng)
-    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED)
+    result = identify_recording(log, lib, friction=TERMS, preparation=FILTERED)
     assert result.status.startswith("converged")
     words = result.uncertainty.advice()
     assert "contradict the inertia of fr3_link7 (0.627 kg in the URDF" in words
@@ -148,7 +148,7 @@ def test_a_gain_that_the_log_cannot_show_is_stated(lib, trajectories):
     """Oracle: 10 % at joint 7, whose torque is friction; σ of its gain is 6 to 9 % of such logs."""
     log = logged(lib, trajectories[0], 0)
     wrong = log.replace(tau=log.tau * np.where(np.arange(7) == 6, 1.1, 1.0))
-    result = identify(wrong, lib, friction_columns=TERMS, preparation=FILTERED)
+    result = identify_recording(wrong, lib, friction=TERMS, preparation=FILTERED)
     assert "may not show a wrong torque gain of fr3_joint7 (up to" in result.uncertainty.advice()
     limits = result.uncertainty.tests.gain_limits
     # The joints that carry links are seen at 6 % and less.
@@ -193,8 +193,8 @@ def test_gains_at_their_limits_are_noticed(lib, trajectories, seed):
     log = logged(lib, trajectories[0], seed)
 
     def tests(recording):
-        return identify(
-            recording, lib, friction_columns=TERMS, preparation=FILTERED
+        return identify_recording(
+            recording, lib, friction=TERMS, preparation=FILTERED
         ).uncertainty.tests
 
     limit = tests(log).gain_limits[4]
@@ -249,7 +249,7 @@ def test_a_long_delay_is_not_blamed_on_the_urdf(lib, trajectories):
 def test_a_result_short_of_the_data_is_named(lib, trajectories):
     """Property: the misfit of the result itself counts; here all its masses are 20 % too large."""
     log = logged(lib, trajectories[0], 0)
-    right = identify(log, lib, friction_columns=TERMS, preparation=FILTERED)
+    right = identify_recording(log, lib, friction=TERMS, preparation=FILTERED)
     train = samples_of(right.train, lib)
     u = uncertainty_of(lib, train, 1.2 * right.pi, right.phi, first_guess=lib.pi0)
     assert TRUST not in u.advice()
@@ -290,7 +290,7 @@ def test_a_refit_keeps_the_tests_of_the_training_rows(lib, trajectories, monkeyp
 
     monkeypatch.setattr(uncertainty, "free_fit", counted)
     log = gripping(logged(lib, trajectories[0], 1), (1,))
-    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, refit=True)
+    result = identify_recording(log, lib, friction=TERMS, preparation=FILTERED, refit=True)
     assert len(calls) == 1
     assert result.uncertainty.model_errors
     assert "contain friction" in result.uncertainty.advice()

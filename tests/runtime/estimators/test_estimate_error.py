@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from runtime import identify
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Recording, Split
 from runtime.simulation import Plant, ideal
@@ -57,7 +57,7 @@ def test_intervals_of_other_methods_are_about_their_answers(lib, run, method):
     split, beta, held = Split((0, 0.9), (0.9, 0.95), (0.95, 1)), lib.base_matrix @ lib.pi0, []
     for _ in range(6):
         noisy = run.replace(tau=run.tau + 0.05 * rng.normal(size=run.tau.shape))
-        result = identify(noisy, lib, method, splitting=split, lam0=lam0)
+        result = identify_recording(noisy, lib, method, split=split, lam0=lam0)
         assert result.uncertainty is not None
         held.append(np.abs(result.beta - beta) < SCORE * result.uncertainty.beta_sigma)
     # 6 trials of 43 parameters that hang together: σ of the share is about 2 %.
@@ -68,7 +68,7 @@ def test_intervals_of_least_squares_are_those_of_its_covariance(lib, run):
     """Oracle: σ² (YᵀY)⁻¹ of white noise, for parameters that the data determine."""
     rng = np.random.default_rng(0)
     noisy = run.replace(tau=run.tau + 0.05 * rng.normal(size=run.tau.shape))
-    result = identify(noisy, lib, "ols")
+    result = identify_recording(noisy, lib, "ols")
     train = samples_of(result.train, lib)
     rows = train.base_rows(lib).reshape(-1, len(lib.base_columns))
     expected = 0.05 * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
@@ -82,7 +82,7 @@ def test_a_parameter_of_the_base_has_a_verdict(lib, run):
     """Property: at 0.05 N·m the data determine the first moments, and not ZZ of the needle."""
     rng = np.random.default_rng(0)
     noisy = run.replace(tau=run.tau + 0.05 * rng.normal(size=run.tau.shape))
-    u = identify(noisy, lib).uncertainty
+    u = identify_recording(noisy, lib).uncertainty
     assert u is not None
     names = [(int(c) // 10 + 1, int(c) % 10) for c in lib.base_columns]
     verdicts = dict(zip(names, u.beta_verdicts, strict=True))
@@ -99,7 +99,7 @@ def test_a_parameter_that_the_prior_decides_is_not_identified(lib, run):
     slow = signal.lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.normal(size=run.tau.shape), axis=0)
     names = [(int(c) // 10 + 1, int(c) % 10) for c in lib.base_columns]
     for noise, expected in ((rng.normal(size=slow.shape), "identified"), (slow, "prior-dominated")):
-        u = identify(run.replace(tau=run.tau + 0.05 * noise), lib).uncertainty
+        u = identify_recording(run.replace(tau=run.tau + 0.05 * noise), lib).uncertainty
         assert u is not None
         verdicts = dict(zip(names, u.beta_verdicts, strict=True))
         assert verdicts[2, 4] == expected

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.classical.least_squares import solve
 from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
@@ -15,6 +15,7 @@ from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
 
@@ -71,7 +72,7 @@ def reversed_torque(clean: Recording) -> Recording:
 @pytest.mark.parametrize("method", ["map", "pc-ols", "ols", "wls", "lm"])
 def test_a_column_of_rounding_is_left_out_and_named(lib, clean, method):
     """Oracle: joint 1 is along gravity, so |τ_g| is zero but for 1e-15 N·m of rounding."""
-    result = identify(clean, lib, method, friction_columns=LOAD, certify=False)
+    result = identify_recording(clean, lib, method, friction=LOAD, certify=False)
     assert result.phi[0, 3] == 0.0
     assert np.abs(result.phi).max() < 1.0  # the plant has 0.3 N·m of Coulomb friction
     assert "left out the friction columns load of fr3_joint1" in warnings(result)
@@ -107,7 +108,7 @@ def test_several_logs_take_offset_and_rotor(lib, clean, method):
         NamedLog(name, clean.take(rows, name))
         for name, rows in (("a", slice(0, 500)), ("b", slice(500, 1001)))
     ]
-    result, _ = identify_logs(halves, lib, method, friction_columns=ROTOR)
+    result = identify_logs(halves, lib, method, friction=ROTOR)
     # 0.2 N·m·s/rad and 0.3 N·m; the friction models differ by ε and 0.05 N·m of noise.
     assert result.usual_phi[:, 0] == pytest.approx(0.2, abs=0.05)
     assert result.usual_phi[:, 1] == pytest.approx(0.3, abs=0.05)
@@ -117,7 +118,7 @@ def test_several_logs_take_offset_and_rotor(lib, clean, method):
 @pytest.mark.parametrize("method", ["map", "pc-ols"])
 def test_friction_that_drives_a_joint_is_bounded_and_reported(lib, reversed_torque, method):
     """Property: no coefficient below 0, and the unbounded value with its cause."""
-    result = identify(reversed_torque, lib, method, friction_columns=ROTOR, certify=False)
+    result = identify_recording(reversed_torque, lib, method, friction=ROTOR, certify=False)
     assert result.phi[:, [0, 1, 3]].min() >= 0.0
     assert result.phi[6, [0, 1]].tolist() == [0.0, 0.0]
     said = warnings(result)
@@ -128,16 +129,16 @@ def test_friction_that_drives_a_joint_is_bounded_and_reported(lib, reversed_torq
 
 def test_methods_without_bounds_report_negative_friction(lib, reversed_torque, clean):
     """Property: named with its value where it counts, and not on a correct log."""
-    wrong = identify(reversed_torque, lib, "ols", friction_columns=ROTOR, certify=False)
+    wrong = identify_recording(reversed_torque, lib, "ols", friction=ROTOR, certify=False)
     assert "coulomb of fr3_joint7 -" in warnings(wrong)
     assert "map and pc-ols bound them by 0" in warnings(wrong)
-    right = identify(clean, lib, "ols", friction_columns=ROTOR, certify=False)
+    right = identify_recording(clean, lib, "ols", friction=ROTOR, certify=False)
     assert "negative" not in warnings(right)
 
 
 def test_a_correct_log_is_not_suspected(lib, clean):
     """Property: negative values within the error of the fit have no cause in the log."""
-    result = identify(clean, lib, friction_columns=ROTOR, certify=False)
+    result = identify_recording(clean, lib, friction=ROTOR, certify=False)
     assert "torque is reversed" not in warnings(result)
 
 
@@ -150,7 +151,7 @@ def test_a_joint_at_rest_gets_no_huge_friction(lib: Library, clean: Recording):
     q[:, 6] = q[0, 6]
     log = clean.replace(q=q, dq=dq)
     for method in ("map", "pc-ols"):
-        result = identify(log, lib, method, friction_columns=LOAD, certify=False)
+        result = identify_recording(log, lib, method, friction=LOAD, certify=False)
         columns = np.sqrt(np.mean(result.train.columns**2, axis=0))
         torque = np.sqrt(np.mean(result.train.tau**2, axis=0))
         size = np.abs(result.phi) * columns / torque[:, None]
@@ -193,8 +194,8 @@ def test_the_active_set_is_the_optimum_within_bounds():
 
 def test_the_gap_of_bounded_friction_is_that_of_the_bounded_optimum(lib, reversed_torque):
     """Property: the optimum with bounds is no smaller than without, and the gap is not negative."""
-    result = identify(reversed_torque, lib, "pc-ols", friction_columns=ROTOR)
-    loose = identify(reversed_torque, lib, "lm", friction_columns=ROTOR)
+    result = identify_recording(reversed_torque, lib, "pc-ols", friction=ROTOR)
+    loose = identify_recording(reversed_torque, lib, "lm", friction=ROTOR)
     assert result.optimum > loose.optimum
     assert -1e-6 < result.gap < 2e-3  # pc-ols stops at 1e-3 above the optimum
 

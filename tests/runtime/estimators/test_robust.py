@@ -6,9 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from runtime import Recording, identify, write_recording
+from runtime import Recording, write_recording
 from runtime.errors import IdentificationError, NeedsError
 from runtime.identification.identified import torque_errors
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
 
@@ -31,8 +32,8 @@ def damaged(clean: Recording, kind: str) -> Recording:
 
 
 def error(log: Recording, lib: Library, method: str, robust: bool) -> float:
-    settings = {"friction_columns": TERMS, "certify": False, "robust": robust}
-    return torque_errors(identify(log, lib, method, **settings))[1].overall
+    settings = {"friction": TERMS, "certify": False, "robust": robust}
+    return torque_errors(identify_recording(log, lib, method, **settings))[1].overall
 
 
 @pytest.mark.parametrize(
@@ -81,6 +82,6 @@ def test_what_counts_less_is_named(command, lib, clean, tmp_path):
 def test_methods_and_logs_that_take_no_weights(lib, clean):
     """Property: one sentence with the methods that do, or what the log lacks."""
     with pytest.raises(NeedsError, match="use --robust with one of map, pc-ols, ols, wls"):
-        identify(clean, lib, "adam", robust=True, certify=False)
+        identify_recording(clean, lib, "adam", robust=True, certify=False)
     with pytest.raises(IdentificationError, match="need 200 training rows or more, got 180"):
-        identify(clean.take(slice(0, 300), "short"), lib, robust=True, certify=False)
+        identify_recording(clean.take(slice(0, 300), "short"), lib, robust=True, certify=False)

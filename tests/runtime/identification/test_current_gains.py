@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.current_gains.scaling import of_gain_one, scaled
+from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
@@ -160,8 +161,8 @@ def test_currents_are_never_taken_for_torques(lib: Library, command, tmp_path: P
     assert (ran.code, len(ran.err.splitlines())) == (2, 1)
     assert "from one log" in ran.err
     read = read_recording(log, recipe)
-    result = identify(
-        read, lib, validation=read, test=read, friction_columns=Friction(), certify=False
+    result = identify_recording(
+        read, lib, validation=read, test=read, friction=Friction(), certify=False
     )
     assert result.train.gains is result.test.gains is not None
     assert of_gain_one(read).recipe.torque.gain == 1.0  # type: ignore[union-attr]

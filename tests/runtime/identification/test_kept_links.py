@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Library, Recording, identify, write_recording
+from runtime import Library, Recording, write_recording
 from runtime.errors import IdentificationError
 from runtime.identification.kept_links import identify_friction
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 from tests.runtime.conftest import Command
@@ -26,7 +27,7 @@ NOW = {"viscous": 0.8, "coulomb": 0.15, "offset": 0.1}
 def folder(lib: Library, noisy: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Result of a robot with the friction `THEN`."""
     place = tmp_path_factory.mktemp("first")
-    result = identify(noisy, lib, friction_columns=COLUMNS, certify=False)
+    result = identify_recording(noisy, lib, friction=COLUMNS, certify=False)
     write_result(result, place, "test")
     return place
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from runtime import identify
 from runtime.estimators.methods import METHODS
 from runtime.identification.identified import torque_errors
+from runtime.identification.single_log import identify_recording
 from runtime.recording import EVERYTHING, Friction, Split
 from tests.runtime.diagnosis import EXAMPLE
 
@@ -20,12 +20,12 @@ def test_rows_that_nothing_is_tuned_by_are_trained_on(lib, noisy, method):
 
     One row of a validation part is left there; the tolerance is its share of 600 rows.
     """
-    settings = {"friction_columns": Friction(), "certify": False}
-    result = identify(noisy, lib, method, splitting=PARTS, **settings)
+    settings = {"friction": Friction(), "certify": False}
+    result = identify_recording(noisy, lib, method, split=PARTS, **settings)
     assert len(result.train) == 600
     wide = Split((0.0, 0.598), (0.598, 0.6), (0.6, 1.0))
     assert np.array_equal(
-        result.beta, identify(noisy, lib, method, splitting=wide, **settings).beta
+        result.beta, identify_recording(noisy, lib, method, split=wide, **settings).beta
     )
 
 
@@ -33,21 +33,21 @@ def test_rows_that_nothing_is_tuned_by_are_trained_on(lib, noisy, method):
 def test_methods_that_stop_by_the_validation_part_do_not_train_on_it(lib, noisy, method):
     """Property: 48 % of the rows."""
     assert METHODS[method].uses_validation
-    result = identify(noisy, lib, method, splitting=PARTS, certify=False)
+    result = identify_recording(noisy, lib, method, split=PARTS, certify=False)
     assert len(result.train) == 480
 
 
 def test_a_validation_recording_stays_apart(lib, ideal_runs):
     """Property: recordings that are given one by one are not joined."""
     train, validation, test = ideal_runs
-    result = identify(train, lib, validation=validation, test=test, certify=False)
+    result = identify_recording(train, lib, validation=validation, test=test, certify=False)
     assert len(result.train) == len(train)
     assert not result.is_joined
 
 
 def test_a_split_trains_on_everything(lib, noisy):
     """Property: all rows train, and the error is that of the training, as the warnings say."""
-    result = identify(noisy, lib, splitting=EVERYTHING, friction_columns=Friction(), certify=False)
+    result = identify_recording(noisy, lib, split=EVERYTHING, friction=Friction(), certify=False)
     assert len(result.train) == len(noisy)
     assert not result.has_test
     assert result.is_joined
@@ -59,9 +59,9 @@ def test_a_split_trains_on_everything(lib, noisy):
 @pytest.mark.parametrize("method", ["map", "pc-ols", "lm"])
 def test_a_second_fit_takes_every_row_once(lib, noisy, method):
     """Oracle: the fit to everything; rows of the validation part do not count twice."""
-    settings = {"friction_columns": Friction()}
-    again = identify(noisy, lib, method, refit=True, splitting=PARTS, **settings)
-    whole = identify(noisy, lib, method, refit=True, splitting=EVERYTHING, **settings)
+    settings = {"friction": Friction()}
+    again = identify_recording(noisy, lib, method, refit=True, split=PARTS, **settings)
+    whole = identify_recording(noisy, lib, method, refit=True, split=EVERYTHING, **settings)
     assert again.trained is not None
     assert whole.trained is None
     # Weights of map and pc-ols start from other rows; the rows of the fit are the same.

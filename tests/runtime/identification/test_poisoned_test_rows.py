@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
@@ -14,6 +14,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
@@ -49,7 +50,7 @@ def test_a_fit_has_not_seen_the_test_rows(
     """Property: π, φ and their uncertainty are equal to the bit."""
     terms = Friction(columns)
     clean, dirty = (
-        identify(log, lib, method, friction_columns=terms, splitting=PARTS, certify=False)
+        identify_recording(log, lib, method, friction=terms, split=PARTS, certify=False)
         for log in (noisy, poisoned(noisy))
     )
     np.testing.assert_array_equal(clean.pi, dirty.pi)
@@ -64,7 +65,7 @@ def test_the_friction_model_has_not_seen_the_test_rows(lib: Library, noisy: Reco
     """Property: scores, widths and the choice are equal to the bit."""
     names = ("none", "viscous", "coulomb")
     clean, dirty = (
-        choose_friction(log, lib, splitting=PARTS, names=names) for log in (noisy, poisoned(noisy))
+        choose_friction(log, lib, split=PARTS, names=names) for log in (noisy, poisoned(noisy))
     )
     assert clean == dirty
 
@@ -78,7 +79,7 @@ def test_a_filter_has_not_seen_the_test_rows(
     """Property: a zero-phase filter carries no test row into the rows of the other parts."""
     steps = replace(SLOW, trim_s=trim_s, regressor=regressor)
     clean, dirty = (
-        identify(log, lib, method, preparation=steps, splitting=PARTS, certify=False)
+        identify_recording(log, lib, method, preparation=steps, split=PARTS, certify=False)
         for log in (noisy, poisoned(noisy))
     )
     assert_equal_models(clean, dirty)
@@ -89,9 +90,7 @@ def test_a_filter_has_not_seen_the_test_rows(
 def test_several_logs_have_not_seen_their_test_rows(lib: Library, noisy: Recording) -> None:
     """Property: the joint model of two logs is equal to the bit."""
     clean, dirty = (
-        identify_logs([NamedLog("a", log, SLOW), NamedLog("b", other, SLOW)], lib, splitting=PARTS)[
-            0
-        ]
+        identify_logs([NamedLog("a", log, SLOW), NamedLog("b", other, SLOW)], lib, split=PARTS)
         for log, other in ((noisy, noisy), (poisoned(noisy), poisoned(noisy)))
     )
     assert_equal_models(clean, dirty)
@@ -105,7 +104,7 @@ def test_a_streamed_log_has_not_seen_its_test_rows(
     for name, log in (("clean", noisy), ("dirty", poisoned(noisy))):
         write_recording(log, tmp_path / f"{name}.npz")
         streamed = open_streamed(tmp_path / f"{name}.npz")
-        results.append(identify_streamed(streamed, lib, preparation=SLOW, splitting=PARTS))
+        results.append(identify_streamed(streamed, lib, preparation=SLOW, split=PARTS))
     assert_equal_models(*results)
 
 
@@ -114,7 +113,7 @@ def test_choices_have_not_seen_the_test_rows(lib: Library, noisy: Recording, spo
     """Property: cut-off and default friction are equal to the bit."""
     clean, dirty = (
         (
-            choose_cutoff(log, lib, splitting=PARTS).sentence,
+            choose_cutoff(log, lib, split=PARTS).sentence,
             choose_default_friction(log, lib, SLOW, PARTS),
         )
         for log in (noisy, spoil(noisy))
@@ -136,7 +135,7 @@ def test_the_proposed_filter_has_not_seen_the_test_rows(lib: Library, noisy: Rec
 def test_rows_next_to_another_part_are_dropped(lib: Library, noisy: Recording) -> None:
     """Oracle: 1 / f_c = 0.5 s on the inner side of both parts, nothing at the ends of the log."""
     steps = replace(SLOW, cutoff_hz=2.0)
-    result = identify(noisy, lib, preparation=steps, splitting=PARTS, certify=False)
+    result = identify_recording(noisy, lib, preparation=steps, split=PARTS, certify=False)
     first, last = noisy.t[0], noisy.t[-1]
     cut = first + 0.8 * noisy.duration
     step = 1.0 / noisy.rate_hz

@@ -5,18 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import FILE, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
 
 
 @pytest.fixture
 def folder(noisy: Recording, lib: Library, tmp_path: Path) -> Path:
-    write_result(identify(noisy, lib, friction_columns=Friction(("viscous",))), tmp_path, "test")
+    write_result(identify_recording(noisy, lib, friction=Friction(("viscous",))), tmp_path, "test")
     return tmp_path
 
 
@@ -28,7 +29,7 @@ def test_the_file_gives_the_covariance_of_the_result(
     Without prior the information of [β; φ] is RᵀR/S. The prior of κ = 16 adds 2 % to it, and the
     error of the estimate has a share of some percent too.
     """
-    result = identify(noisy, lib)
+    result = identify_recording(noisy, lib)
     write_result(result, tmp_path, "test")
     posterior = read_posterior(tmp_path, read_result(tmp_path), lib)
     np.testing.assert_array_equal(posterior.pi_root, result.uncertainty.root)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from runtime import Identification, Library, Recording, identify, load, write_recording
+from runtime import Identification, Library, Recording, load, write_recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.samples import samples_of
@@ -19,6 +19,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.outputs.model_files import make_model, urdf_text
 from runtime.recording import Friction, Preparation, Split, open_streamed
 from tests.oracle import pinocchio_model
@@ -56,9 +57,9 @@ def settings(lib: Library, rng: np.random.Generator, prior: Path) -> dict[str, A
     first, second = np.sort(rng.uniform(0.25, 0.85, 2))
     chosen: dict[str, Any] = {"method": str(rng.choice(METHODS)), "seed": int(rng.integers(100))}
     columns = [name for name in COLUMNS if rng.random() < 0.4]
-    chosen["friction_columns"] = Friction(tuple(columns)) if columns else None
+    chosen["friction"] = Friction(tuple(columns)) if columns else None
     if second - first > 0.05 and rng.random() < 0.7:
-        chosen["splitting"] = Split((0.0, first), (first, second), (second, 1.0))
+        chosen["split"] = Split((0.0, first), (first, second), (second, 1.0))
     if chosen["method"] == "adam":
         chosen["preset"] = str(rng.choice(["simulation", "real"]))
     if chosen["method"] == "map" and rng.random() < 0.3:
@@ -81,11 +82,11 @@ def run(
     """One identification from one log, from two, or from a file that is streamed."""
     if form == "two":
         named = [NamedLog(name, log) for name, log in zip("ab", logs, strict=True)]
-        return identify_logs(named, lib, **chosen)[0]
+        return identify_logs(named, lib, **chosen)
     if form == "streamed":
         write_recording(logs[0], folder / "log.npz")
         return identify_streamed(open_streamed(folder / "log.npz"), lib, **chosen)
-    return identify(logs[0], lib, **chosen)
+    return identify_recording(logs[0], lib, **chosen)
 
 
 def error_of_urdf(result: Identification) -> float:
@@ -180,7 +181,7 @@ def test_random_runs(robots: list[Library], tmp_path: Path) -> None:
             assert error_of_urdf(result) == pytest.approx(reported, rel=1e-9), (seed, chosen)
         if seed % 3 == 1:
             # Filtered parts are trimmed; the edge itself is rounded to a row.
-            edge = (chosen.get("splitting") or Split()).test[0]
+            edge = (chosen.get("split") or Split()).test[0]
             start = log.t[0] + edge * log.duration + 0.01
             signals = str(rng.choice(["torque", "motion"]))
             finished[f"{signals} of {form}"] += 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory, basis_of
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -22,6 +22,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import retraced
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, read_recording
 from runtime.recording.preprocessing import split
@@ -36,7 +37,7 @@ DRAWS = 16
 def pair(lib: Library, noisy: Recording) -> tuple[Identification, Identification]:
     """Fit to the training part, and the same fitted again to all rows."""
     return tuple(
-        identify(noisy, lib, "ols", friction_columns=Friction(), refit=again, certify=again)
+        identify_recording(noisy, lib, "ols", friction=Friction(), refit=again, certify=again)
         for again in (False, True)
     )  # type: ignore[return-value]
 
@@ -87,10 +88,10 @@ def test_methods_that_stop_by_validation_keep_the_training_fit(
 ) -> None:
     """Property: so do results with a test recording of their own, and several logs."""
     for settings in ({"preset": "real"}, {"validation": noisy, "test": noisy}):
-        result = identify(noisy, lib, refit=True, certify=False, **settings)
+        result = identify_recording(noisy, lib, refit=True, certify=False, **settings)
         assert result.trained is None
     logs = [NamedLog(name, noisy, Preparation()) for name in ("one", "two")]
-    result, _ = identify_logs(logs, lib, refit=True, preset="real")
+    result = identify_logs(logs, lib, refit=True, preset="real")
     assert result.trained is None
 
 
@@ -114,7 +115,7 @@ def test_the_real_error_is_the_predicted_one(
             torque_noise=SIGMA,
         )
         log = ideal(lib, trajectories[0], plant, rng=rng)
-        result = identify(log, lib, friction_columns=Friction(), refit=True, certify=False)
+        result = identify_recording(log, lib, friction=Friction(), refit=True, certify=False)
         errors.append(result.beta - lib.base_matrix @ plant.pi)
     real = np.einsum("ik,jkl,il->", errors, joints, errors) / DRAWS
     # 16 draws of some ten independent directions: ± 8 %. The training part alone gives 0.62.
@@ -157,7 +158,7 @@ def test_more_rows_of_one_log_accuse_no_joint(lib: Library, shared_data: Path) -
     With the rows of all parts the friction that no column has exceeds the margin of both tests.
     """
     log = read_recording(shared_data / "data/panda_gaz", "panda_gaz")
-    result = identify(log, lib, refit=True)
+    result = identify_recording(log, lib, refit=True)
     assert result.uncertainty is not None
     assert result.trained is not None
     assert result.uncertainty.contradictions == ()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify
+from runtime import Identification, Recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import friction_error
@@ -18,6 +18,7 @@ from runtime.identification.result_file import (
     versions,
     write_result,
 )
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 
 
@@ -127,18 +128,18 @@ def test_perfect_fits_are_doubted(
 ) -> None:
     """Property: noise-free torque is reported not to be a measurement; noisy torque is not."""
     train, validation, test = ideal_runs
-    perfect = identify(train, lib, "ols", validation=validation, test=test)
+    perfect = identify_recording(train, lib, "ols", validation=validation, test=test)
     warnings = result_facts(perfect, "")["warnings"]
     assert any("exact to rounding" in text for text in warnings)
     assert not any("one run" in text for text in warnings)
-    ordinary = result_facts(identify(noisy, lib, "ols"), "")["warnings"]
+    ordinary = result_facts(identify_recording(noisy, lib, "ols"), "")["warnings"]
     assert not any("exact to rounding" in text for text in ordinary)
     assert any("one run" in text for text in ordinary)
 
 
 def test_inconsistent_models_are_reported(lib: Library, panda: Recording) -> None:
     """Property, real data: least squares gives bodies that cannot exist, and the file says so."""
-    facts = result_facts(identify(panda, lib, "ols"), "")
+    facts = result_facts(identify_recording(panda, lib, "ols"), "")
     assert facts["consistent"] is False
     assert facts["lam"] is None
     assert min(link["min_relative_eigenvalue"] for link in facts["links"]) < 0
@@ -149,7 +150,7 @@ def test_a_silent_joint_is_still_json(lib: Library, noisy: Recording, tmp_path: 
     """Property: an error relative to nothing is null, never Infinity, and no crash."""
     tau = noisy.tau.copy()
     tau[:, 6] = 0.0
-    result = identify(noisy.replace(tau=tau), lib)
+    result = identify_recording(noisy.replace(tau=tau), lib)
     write_result(result, tmp_path, "")
 
     def refuse(word: str) -> None:

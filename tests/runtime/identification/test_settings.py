@@ -11,6 +11,7 @@ from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.settings import NAMES, Settings, settings_from
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split, open_streamed, write_recording
 
@@ -19,10 +20,10 @@ TERMS = Friction(("viscous", "coulomb"), 0.03)
 
 def test_settings_and_keywords_give_the_same_answer(lib: Library, noisy: Recording) -> None:
     """Property: settings, keywords, and a keyword that replaces a setting, to the last bit."""
-    usual = Settings(method="ols", friction_columns=TERMS, certify=False)
-    by_settings = runtime.identify(noisy, lib, usual)
-    by_keywords = runtime.identify(noisy, lib, "ols", friction_columns=TERMS, certify=False)
-    replaced = runtime.identify(noisy, lib, Settings(friction_columns=TERMS), method="ols",
+    usual = Settings(method="ols", friction=TERMS, certify=False, refit=False)
+    by_settings = identify_recording(noisy, lib, usual)
+    by_keywords = identify_recording(noisy, lib, "ols", friction=TERMS, certify=False)
+    replaced = identify_recording(noisy, lib, Settings(friction=TERMS, refit=False), method="ols",
                                 certify=False)  # fmt: skip
     assert by_settings.method == by_keywords.method == replaced.method == "ols"
     for other in (by_keywords, replaced):
@@ -40,7 +41,7 @@ def test_every_setting_is_documented() -> None:
 @pytest.mark.parametrize(
     ("keywords", "match"),
     [
-        ({"cutoff": 3.0}, r"expected settings of method, preset, .*, got 'cutoff'; correct"),
+        ({"cut_off": 3.0}, r"expected settings of method, preset, .*, got 'cut_off'; correct"),
     ],
 )
 def test_unknown_keywords_are_refused(keywords: dict[str, object], match: str) -> None:
@@ -60,4 +61,4 @@ def test_settings_that_a_task_cannot_honour_are_refused(
     twice = [NamedLog(name, noisy) for name in ("a", "b")]
     match = "several logs takes no validation, test; leave them out"
     with pytest.raises(IdentificationError, match=match):
-        identify_logs(twice, lib, Settings(validation=noisy, test=noisy, splitting=Split()))
+        identify_logs(twice, lib, Settings(validation=noisy, test=noisy, split=Split()))

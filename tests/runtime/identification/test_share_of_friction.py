@@ -5,15 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from runtime import identify
 from runtime.identification.identified import friction_error, torque_errors
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction
 from tests.runtime.diagnosis import EXAMPLE
 
 
 def test_friction_is_fitted_to_the_urdf(lib, noisy):
     """Oracle: NumPy's least squares of τ − Y π₀ on the columns of each joint."""
-    result = identify(noisy, lib, "pc-ols", friction_columns=Friction(), certify=False)
+    result = identify_recording(noisy, lib, "pc-ols", friction=Friction(), certify=False)
 
     def rest(part):
         return part.tau - lib.inverse_dynamics(part.q, part.dq, part.ddq, lib.pi0)
@@ -25,12 +25,12 @@ def test_friction_is_fitted_to_the_urdf(lib, noisy):
     expected = 100 * np.sqrt(squares) / np.linalg.norm(result.test.tau)
     # Both are least squares of 480 rows; condition numbers of 10.
     assert friction_error(result).overall == pytest.approx(expected, rel=1e-9)
-    assert friction_error(identify(noisy, lib, "pc-ols", certify=False)) is None
+    assert friction_error(identify_recording(noisy, lib, "pc-ols", certify=False)) is None
 
 
 def test_a_real_log_is_half_friction(lib, panda):
     """Real data: 4.46 → 2.98 → 1.43 % on a Franka Panda; the first two are in closed form."""
-    result = identify(panda, lib, certify=False)
+    result = identify_recording(panda, lib, certify=False)
     before, after = (each.overall for each in torque_errors(result))
     assert (before, friction_error(result).overall) == pytest.approx((4.457, 2.977), abs=0.005)
     assert after <= 1.43

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime import METHODS, PRESETS, Identification, Preset, Recording, identify, read_recording
+from runtime import METHODS, PRESETS, Identification, Preset, Recording, read_recording
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.classical.pc_ols import SLACK
 from runtime.estimators.descent.adam import CHUNK
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.identification.metrics import airm, torque_error
 from runtime.identification.result_file import result_facts
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 
@@ -40,7 +41,7 @@ def document_case(lib: Library, ideal_runs: Runs, pi_true: np.ndarray) -> list[I
     for seed in range(10):
         start = lam * (1 + 0.05 * np.random.default_rng(seed).normal(size=lam.size))
         results.append(
-            identify(
+            identify_recording(
                 train,
                 lib,
                 preset="simulation",
@@ -90,7 +91,7 @@ def test_the_same_seed_gives_the_same_result(
     train, validation, test = ideal_runs
 
     def again(seed: int) -> np.ndarray:
-        return identify(
+        return identify_recording(
             train,
             lib,
             preset=Preset(AdamOptions(1e-3), StoppingRule(40, 40), 64),
@@ -127,7 +128,7 @@ def test_real_arm_by_the_descent(panda_adam: Identification) -> None:
 
 def test_real_arm_by_least_squares(panda: Recording, lib: Library) -> None:
     """Real data: what other tools call the classical answer (measured: 1.305 %)."""
-    result = identify(panda, lib, "ols")
+    result = identify_recording(panda, lib, "ols")
     # ± 0.05: room for another BLAS and a retuned preparation, not for a wrong column.
     assert errors(result)[1] == pytest.approx(1.31, abs=0.05)
     assert result.lam is None
@@ -135,7 +136,7 @@ def test_real_arm_by_least_squares(panda: Recording, lib: Library) -> None:
 
 def test_real_arm_by_the_convex_program(panda: Recording, lib: Library) -> None:
     """Real data: consistent and better than the descent (measured: 1.415 %)."""
-    result = identify(panda, lib, "pc-ols")
+    result = identify_recording(panda, lib, "pc-ols")
     assert errors(result)[1] <= 1.45
     assert result.is_consistent
     # Its slack, and 5 % of that for lifting links off the boundary of consistency.
@@ -145,7 +146,7 @@ def test_real_arm_by_the_convex_program(panda: Recording, lib: Library) -> None:
 def test_the_convex_program_gives_bodies_one_could_lift(robot, shared_data) -> None:
     """Real data: a hardly exciting log, on which the bare optimum asks for 1400 kg per link."""
     lib = robot("kuka_lwr4")
-    result = identify(read_recording("lwr4_flobaroid"), lib, "pc-ols")
+    result = identify_recording(read_recording("lwr4_flobaroid"), lib, "pc-ols")
     masses, known = (pi.reshape(lib.n_joints, -1)[:, 0] for pi in (result.pi, lib.pi0))
     # The arm weighs 16 kg; without a prior twice that still explains the log.
     assert masses.sum() < 2.5 * known.sum()
@@ -154,7 +155,7 @@ def test_the_convex_program_gives_bodies_one_could_lift(robot, shared_data) -> N
 
 def test_real_arm_by_the_documents_preset(panda: Recording, lib: Library) -> None:
     """Real data: Table 5.8's small steps improve on the URDF, though by less."""
-    result = identify(panda, lib, preset="real")
+    result = identify_recording(panda, lib, preset="real")
     before, after = errors(result)
     assert after < 0.6 * before
     assert result.is_consistent
@@ -176,8 +177,8 @@ def test_prediction_is_the_model_and_its_friction(panda_adam: Identification) ->
 def test_trials_can_do_without_the_certificate(lib: Library, ideal_runs: Runs) -> None:
     """Property: the same parameters, no optimum, and a gap that says that it is unknown."""
     train, validation, test = ideal_runs
-    sure = identify(train, lib, "adam", validation=validation, test=test)
-    quick = identify(train, lib, "adam", validation=validation, test=test, certify=False)
+    sure = identify_recording(train, lib, "adam", validation=validation, test=test)
+    quick = identify_recording(train, lib, "adam", validation=validation, test=test, certify=False)
     np.testing.assert_array_equal(sure.pi, quick.pi)
     assert np.isnan(quick.gap)
     assert quick.uncertainty is None
@@ -192,7 +193,7 @@ def test_interruption_keeps_the_best(lib: Library, ideal_runs: Runs) -> None:
             raise KeyboardInterrupt
 
     train, validation, test = ideal_runs
-    result = identify(train, lib, "adam", validation=validation, test=test, progress=stop)
+    result = identify_recording(train, lib, "adam", validation=validation, test=test, progress=stop)
     assert result.status.startswith("interrupted by the user")
     assert result.iterations == CHUNK
     before, after = errors(result)
@@ -203,13 +204,13 @@ def test_a_split_recording_is_cut_in_order(lib: Library, ideal_runs: Runs) -> No
     """Property: 48 / 12 / 40 % by default, every sample in one part, for a method that stops by
     the validation part; for another the validation part is the end of the training part.
     """
-    result = identify(ideal_runs[0], lib, "lm")
+    result = identify_recording(ideal_runs[0], lib, "lm")
     parts = (result.train, result.validation, result.test)
     assert [len(part) for part in parts] == [480, 120, 401]
     assert np.array_equal(np.concatenate([part.t for part in parts]), ideal_runs[0].t)
-    half = identify(ideal_runs[0], lib, "lm", splitting=Split((0, 0.5), (0.5, 0.9), (0.9, 1)))
+    half = identify_recording(ideal_runs[0], lib, "lm", split=Split((0, 0.5), (0.5, 0.9), (0.9, 1)))
     assert [len(p) for p in (half.train, half.validation, half.test)] == [500, 400, 101]
-    joined = identify(ideal_runs[0], lib, "ols")
+    joined = identify_recording(ideal_runs[0], lib, "ols")
     assert [len(p) for p in (joined.train, joined.test)] == [600, 401]
     assert np.array_equal(joined.train.t[480:], joined.validation.t)
 
@@ -217,7 +218,7 @@ def test_a_split_recording_is_cut_in_order(lib: Library, ideal_runs: Runs) -> No
 def test_friction_is_identified(lib: Library, noisy: Recording) -> None:
     """Oracle: 0.5 N·m·s/rad and 0.3 N·m behind 0.05 N·m of noise on 480 samples."""
     terms = Friction(("viscous", "coulomb"), 0.03)
-    result = identify(noisy, lib, "ols", friction_columns=terms)
+    result = identify_recording(noisy, lib, "ols", friction=terms)
     # Noise/√480 over columns of size 0.5 and 1, for seven joints at three sigma: 0.014, doubled
     # for the correlation between them and with the inertial columns.
     assert result.phi == pytest.approx(np.tile([0.5, 0.3], (7, 1)), abs=0.03)
@@ -225,7 +226,7 @@ def test_friction_is_identified(lib: Library, noisy: Recording) -> None:
 
 def test_preparation_can_be_given(lib: Library, noisy: Recording) -> None:
     """Property: the requested preparation is the one in the history."""
-    result = identify(noisy, lib, "ols", preparation=Preparation(rate_hz=50.0))
+    result = identify_recording(noisy, lib, "ols", preparation=Preparation(rate_hz=50.0))
     assert result.train.rate_hz == pytest.approx(50.0, rel=1e-9)
     assert any("50 Hz" in step for step in result.train.history)
 
@@ -246,7 +247,7 @@ def test_bad_options(
     """Property: each is one sentence that names what would be right."""
     chosen = {k: ideal_runs[0] if v == "train" else v for k, v in options.items()}
     with pytest.raises(IdentificationError, match=match):
-        identify(ideal_runs[0], lib, **chosen)
+        identify_recording(ideal_runs[0], lib, **chosen)
 
 
 def test_too_few_samples_are_refused(lib: Library, ideal_runs: Runs) -> None:
@@ -257,14 +258,14 @@ def test_too_few_samples_are_refused(lib: Library, ideal_runs: Runs) -> None:
         edges = (0.48, 0.7) if METHODS[method].uses_validation else (0.3, 0.48)
         parts = Split((0, edges[0]), edges, (edges[1], 1))
         with pytest.raises(IdentificationError, match="42 equations for 43 unknowns"):
-            identify(short, lib, method, splitting=parts)
+            identify_recording(short, lib, method, split=parts)
 
 
 def test_unknown_friction_is_refused(lib: Library, ideal_runs: Runs) -> None:
     """Property: unknown and repeated columns are reported."""
     for names, match in ((("stiction",), "no friction column"), (("offset",) * 2, "twice")):
         with pytest.raises(RecordingError, match=match):
-            identify(ideal_runs[0], lib, friction_columns=Friction(names))
+            identify_recording(ideal_runs[0], lib, friction=Friction(names))
 
 
 def test_the_public_face_has_what_it_names() -> None:

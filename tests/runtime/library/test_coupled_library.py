@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import runtime
 from runtime.errors import IdentificationError, RuntimeFault, SimulationError
 from runtime.excitation import Trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
@@ -192,9 +192,7 @@ def test_identification_finds_springs_and_friction_of_dependent_joints(lib: Libr
     )
     names = ("viscous", "coulomb", "motor_coulomb", "spring:back", "spring:strut")
     terms = Friction(names, coulomb_speed=0.02)
-    result = runtime.identify(
-        Recording(t, q, dq, ddq, tau), lib, method="ols", friction_columns=terms
-    )
+    result = identify_recording(Recording(t, q, dq, ddq, tau), lib, method="ols", friction=terms)
     table = dict(zip(names, result.phi.T, strict=True))
     np.testing.assert_allclose(table["viscous"], viscous, rtol=1e-6)
     np.testing.assert_allclose(table["coulomb"], coulomb, rtol=1e-6)
@@ -209,7 +207,7 @@ def test_the_certified_method_works_on_links(lib: Library) -> None:
     t, q, dq, ddq = motion(600)
     clean = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + lib.known_torque(q)
     tau = clean + np.random.default_rng(2).normal(0, 0.05, clean.shape)
-    result = runtime.identify(Recording(t, q, dq, ddq, tau), lib, method="map")
+    result = identify_recording(Recording(t, q, dq, ddq, tau), lib, method="map")
     assert result.pi.shape == (40,)
     assert (lib.relative_eigenvalues(result.pi) > 0).all()
     assert np.abs(result.predict(q, dq, ddq) - clean).max() < 0.05  # σ of the noise

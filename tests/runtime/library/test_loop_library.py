@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import runtime
 from runtime.errors import (
     IdentificationError,
     PostureError,
@@ -13,6 +12,7 @@ from runtime.errors import (
     ShapeError,
 )
 from runtime.excitation import Trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
@@ -151,7 +151,7 @@ def test_identification_recovers_the_torque(lib: Library) -> None:
     truth = lib.inverse_dynamics(q, dq, ddq, pi.ravel())
     tau = truth + 0.05 * rng.normal(size=truth.shape)
     log = Recording(t=t, q=q, dq=dq, ddq=ddq, tau=tau)
-    result = runtime.identify(log, lib, method="map", friction_columns=Friction(columns=()))
+    result = identify_recording(log, lib, method="map", friction=Friction(columns=()))
     _, *unseen = motion(200, 9)
     right = lib.inverse_dynamics(*unseen, pi.ravel())
     error = np.sqrt(np.mean((result.predict(*unseen) - right) ** 2))
@@ -188,7 +188,7 @@ def test_friction_of_dependent_joints_is_identified(lib: Library) -> None:
     names = ("viscous", "joint_viscous:forearm", "joint_coulomb:rod")
     terms = Friction(names, coulomb_speed=0.02)
     log = Recording(t, q, dq, ddq, tau)
-    result = runtime.identify(log, lib, method="ols", friction_columns=terms)
+    result = identify_recording(log, lib, method="ols", friction=terms)
     table = dict(zip(names, result.phi.T, strict=True))
     np.testing.assert_allclose(table["joint_coulomb:rod"], [dry, 0.0, 0.0], atol=1e-6)
     # G of the forearm is constant here (a parallelogram), so that its column is a combination of
@@ -198,7 +198,7 @@ def test_friction_of_dependent_joints_is_identified(lib: Library) -> None:
         unknown = Friction((f"joint_viscous:{wrong}",))
         sentence = f"no joint '{wrong}' that follows others .there are: "
         with pytest.raises(RecordingError, match=sentence):
-            runtime.identify(log, lib, method="ols", friction_columns=unknown)
+            identify_recording(log, lib, method="ols", friction=unknown)
 
 
 def test_simulated_motion_is_that_of_the_constrained_tree(lib: Library) -> None:

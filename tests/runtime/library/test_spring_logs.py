@@ -10,6 +10,7 @@ import runtime
 from runtime import Recording, write_recording
 from runtime.identification.friction_intervals import determined, spring_lines
 from runtime.identification.result_file import result_facts
+from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library import Library
 from runtime.recording import Friction
@@ -36,7 +37,7 @@ def test_springs_are_columns_of_the_default_friction(wrist: Library, log: Record
     """
     terms = runtime.choose_default_friction(log, wrist).terms
     assert {"spring:back", "spring:strut"} <= set(terms.columns)
-    result = runtime.identify(log, wrist, friction_columns=terms, certify=False)
+    result = identify_recording(log, wrist, friction=terms, certify=False)
     rest = result.predict(log.q, log.dq, log.required("ddq")) - log.required("tau")
     assert rest.std(axis=0).max() < 1.1 * NOISE
     places = [terms.columns.index(f"spring:{name}") for name in ("back", "strut")]
@@ -57,7 +58,7 @@ def test_intervals_of_springs_hold(wrist: Library, log: Recording) -> None:
     for seed in range(100, 112):
         noise = np.random.default_rng(seed).normal(0, NOISE, exact.shape)
         noisy = replace(log, tau=exact + noise)
-        facts = result_facts(runtime.identify(noisy, wrist, friction_columns=terms), "")["friction"]
+        facts = result_facts(identify_recording(noisy, wrist, friction=terms), "")["friction"]
         known = np.array(facts["sigma"], dtype=float)  # null becomes NaN
         assert (np.isnan(known) == [[0, 0, 0, 0], [0, 0, 1, 1]]).all()  # a spring has one entry
         assert facts["interval_95"][1][2:] == [None, None]
@@ -77,7 +78,7 @@ def test_coefficients_without_information_have_no_interval(wrist: Library, log: 
     """Property: null where a coefficient ended at its bound, or its column copies another one."""
     driving = replace(log, tau=log.required("tau") - 0.8 * log.dq * [1, 0])  # −0.4 dq at the first
     terms = Friction(("viscous", "spring:back", "spring:strut"))
-    facts = result_facts(runtime.identify(driving, wrist, friction_columns=terms), "")["friction"]
+    facts = result_facts(identify_recording(driving, wrist, friction=terms), "")["friction"]
     assert facts["values"][0][0] == 0
     assert facts["interval_95"][0][0] is None
     assert facts["sigma"][0][0] is None

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify, write_recording
+from runtime import Identification, Recording, write_recording
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.fleet.unit import unit_of
 from runtime.simulation import Plant, ideal
@@ -34,7 +35,7 @@ def monitored(
 ) -> Monitored:
     """The Panda identified from its first 60 %, tested on the rest."""
     folder = tmp_path_factory.mktemp("monitored")
-    result = identify(panda, lib)
+    result = identify_recording(panda, lib)
     write_result(result, folder, "python -m runtime identify panda_gaz")
     saved = read_result(folder)
     return Monitored(folder, result, saved, read_posterior(folder, saved, lib))

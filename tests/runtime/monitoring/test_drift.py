@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify, write_recording
+from runtime import Recording, write_recording
 from runtime.excitation import Trajectory
 from runtime.identification.result_file import write_result
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.drift import Change, _ranked
 from runtime.recording import Friction, Preparation
@@ -35,7 +36,7 @@ def arm(
     log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(1))
     terms = Friction(("viscous", "coulomb", "offset"), 0.03)
     folder = tmp_path_factory.mktemp("arm")
-    result = identify(log, lib, friction_columns=terms, preparation=Preparation())
+    result = identify_recording(log, lib, friction=terms, preparation=Preparation())
     write_result(result, folder, "test")
     return folder
 

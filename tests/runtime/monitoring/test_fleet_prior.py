@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text, write_prior
@@ -65,7 +66,7 @@ def test_friction_of_another_width_is_refused(
     path.write_text("[friction]\ncoulomb_speed = 0.05\n[friction.fr3_joint1]\ncoulomb = [0.3, 0.1]")
     prior = read_prior(path, lib)
     with pytest.raises(IdentificationError, match=r"coulomb_speed = 0\.05.*--coulomb-speed 0\.05"):
-        identify(noisy, lib, friction_columns=TERMS, prior=prior)
+        identify_recording(noisy, lib, friction=TERMS, prior=prior)
 
 
 def test_the_prior_of_a_type_decides_what_no_motion_shows(lib: Library, noisy: Recording) -> None:
@@ -76,7 +77,7 @@ def test_the_prior_of_a_type_decides_what_no_motion_shows(lib: Library, noisy: R
     centre = lib.pi0.copy()
     links(centre)[0] *= 1.7
     prior = dataclasses.replace(_trusted(), centre=centre)
-    result = identify(noisy, lib, friction_columns=TERMS, prior=prior, certify=False)
+    result = identify_recording(noisy, lib, friction=TERMS, prior=prior, certify=False)
     assert mass(links(result.pi))[0] == pytest.approx(1.7 * mass(links(lib.pi0))[0], rel=0.01)
 
 
@@ -87,13 +88,15 @@ def test_a_few_seconds_count_with_the_noise_of_the_type(lib: Library, noisy: Rec
     """
     noise = NoiseFloor(np.full(lib.n_joints, 0.5), 4.0)
     prior, plain = dataclasses.replace(_trusted(), noise=noise), _trusted()
-    results = [identify(noisy, lib, friction_columns=TERMS, prior=each) for each in (plain, prior)]
+    results = [
+        identify_recording(noisy, lib, friction=TERMS, prior=each) for each in (plain, prior)
+    ]
     assert (results[0].weights > 10 * 0.5**-2).all()
     np.testing.assert_allclose(results[1].weights, 0.5**-2, rtol=1e-12)
     assert results[1].uncertainty.information.density >= 4.0
     momenta = Preparation(regressor="momentum")
-    words = {"friction_columns": TERMS, "preparation": momenta, "certify": False}
-    alike = [identify(noisy, lib, prior=each, **words) for each in (plain, prior)]
+    words = {"friction": TERMS, "preparation": momenta, "certify": False}
+    alike = [identify_recording(noisy, lib, prior=each, **words) for each in (plain, prior)]
     np.testing.assert_array_equal(alike[0].weights, alike[1].weights)
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import read_prior
+from runtime.identification.single_log import identify_recording
 from runtime.identification.statistics_file import (
     MARK,
     UnitStatistics,
@@ -36,7 +37,7 @@ def test_a_log_gives_the_same_statistics_again(
     noisy: Recording, lib: Library, tmp_path: Path
 ) -> None:
     """Property: what is read is what was written, and is less than 60 kB."""
-    result = identify(noisy, lib, friction_columns=TERMS)
+    result = identify_recording(noisy, lib, friction=TERMS)
     written = statistics_of(result, "u1")
     write_statistics(written, tmp_path / "statistics.npz")
     read = read_statistics(tmp_path / "statistics.npz")
@@ -147,7 +148,7 @@ def test_the_commands_from_log_to_prior(
     assert prior.units == 6
     assert prior.kappa == facts["trust"]
     assert prior.noise is None  # one unit of seven states its noise
-    result = identify(noisy, lib, friction_columns=TERMS, prior=prior, certify=False)
+    result = identify_recording(noisy, lib, friction=TERMS, prior=prior, certify=False)
     assert result.is_consistent
     assert "6 units of the fleet" in result.notes[0]
     ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")

@@ -51,7 +51,7 @@ def test_an_identification_shows_errors_and_bodies(panda_adam: Identification) -
 
 
 def test_a_comparison_shows_its_rows(lib: Library, noisy: Recording) -> None:
-    assembly = assemble(noisy, lib, friction_columns=Friction(("viscous",)))
+    assembly = assemble(noisy, lib, friction=Friction(("viscous",)))
     page = shown(compare(assembly, ("ols", "iv")))
     assert "fr3: every method on the same data" in page.text
     assert "not run" in page.text

@@ -5,10 +5,11 @@ import pinocchio
 import pytest
 from scipy.integrate import solve_ivp
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation
 from runtime.simulation import (
@@ -189,10 +190,10 @@ def test_a_closed_loop_log_identifies_the_truth(
         torque_noise=0.05,
     )
     log = closed_loop(lib, trajectories[0], truth, np.random.default_rng(0), 500.0)
-    result = identify(
+    result = identify_recording(
         log,
         lib,
-        friction_columns=Friction(("viscous", "coulomb"), truth.coulomb_speed),
+        friction=Friction(("viscous", "coulomb"), truth.coulomb_speed),
         preparation=Preparation(
             max_gap_s=0.01, filter="butterworth", cutoff_hz=15.0, trim_s=0.1, rate_hz=100.0
         ),

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from runtime import identify
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.arm import ArmModel
 from runtime.identification.payload.estimate import identify_payload
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare
@@ -83,13 +83,13 @@ def test_what_can_be_learnt(lib: Library, runs: Runs, pi_true: np.ndarray) -> No
     """
     preparation = replace(DOCUMENT, trim_s=0.15)
     terms = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
-    result = identify(
+    result = identify_recording(
         runs.train,
         lib,
         preparation=preparation,
         validation=runs.test,
         test=runs.test,
-        friction_columns=terms,
+        friction=terms,
         lam0=lib.lam_from_pi(pi_true),
         certify=False,
     )

@@ -7,7 +7,6 @@ import pytest
 
 import runtime
 from runtime import Recording, load, read_recording
-from runtime.cli.prepared_log import usable_columns
 from runtime.estimators.choice.default_friction import (
     DEFAULT_COLUMNS,
     SPRINGS,
@@ -16,8 +15,9 @@ from runtime.estimators.choice.default_friction import (
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.metrics import torque_error
+from runtime.identification.prepared_log import usable_columns
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, write_recording
 from runtime.recording.friction import JointMotion, columns, torque
@@ -52,7 +52,7 @@ def with_friction(clean: Recording, lib: Library, terms: Friction) -> Recording:
 def test_the_columns_that_made_the_data_are_chosen(names, lib, ideal_runs):
     """Oracle: simulated truth."""
     log = with_friction(ideal_runs[0], lib, Friction(names, coulomb_speed=0.03))
-    choice = choose_default_friction(log, lib, splitting=WHOLE)
+    choice = choose_default_friction(log, lib, split=WHOLE)
     assert choice.terms.columns == names
     if "coulomb" in names:
         # Two grids and a parabola; 0.02 N·m of noise leave some percent.
@@ -71,12 +71,12 @@ def test_friction_with_memory_gets_a_dahl_column(rotor, lib, ideal_runs):
     phi = np.tile([{**PHI, "dahl": 0.5}[name] for name in true.columns], (lib.n_joints, 1))
     noise = 0.02 * np.random.default_rng(3).normal(size=clean.tau.shape)
     log = clean.replace(tau=clean.tau + torque(C, phi) + noise)
-    choice = choose_default_friction(log, lib, splitting=WHOLE)
+    choice = choose_default_friction(log, lib, split=WHOLE)
     assert choice.terms.columns == true.columns
     # A parabola through strokes a factor of 4 apart, then of √2; 0.02 N·m leave some percent.
     assert choice.terms.dahl_stroke == pytest.approx(0.02, rel=0.1)
     assert "--friction offset,viscous,coulomb" in choice.sentence
-    without = choose_default_friction(log, lib, splitting=WHOLE, coulomb_speed=0.03)
+    without = choose_default_friction(log, lib, split=WHOLE, coulomb_speed=0.03)
     assert "dahl" not in without.terms.columns
     assert "dahl" not in choose_default_friction(log, lib, allowed=DEFAULT_COLUMNS).terms.columns
 
@@ -97,7 +97,7 @@ def test_the_default_predicts_the_cobot(tmp_path):
     errors = []
     auto = choose_friction(logs[0], lib, names=("dahl",), extra=("rotor",)).chosen.terms
     for terms in (choose_default_friction(logs[0], lib).terms, auto):
-        result = identify(logs[0], lib, Settings(friction_columns=terms, certify=False))
+        result = identify_recording(logs[0], lib, Settings(friction=terms, certify=False))
         samples = samples_of(prepare(logs[1], None, terms, lib=lib), lib)
         errors.append(torque_error(samples.tau, result.predict_samples(samples)).overall)
     assert errors[0] < 1.05 * errors[1]
@@ -149,15 +149,12 @@ def test_identify_without_options_fits_friction(command, lib, tmp_path):
     assert len(notes[()]) == 1
     assert not notes["--friction", "none"]
     log = read_recording(EXAMPLE)
-    terms = runtime.choose_default_friction(log, lib).terms
-    same = runtime.identify(log, lib, friction_columns=terms, refit=True)
+    same = runtime.identify(log, lib)
     # The same numbers to the last digit of the file.
     assert same.pi.tolist() == facts["pi"]
-    assert not any("no friction was fitted" in note for note in same.notes)
-    plain = runtime.identify(log, lib, certify=False)
-    assert any("runtime.choose_default_friction(recording, lib)" in note for note in plain.notes)
-    requested = runtime.identify(log, lib, friction_columns=Friction(()), certify=False)
+    requested = runtime.identify(log, lib, friction=(), refit=False, certify=False)
     assert requested.notes == ()
+    assert requested.phi.size == 0
     # Measured 0.76 and 5.94 %.
     assert errors[()] < 1.0
     assert errors["--friction", "none"] > 5.0

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from runtime import Recording, identify, write_recording
+from runtime import Recording, write_recording
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.recording.friction import JointMotion, columns, gravity_load, torque
@@ -44,7 +45,7 @@ def test_the_candidate_that_made_the_data_is_chosen(candidate, lib, ideal_runs):
         FRICTION_MODELS[candidate], coulomb_speed=0.03, stribeck_speed=0.15, dahl_stroke=4e-3
     )
     log = _with_friction(ideal_runs[0], lib, truth)
-    choice = choose_friction(log, lib, splitting=WHOLE)
+    choice = choose_friction(log, lib, split=WHOLE)
     assert choice.chosen.name == candidate, choice.sentence
     # Widths come one after the other, not jointly: ε within 15 % of the truth where a Stribeck peak
     # beside it is of the same shape, within 3 % alone (2 % is the search's own accuracy).
@@ -62,7 +63,7 @@ def test_the_candidate_that_made_the_data_is_chosen(candidate, lib, ideal_runs):
 def test_without_friction_none_is_chosen(lib, ideal_runs):
     """Property: noise alone does not lift the ladder, and AIC agrees."""
     choice = choose_friction(
-        _with_friction(ideal_runs[0], lib, Friction(())), lib, splitting=WHOLE, coulomb_speed=0.02
+        _with_friction(ideal_runs[0], lib, Friction(())), lib, split=WHOLE, coulomb_speed=0.02
     )
     assert choice.chosen.name == "none"
     assert min(choice.candidates, key=lambda r: r.aic).name == "none"
@@ -74,15 +75,13 @@ def test_a_real_log_gets_below_the_bar_with_the_chosen_model(panda, lib):
 
     Bar 1.3 % of torque (with tanh-Coulomb at 0.02 rad/s: 1.31 %).
     """
-    from runtime import identify
-
     choice = choose_friction(panda, lib, names=("viscous", "coulomb", "dahl"))
-    result = identify(
+    result = identify_recording(
         panda,
         lib,
         "ols",
-        friction_columns=choice.chosen.terms,
-        splitting=Split((0.0, 0.59), (0.59, 0.6), (0.6, 1.0)),
+        friction=choice.chosen.terms,
+        split=Split((0.0, 0.59), (0.59, 0.6), (0.6, 1.0)),
         certify=False,
     )
     tau = result.test.tau
@@ -119,14 +118,14 @@ def test_a_rotor_that_a_link_can_replace_is_the_links_without_a_prior(lib, ideal
     run, terms = ideal_runs[0], Friction(("rotor",))
     rotors = np.array([0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05])
     geared = run.replace(tau=run.tau + rotors * run.ddq)
-    free = identify(geared, lib, "ols", friction_columns=terms, certify=False)
+    free = identify_recording(geared, lib, "ols", friction=terms, certify=False)
     # Axis 1 is fixed and axis 2 perpendicular to it: ω₁·z₁ = dq₁ and ω₂·z₂ = dq₂, so ZZ of links
     # 1 and 2 do what the rotors of their joints do. Rounding over a condition number of 20.
     assert free.phi[:2].tolist() == [[0.0], [0.0]]
     np.testing.assert_allclose(free.phi[2:, 0], rotors[2:], atol=1e-9)
     # The prior is right about links 1 and 2, so what they lack is the rotors'.
     start = lib.lam_from_pi(pi_true)
-    kept = identify(geared, lib, "map", friction_columns=terms, lam0=start, certify=False)
+    kept = identify_recording(geared, lib, "map", friction=terms, lam0=start, certify=False)
     np.testing.assert_allclose(kept.phi[2:, 0], rotors[2:], atol=1e-6)
     # The prior widens links thinner than matter is, here by 2.5 and 1.3 g·m².
     np.testing.assert_allclose(kept.phi[:2, 0], rotors[:2], atol=4e-3)

@@ -28,7 +28,7 @@ def test_aic_by_hand(
     names = ("none", "offset", "viscous", "coulomb")
     parts = Split((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
     choice = choose_friction(
-        run.replace(tau=tau), lib, splitting=parts, coulomb_speed=EPSILON, names=names
+        run.replace(tau=tau), lib, split=parts, coulomb_speed=EPSILON, names=names
     )
     seen = run.t < run.t[0] + 0.9 * run.duration
     q, dq, ddq, tau = (x[seen] for x in (run.q, run.dq, run.ddq, tau))

@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime import Identification, Recording, identify
+from runtime import Identification, Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import fit_ols
 from runtime.estimators.classical.pc_ols import SLACK, ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.estimators.problem import Problem, best_friction
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.recording.friction import add_columns
@@ -232,9 +233,11 @@ def test_best_friction_is_stationary(
 def test_methods_by_name_agree_with_the_rooms(
     lib: Library, ideal_runs: tuple[Recording, ...], pi_true: np.ndarray
 ) -> None:
-    """Property: identify(method="ols" | "pc-ols") hands out what the baselines found."""
+    """Property: identify_recording(method="ols" | "pc-ols") hands out what the baselines found."""
     for method in ("ols", "pc-ols"):
-        result = identify(ideal_runs[0], lib, method, validation=ideal_runs[1], test=ideal_runs[2])
+        result = identify_recording(
+            ideal_runs[0], lib, method, validation=ideal_runs[1], test=ideal_runs[2]
+        )
         beta = lib.base_matrix @ pi_true
         # As for pc-ols above.
         assert np.linalg.norm(result.beta - beta) <= 5e-6 * np.linalg.norm(beta)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError, SimulationError
 from runtime.estimators.literature.iv_didim import ClosedLoop, observations
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.simulation import Controller, Plant, ideal
 from tests.runtime.estimators.plant import (
@@ -58,8 +59,8 @@ def test_least_squares_recovers_the_truth(
     """Oracle: the parameters the data were made from; the normal equations by explicit rows."""
     beta = lib.base_matrix @ pi_true
     for method in ("ols", "wls"):
-        estimated = identify(
-            clean, lib, method, friction_columns=FRICTION, splitting=SPLIT, certify=False
+        estimated = identify_recording(
+            clean, lib, method, friction=FRICTION, split=SPLIT, certify=False
         )
         # Rounding 1e-16 times the condition number of 6, over 57 unknowns.
         assert np.linalg.norm(estimated.beta - beta) < 1e-10 * np.linalg.norm(beta)
@@ -93,8 +94,8 @@ def test_weights_tell_the_noise_of_the_joints(lib: Library, clean: Recording) ->
     for _ in range(40):
         noisy = clean.replace(tau=clean.tau + sigma * rng.normal(size=clean.tau.shape))
         for method, estimates in estimated.items():
-            result = identify(
-                noisy, lib, method, friction_columns=FRICTION, splitting=SPLIT, certify=False
+            result = identify_recording(
+                noisy, lib, method, friction=FRICTION, split=SPLIT, certify=False
             )
             estimates.append(np.concatenate([result.beta, result.phi.ravel()]))
         words = result.notes[0].split(": ")[1].split(", ")
@@ -205,7 +206,7 @@ def test_joints_that_stand_still_are_reported(lib: Library, clean: Recording) ->
     )
     for method in ("ols", "wls"):
         with pytest.raises(IdentificationError, match=r"the motion excites .* record a richer"):
-            identify(still, lib, method, friction_columns=FRICTION, splitting=SPLIT, certify=False)
+            identify_recording(still, lib, method, friction=FRICTION, split=SPLIT, certify=False)
 
 
 def test_a_computed_torque_has_no_weight(lib: Library, clean: Recording) -> None:
@@ -213,12 +214,12 @@ def test_a_computed_torque_has_no_weight(lib: Library, clean: Recording) -> None
     rng = np.random.default_rng(0)
     noise = 0.1 * rng.normal(size=clean.tau.shape) * (np.arange(7) != 6)
     tau = clean.tau + noise
-    estimated = identify(
+    estimated = identify_recording(
         clean.replace(tau=tau),
         lib,
         "wls",
-        friction_columns=FRICTION,
-        splitting=SPLIT,
+        friction=FRICTION,
+        split=SPLIT,
         certify=False,
     )
     assert np.isfinite(estimated.pi).all()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import identify, read_recording
+from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, GRIPPER, convex_problem, minimise, prior_of, reduce
 from runtime.estimators.convex.constraints import Constraints
@@ -26,6 +26,7 @@ from runtime.estimators.regression.samples import (
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import result_facts
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction
 from scripts.bench.trials import map_trials
 
@@ -33,7 +34,7 @@ from scripts.bench.trials import map_trials
 @pytest.fixture(scope="module")
 def estimated(lib, noisy):
     """The default method on 0.05 N·m of white noise with friction."""
-    return identify(noisy, lib, friction_columns=Friction(("viscous", "coulomb"), 0.03))
+    return identify_recording(noisy, lib, friction=Friction(("viscous", "coulomb"), 0.03))
 
 
 def test_the_default_finds_what_made_the_data(lib, noisy, estimated, pi_true):
@@ -57,7 +58,7 @@ def test_intervals_cover_the_truth(lib, noisy, pi_true):
     The URDF's last link is half the true one, which a trust of 16 excludes and one of 4 allows.
     """
     terms, prior = Friction(("viscous", "coulomb"), 0.03), PriorFile(GRIPPER, Constraints())
-    estimated = identify(noisy, lib, friction_columns=terms, prior=prior)
+    estimated = identify_recording(noisy, lib, friction=terms, prior=prior)
     u = estimated.uncertainty
     score = (estimated.beta - lib.base_matrix @ pi_true) / u.beta_sigma
     # 95 % less 3 · √(43 · .05 · .95)/43; measured 93, 86, 95 % on three seeds of the noise.
@@ -187,7 +188,7 @@ def test_constant_joints_are_advised(lib):
 def test_exact_data_give_finite_answers(lib, ideal_runs):
     """Property: no noise at all, so weights and γ meet their floors; β is the truth's."""
     train, validation, test = ideal_runs
-    result = identify(train, lib, validation=validation, test=test)
+    result = identify_recording(train, lib, validation=validation, test=test)
     error = torque_error(result.test.tau, result.predict_recording(result.test))
     assert error.overall < 1e-3
     assert np.isfinite(result.uncertainty.root).all()
@@ -198,7 +199,7 @@ def test_exact_data_give_finite_answers(lib, ideal_runs):
 
 def test_real_arm_by_default(lib, panda):
     """Real data: better than the descent, and a mass that the manufacturer would recognise."""
-    result = identify(panda, lib)
+    result = identify_recording(panda, lib)
     error = torque_error(result.test.tau, result.predict_recording(result.test)).overall
     assert error <= 1.45  # measured 1.420; least squares without bodies has 1.305
     assert result.pi[::10].sum() == pytest.approx(lib.pi0[::10].sum(), rel=0.15)
@@ -212,7 +213,7 @@ def test_a_hardly_exciting_log_keeps_to_the_prior(robot, shared_data):
     lib = robot("kuka_lwr4")
     runs = [read_recording("lwr4_flobaroid", None, run) for run in "123"]
     terms = runs[0].recipe.friction
-    result = identify(runs[0], lib, validation=runs[1], test=runs[2], friction_columns=terms)
+    result = identify_recording(runs[0], lib, validation=runs[1], test=runs[2], friction=terms)
     error = torque_error(result.test.tau, result.predict_recording(result.test)).overall
     assert error <= 8.8
     assert result.pi[::10].sum() == pytest.approx(lib.pi0[::10].sum(), rel=0.15)
@@ -236,7 +237,7 @@ def test_further_priors_hold(lib, noisy, tmp_path):
     path.write_text(PRIOR)
     prior = read_prior(path, lib)
     assert prior.kappa == 4.0
-    result = identify(noisy, lib, prior=prior)
+    result = identify_recording(noisy, lib, prior=prior)
     pi = result.pi.reshape(7, 10)
     assert 14.0 < pi[:, 0].sum() < 20.0
     # Rounding of the null space, whose basis has units of the prior.
@@ -244,7 +245,7 @@ def test_further_priors_hold(lib, noisy, tmp_path):
     np.testing.assert_allclose(pi[6, [2, 7, 9]], 0.0, atol=1e-9)
     assert (np.abs(pi[6, 1:4] / pi[6, 0]) < [0.05, 0.05, 0.1]).all()
     assert result.relative_eigenvalues.min() > 0
-    free = identify(noisy, lib).pi.reshape(7, 10)
+    free = identify_recording(noisy, lib).pi.reshape(7, 10)
     assert abs(free[6, 0] - 1.2) > 0.01
 
 
@@ -279,7 +280,7 @@ def test_priors_that_make_no_sense(lib, noisy, tmp_path, text, match):
     path = tmp_path / "arm.toml"
     path.write_text(text)
     with pytest.raises(IdentificationError, match=match):
-        identify(noisy, lib, prior=read_prior(path, lib))
+        identify_recording(noisy, lib, prior=read_prior(path, lib))
 
 
 def test_options_that_do_not_go_together(lib, noisy, tmp_path):
@@ -287,11 +288,11 @@ def test_options_that_do_not_go_together(lib, noisy, tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text("total_mass = 16")
     with pytest.raises(IdentificationError, match="used by the method map only"):
-        identify(noisy, lib, "ols", prior=read_prior(path, lib))
+        identify_recording(noisy, lib, "ols", prior=read_prior(path, lib))
     with pytest.raises(IdentificationError, match="cannot be read"):
         read_prior(Path("nowhere.toml"), lib)
     with pytest.raises(IdentificationError, match="trust κ above 0"):
-        identify(noisy, lib, prior=dataclasses.replace(read_prior(path, lib), kappa=-1.0))
+        identify_recording(noisy, lib, prior=dataclasses.replace(read_prior(path, lib), kappa=-1.0))
 
 
 def test_residual_noise_corrects_for_unknowns(lib, noisy, pi_true):

@@ -88,7 +88,7 @@ def test_both_filters_follow_their_model(
 def test_filters_run_without_friction_columns(
     lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: SimulatedCase
 ) -> None:
-    """Property: a log without friction, or `friction_columns=Friction(())`, is no error."""
+    """Property: a log without friction, or `friction=Friction(())`, is no error."""
     data = modelled(lib, trajectories[0], pi_true, 40, np.random.default_rng(5))
     data = replace(data, names=())
     for run in (run_ekf, run_ukf):
@@ -102,7 +102,7 @@ def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
     assert np.linalg.norm(start - beta) > 0.02 * np.linalg.norm(beta)
     for method, share in (("ekf", 0.3), ("ukf", 0.15)):
         short = Split((0.0, share), (share, share + 0.02), (share + 0.02, 1.0))
-        estimated = plant.identify(method, splitting=short)
+        estimated = plant.identify(method, split=short)
         assert np.isfinite(estimated.pi).all()
         assert np.isfinite(estimated.phi).all()
         assert plant.base_error(estimated) < 1.0
@@ -138,7 +138,7 @@ def test_filters_say_what_they_need(plant: SimulatedCase, lib: Library) -> None:
         ):
             replace(plant, log=slow).identify(method, None)
         with pytest.raises(IdentificationError, match="uses the friction columns viscous, coul"):
-            plant.identify(method, friction_columns=Friction(("viscous", "dahl")))
+            plant.identify(method, friction=Friction(("viscous", "dahl")))
     noise = noise_of(plant.log.q)
     # 10 000 samples know σ to 0.7 %; the jerk of the noisy loop adds a little.
     assert noise == pytest.approx(np.full(7, SIGMA_Q), rel=0.1)

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify
+from runtime import Identification, Recording
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.literature.neural import UNITS, FrictionNet, _forward, _slopes, train
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Split, write_recording
 from runtime.recording.preprocessing import prepare
@@ -40,7 +41,7 @@ def sticky(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarr
 
 @pytest.fixture(scope="module")
 def learned(sticky: Recording, lib: Library) -> Identification:
-    return identify(sticky, lib, "nn", friction_columns=TERMS, splitting=HALVES, certify=False)
+    return identify_recording(sticky, lib, "nn", friction=TERMS, split=HALVES, certify=False)
 
 
 def rms(estimated: Identification, motion: tuple[np.ndarray, ...], tau: np.ndarray) -> float:
@@ -55,9 +56,7 @@ def test_the_net_learns_what_linear_friction_cannot(
     pi_true: np.ndarray,
 ) -> None:
     """Oracle: the friction of the plant on another motion, far below the linear fit's error."""
-    linear = identify(
-        sticky, lib, "pc-ols", friction_columns=TERMS, splitting=HALVES, certify=False
-    )
+    linear = identify_recording(sticky, lib, "pc-ols", friction=TERMS, split=HALVES, certify=False)
     motion = trajectories[2].at(lib, np.arange(0.0, 10.0, 0.02))[:3]
     truth = Plant(pi_true, viscous=0.4, coulomb=0.4, coulomb_speed=SPEED)
     tau = ideal(lib, trajectories[2], truth, 50.0).tau[:-1] + stribeck(motion[1])
@@ -75,7 +74,7 @@ def test_without_friction_the_net_is_silent(
     plant = simulated_case(
         lib, trajectories[0], trajectories[2], pi_true, 1e-5, viscous=0.0, coulomb=0.0
     )
-    estimated = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
+    estimated = plant.identify("nn", friction=TERMS, split=HALVES)
     samples = samples_of(estimated.train, lib)
     assert estimated.learned is not None
     # σ = 0.05 N·m.
@@ -110,7 +109,7 @@ def test_training_fits_a_net_of_the_same_kind() -> None:
 def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
     """Property: without friction columns there is nothing to learn from, in one sentence."""
     with pytest.raises(IdentificationError, match="the method nn needs friction columns"):
-        identify(sticky, lib, "nn", splitting=HALVES)
+        identify_recording(sticky, lib, "nn", split=HALVES)
 
 
 def test_results_keep_the_net(

@@ -86,7 +86,7 @@ def test_rows_say_what_identify_says(lib: Library) -> None:
     """Oracle: identify on the same training part, and the figures by their definitions."""
     log = read_recording(EXAMPLE)
     terms = Friction(("viscous", "coulomb"), 0.03)
-    assembly = assemble(log, lib, friction_columns=terms)
+    assembly = assemble(log, lib, friction=terms)
     made = {row.method: row for row in compare(assembly, ("map", "ols", "pc-ols")).rows}
     for method, row in made.items():
         alone = identify_assembled(assembly, method)

@@ -15,7 +15,7 @@ from runtime.identification.drive.feedback import bias_columns
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.friction import DRIVE
@@ -61,7 +61,7 @@ def test_exact_log_gives_the_truth(
     def counted(log: Recording, robot: Library, settings: Settings, **options: object):
         assert settings.preparation is not None
         rates.append(settings.preparation.rate_hz)
-        return identify(log, robot, settings, **options)
+        return identify_recording(log, robot, settings, **options)
 
     monkeypatch.setattr(passes, "identify", counted)
     rng = np.random.default_rng(1)
@@ -119,7 +119,7 @@ def test_delay_of_a_measured_torque(lib: Library, tmp_path: Path) -> None:
     t, tau = arrays["t"], arrays["tau_true"] + 0.05 * rng.normal(size=arrays["q"].shape)
     late = np.stack([np.interp(t - 0.008, t, row) for row in tau.T], axis=1)
     log = Recording(t=t, q=arrays["q"], dq=arrays["dq"], tau=late)
-    settings = Settings(preparation=FILTERED, friction_columns=Friction(DRIVE))
+    settings = Settings(preparation=FILTERED, friction=Friction(DRIVE))
     drive = identify_drive(log, lib, settings, DriveRequest(delay=True)).drive
     assert drive is not None
     assert abs(drive.delay[0] - 0.008) < 4 * drive.delay_sigma[0]

@@ -22,7 +22,7 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
 
 def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
     """The result with the delay as an unknown."""
-    settings = Settings(preparation=PREPARATION, friction_columns=terms)
+    settings = Settings(preparation=PREPARATION, friction=terms)
     return identify_drive(log, lib, settings, DriveRequest(delay=True))
 
 

@@ -6,8 +6,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from runtime.cli.drive import with_mirrored_links
 from runtime.errors import IdentificationError
+from runtime.identification.drive.requested import with_mirrored_links
 from runtime.identification.drive.symmetry import mirrored_links
 from runtime.library import Array, Library
 

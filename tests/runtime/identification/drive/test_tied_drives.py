@@ -81,7 +81,7 @@ def test_drives_are_identified_apart_and_then_tied(monkeypatch: pytest.MonkeyPat
     assert alone == again == replace(request, tied=())
     assert first.friction_prior is None
     assert not first.certify
-    assert second.friction_columns == TERMS
+    assert second.friction == TERMS
     assert second.friction_prior is not None
     assert np.isfinite(second.friction_prior.sigma[:2, 0]).all()
     assert "tied to their mean within 10 %" in result.notes[0]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import RecordingError
 from runtime.estimators.regression import Statistics, compress, compress_all
 from runtime.estimators.regression.samples import samples_of
@@ -21,6 +21,7 @@ from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.blocks import blocks_of
 from runtime.identification.long_logs.identify import identify_streamed, parts_of_log
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import csv_format, tables
@@ -79,12 +80,12 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     Only the weights differ: they come from windows, which here leave out some of the rows.
     """
     write_recording(log, tmp_path / "x.parquet")
-    whole = identify(log, lib, preparation=PREPARATION, friction_columns=FRICTION)
+    whole = identify_recording(log, lib, preparation=PREPARATION, friction=FRICTION)
     result = identify_streamed(
         open_streamed(tmp_path / "x.parquet"),
         lib,
         preparation=PREPARATION,
-        friction_columns=FRICTION,
+        friction=FRICTION,
     )
     (before, after), (before_, after_) = torque_errors(whole), torque_errors(result)
     assert before_.percent == pytest.approx(before.percent, rel=1e-9)
@@ -103,8 +104,8 @@ def test_the_second_fit_is_that_of_the_whole_log(lib, log, tmp_path):
     (1e-13), times the condition of the raw columns.
     """
     write_recording(log, tmp_path / "x.npz")
-    same = {"preparation": PREPARATION, "friction_columns": FRICTION}
-    whole = identify(log, lib, "ols", refit=True, certify=False, **same)
+    same = {"preparation": PREPARATION, "friction": FRICTION}
+    whole = identify_recording(log, lib, "ols", refit=True, certify=False, **same)
     file = open_streamed(tmp_path / "x.npz")
     result = identify_streamed(file, lib, "ols", refit=True, **same)
     alone = identify_streamed(file, lib, "ols", certify=False, **same)
@@ -185,7 +186,7 @@ def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
             open_streamed(tmp_path / "x.npz"),
             lib,
             preparation=PREPARATION,
-            friction_columns=FRICTION,
+            friction=FRICTION,
         )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
@@ -204,11 +205,16 @@ def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
     for extra, message in {
         ("--method", "nn"): "the method nn needs the samples one by one",
         ("--preset", "real"): "a preset with mini-batches needs the samples one by one",
-        ("--friction", "auto"): "a friction model is chosen on a log that is read as a whole",
     }.items():
         ran = command("identify", "x.parquet", *words, *extra)
         assert ran.code == 2
         assert message in ran.err
+    ran = command("identify", "x.parquet", *words, "--friction", "auto")
+    assert ran.code == 0, ran.err
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    # A model with memory is no candidate: blocks do not hand on its state.
+    assert {"viscous", "coulomb"} <= set(facts["friction"]["columns"])
+    assert sum("chosen by cross-validation" in note for note in facts["warnings"]) == 1
     ran = command("identify", "x.mcap", *words)
     assert ran.code == 2
     assert "x.mcap is expected to hold messages of sensor_msgs/msg/JointState" in ran.err

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
@@ -15,6 +15,7 @@ from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes
 from runtime.identification.long_logs.identify import identify_streamed
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import tables
@@ -58,8 +59,8 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     Windows leave out a third of the training part; the weights that come from them are held alike.
     """
     monkeypatch.setattr(passes, "LENGTH", 200)
-    options = {"preparation": PREPARATION, "friction_columns": FRICTION}
-    whole = identify(log, lib, method, **options)
+    options = {"preparation": PREPARATION, "friction": FRICTION}
+    whole = identify_recording(log, lib, method, **options)
     weights = thesis_weights(whole.train.tau)
     monkeypatch.setattr(passes, "thesis_weights", lambda *_: weights)
     write_recording(log, tmp_path / "x.npz")

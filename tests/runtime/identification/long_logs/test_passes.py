@@ -45,7 +45,7 @@ def test_row_groups_are_decoded_once(lib, tmp_path, monkeypatch):
     monkeypatch.setattr(parquet_format.ParquetLog, "batches", counted)
     log = open_streamed(tmp_path / "x.parquet")
     decoded.clear()
-    identify_streamed(log, lib, preparation=PREPARATION, friction_columns=Friction())
+    identify_streamed(log, lib, preparation=PREPARATION, friction=Friction())
     assert sum(decoded) < 1.6 * values.size
 
 
@@ -86,7 +86,7 @@ def test_samples_are_not_read_again_to_be_counted(lib, tmp_path, monkeypatch):
     write_recording(moving(lib, 12_000), tmp_path / "x.npz")
     log = open_streamed(tmp_path / "x.npz")
     whole = passes.assemble_streamed(
-        log, lib, preparation=PREPARATION, friction_columns=Friction(), is_joined=True
+        log, lib, preparation=PREPARATION, friction=Friction(), is_joined=True
     )
     held = {name: sum(map(len, whole.assembly.recordings(name))) for name in whole.parts}
     read, numbers = Spool.read, []

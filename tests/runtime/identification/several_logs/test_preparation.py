@@ -82,7 +82,7 @@ def test_logs_that_are_prepared_unlike_are_named(lib):
         for k, hz in enumerate((20.0, 10.0))
         for prepared in [Preparation(filter="butterworth", cutoff_hz=hz)]
     ]
-    result, _ = identify_logs(logs, lib, "ols")
+    result = identify_logs(logs, lib, "ols")
     assert result.train.prepared == logs[0].preparation
     assert any("another way than log 20: log 10;" in note for note in result.notes)
     assert np.isfinite(result.beta).all()

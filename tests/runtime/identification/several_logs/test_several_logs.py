@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from runtime import identify
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.result_file import write_result
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog, joined, read_carried
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.outputs.report import write_report
 from runtime.recording import Friction, Preparation, write_recording
@@ -48,7 +48,8 @@ def sessions(lib: Library) -> list[NamedLog]:
 
 @pytest.fixture(scope="module")
 def answer(lib: Library, sessions: list[NamedLog]):
-    return identify_logs(sessions, lib, friction_columns=FRICTION)
+    result = identify_logs(sessions, lib, friction=FRICTION)
+    return result, result.agreement
 
 
 def test_offsets_friction_and_payload_are_separated(lib, answer):
@@ -76,7 +77,7 @@ def test_parameters_come_from_all_rows(lib, sessions, answer, tmp_path):
     without the second fit both are the same.
     """
     first, _ = answer
-    result, _ = identify_logs(sessions, lib, friction_columns=FRICTION, refit=True)
+    result = identify_logs(sessions, lib, friction=FRICTION, refit=True)
     assert first.trained is None
     assert result.trained is not None
     assert any("are fitted to all" in note for note in result.notes)
@@ -91,7 +92,7 @@ def test_parameters_come_from_all_rows(lib, sessions, answer, tmp_path):
 def test_a_payload_that_is_not_given_shows(lib, sessions):
     """Property: without its payload the odd log stands out in both tables."""
     unknown = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]
-    _, agreement = identify_logs(unknown, lib, friction_columns=FRICTION)
+    agreement = identify_logs(unknown, lib, friction=FRICTION).agreement
     single = [log.with_offset.overall for log in agreement.left_out]
     assert single[1] > 10.0
     assert agreement.ratio > 5.0
@@ -115,8 +116,11 @@ def test_one_log_twice_without_offsets_is_one_log(lib, sessions):
     terms = Friction(("viscous", "coulomb"))
     bare = [NamedLog(s.name, s.recording, s.preparation) for s in sessions[:1]]
     twice = [*bare, NamedLog("again", bare[0].recording, bare[0].preparation)]
-    result, agreement = identify_logs(twice, lib, "ols", friction_columns=terms)
-    alone = identify(bare[0].recording, lib, "ols", preparation=PREPARATION, friction_columns=terms)
+    result = identify_logs(twice, lib, "ols", friction=terms)
+    agreement = result.agreement
+    alone = identify_recording(
+        bare[0].recording, lib, "ols", preparation=PREPARATION, friction=terms
+    )
     # The same rows twice: least squares does not notice, to rounding times the condition number.
     assert result.beta == pytest.approx(alone.beta, abs=1e-8)
     assert agreement.offsets is None
@@ -139,7 +143,7 @@ def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
 def test_what_is_written_can_be_used(answer, tmp_path):
     """Oracle: result.json serves evaluate and payload, the report shows both tables."""
     result, agreement = answer
-    facts = write_result(result, tmp_path, "test", agreement.facts())
+    facts = write_result(result, tmp_path, "test")
     assert facts["friction"]["columns"] == ["viscous", "coulomb", "offset"]
     assert [each["name"] for each in facts["sessions"]["leave_one_out"]] == list(agreement.names)
     page = write_report(tmp_path).read_text()
@@ -168,11 +172,16 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
         ("--payload-of", "1.npz=none.json"): "holds no payload",
         ("--method", "ekf"): "cannot join several logs",
         ("--stream",): "read as a whole",
-        ("--friction", "auto"): "chosen on one log",
     }.items():
         ran = command(*logs, *words, *extra)
         assert ran.code == 2
         assert message in ran.err
+    ran = command(*logs, *words, "--friction", "auto", "--regressor", "auto")
+    assert ran.code == 0, ran.err
+    reported = json.loads((tmp_path / "out" / "result.json").read_text())
+    chosen = [note for note in reported["warnings"] if "chosen by cross-validation" in note]
+    assert [note.partition(":")[0] for note in chosen] == ["0"]  # once, on the first log
+    assert np.shape(reported["sessions"]["offsets"]) == (3, 7)
     ran = command("identify", "0.npz", *words, "--payload-of", "0.npz=payload.json")
     assert "several logs" in ran.err
 

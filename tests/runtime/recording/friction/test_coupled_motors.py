@@ -5,13 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import RecordingError
 from runtime.estimators.classical.least_squares import counted_in_links
 from runtime.estimators.regression import CompressedObjective, compress
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction, Recipe, read_recording
 from runtime.recording.friction import (
     JointMotion,
@@ -81,8 +82,8 @@ def test_columns_of_motors_are_written_out(run, fr3):
 @pytest.mark.parametrize("method", ["ols", "wls", "pc-ols", "lm"])
 def test_coupled_friction_is_recovered(run, fr3, method):
     """Oracle: the coefficients that made the torque, from noiseless data."""
-    found = identify(
-        run, fr3, method, friction_columns=Friction((*JOINTS, *MOTORS), 0.05), certify=False
+    found = identify_recording(
+        run, fr3, method, friction=Friction((*JOINTS, *MOTORS), 0.05), certify=False
     )
     # PC-OLS stops a hair before the optimum, and LM where the loss falls no more.
     close = {"ols": 1e-7, "wls": 1e-7, "pc-ols": 2e-2, "lm": 1e-4}[method]
@@ -134,7 +135,7 @@ def test_tx40_needs_its_coupling(robot):
     log, lib = read_recording(real("tx40_figaroh")), robot("tx40")
 
     def error(method: str, terms: Friction | None = None):
-        found = identify(log, lib, method, friction_columns=terms, certify=False)
+        found = identify_recording(log, lib, method, friction=terms, certify=False)
         assert found.train.t[-1] < 4.51
         assert 4.59 < found.test.t[0] < found.test.t[-1] < 7.41
         return metrics.torque_error(found.test.tau, found.predict_recording(found.test))

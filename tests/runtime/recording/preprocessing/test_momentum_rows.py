@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.regression.samples import Samples, samples_of
@@ -16,6 +16,7 @@ from runtime.identification.long_logs.blocks import blocks_of
 from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque
@@ -158,11 +159,11 @@ def test_a_slow_log_is_identified_where_accelerations_fail(lib, counted, pi_true
     beta = lib.base_matrix @ pi_true
 
     def error(form: str, cutoff: float) -> float:
-        found = identify(
+        found = identify_recording(
             train,
             lib,
             preparation=at(cutoff, form, trim_s=0.5),
-            friction_columns=Friction(),
+            friction=Friction(),
             validation=validation,
             test=test,
             certify=False,
@@ -182,7 +183,7 @@ def made(lib: Library, noisy: Recording):
 @pytest.mark.parametrize("method", methods_from_statistics())
 def test_methods_that_take_them(lib, made, pi_true, method):
     """Oracle: the torque of the simulation; each predicts it at 2 Hz below half a percent."""
-    found = identify(made, lib, method, preparation=at(2.0), friction_columns=Friction())
+    found = identify_recording(made, lib, method, preparation=at(2.0), friction=Friction())
     error = metrics.torque_error(found.test.tau, found.predict_recording(found.test))
     assert error.overall < 0.5
     assert found.test.ddq is None
@@ -197,11 +198,11 @@ def test_energy_is_weaker_but_right(lib, trajectories, pi_true):
     plant = Plant(1.1 * pi_true, viscous=0.5, torque_noise=0.05)
     rng = np.random.default_rng(4)
     runs = [ideal(lib, each, plant, rng=rng).replace(ddq=None) for each in trajectories]
-    found = identify(
+    found = identify_recording(
         runs[0],
         lib,
         preparation=at(10.0, "energy"),
-        friction_columns=Friction(("viscous",)),
+        friction=Friction(("viscous",)),
         validation=runs[1],
         test=runs[2],
     )
@@ -233,17 +234,18 @@ def test_several_logs_with_a_payload(lib):
         NamedLog(name, log, usual, carried)
         for name, log, carried in zip("ab", logs, (None, ball.ravel()), strict=True)
     ]
-    found, agreement = identify_logs(sessions, lib, friction_columns=Friction())
+    found = identify_logs(sessions, lib, friction=Friction())
+    agreement = found.agreement
     assert max(log.after.overall for log in agreement.left_out) < 1.0
     assert found.test.ddq is None  # nothing was differentiated after all
     beta = lib.base_matrix @ lib.pi0
     assert np.linalg.norm(found.beta - beta) < 0.01 * np.linalg.norm(beta)
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]
     with pytest.raises(IdentificationError, match="use --regressor momentum"):
-        identify_logs(wrong, lib, friction_columns=Friction())
+        identify_logs(wrong, lib, friction=Friction())
     mixed = [sessions[0], replace(sessions[1], preparation=at(5.0, "acceleration"))]
     with pytest.raises(IdentificationError, match="give all of them one regressor"):
-        identify_logs(mixed, lib, friction_columns=Friction())
+        identify_logs(mixed, lib, friction=Friction())
 
 
 def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):

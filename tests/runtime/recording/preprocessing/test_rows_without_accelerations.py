@@ -2,9 +2,10 @@
 
 import pytest
 
-from runtime import Recording, identify
+from runtime import Recording
 from runtime.errors import NeedsError, RecordingError
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
@@ -32,8 +33,8 @@ def made(lib: Library, noisy: Recording):
 def test_methods_that_do_not(lib, made, method, preset, form):
     """One sentence: what is missing and what to use."""
     with pytest.raises(NeedsError, match="use --regressor acceleration, or one of map"):
-        identify(
-            made, lib, method, preset=preset, preparation=at(2.0, form), friction_columns=Friction()
+        identify_recording(
+            made, lib, method, preset=preset, preparation=at(2.0, form), friction=Friction()
         )
 
 

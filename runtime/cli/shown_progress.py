@@ -1,0 +1,68 @@
+"""Steps, choices and iterations of an identification at the terminal."""
+
+from rich.progress import Progress, TaskID
+from rich.table import Table
+
+from runtime.common.terminal import console
+from runtime.estimators.choice.cutoff_choice import CutoffChoice
+from runtime.estimators.choice.friction_choice import FrictionChoice
+from runtime.identification.watch import Watch
+
+
+class ShownProgress(Watch):
+    """One bar: the present step, then the iterations of the method."""
+
+    def __init__(self, bar: Progress, method: str, robot: str, total: int | None = None) -> None:
+        self._bar, self._name, self._total = bar, f"{method} on {robot}", total
+        self._task: TaskID = bar.add_task("reading the log", total=None, state="")
+
+    def step(self, sentence: str) -> None:
+        """Show the step in the bar."""
+        self._bar.update(self._task, description=sentence)
+
+    def choice(self, made: CutoffChoice | FrictionChoice) -> None:
+        """Print the candidates above the bar."""
+        table = cutoff_table(made) if isinstance(made, CutoffChoice) else friction_table(made)
+        console.print(table)
+
+    def iteration(self, done: int, best: float) -> None:
+        """Advance the bar."""
+        text = f"best validation loss {best:.6g}"
+        self._bar.update(
+            self._task, description=self._name, total=self._total, completed=done, state=text
+        )
+
+
+def cutoff_table(choice: CutoffChoice) -> Table:
+    """Candidates of --cutoff auto with their cross-validation errors; an arrow marks the choice."""
+    table = Table("cut-off", title="Cut-off: cross-validation error on the unfiltered torque")
+    for head in ("velocity", "error", "above the best", "independent rows"):
+        table.add_column(head, justify="right")
+    for c in choice.candidates:
+        table.add_row(
+            f"{'→ ' if c is choice.chosen else ''}{c.cutoff_hz:g} Hz",
+            {"measured": "measured", "position": "from q"}[c.derivative],
+            f"{c.score:.3f}",
+            f"{c.excess:.3f} ± {c.excess_error:.3f}",
+            f"{100 * c.white:.0f} %",
+        )
+    return table
+
+
+def friction_table(choice: FrictionChoice) -> Table:
+    """Candidates of --friction auto with their cross-validation errors; an arrow marks the choice.
+
+    The error is in units of the torque noise.
+    """
+    table = Table("friction model", title="Friction model: cross-validation error over noise")
+    for head in ("error", "above the best", "AIC", "unknowns"):
+        table.add_column(head, justify="right")
+    for candidate in choice.candidates:
+        table.add_row(
+            f"{'→ ' if candidate is choice.chosen else ''}{candidate.name}: {candidate.terms}",
+            f"{candidate.score:.3f}",
+            f"{candidate.excess:.3f} ± {candidate.excess_error:.3f}",
+            f"{candidate.aic:.1f}",
+            str(candidate.parameters),
+        )
+    return table

@@ -1,0 +1,227 @@
+"""From a log and the settings to its rows: preparation, split, friction columns, all chosen.
+
+    cut-off → gains of currents → regressor → friction model
+
+Each is chosen by the data before the test part, for a streamed log by its first rows. What the
+settings state is not chosen. Of a log of poses at rest that were reached from both sides, the mean
+of each pair is taken.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from runtime.errors import IdentificationError
+from runtime.estimators.choice.cutoff_choice import choose_cutoff
+from runtime.estimators.choice.default_friction import MEMORY, USABLE, choose_default_friction
+from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
+from runtime.estimators.choice.regressor_choice import choose_regressor
+from runtime.estimators.methods import require_method
+from runtime.identification.current_gains.scaling import with_current_gains
+from runtime.identification.long_logs.blocks import head_of
+from runtime.identification.settings import AUTO, CHOSEN, Settings, friction_of
+from runtime.identification.watch import SILENT, Watch
+from runtime.library import Library
+from runtime.recording import (
+    EVERYTHING,
+    Friction,
+    Preparation,
+    Recording,
+    Split,
+    StreamedRecording,
+)
+from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.friction import OFFSET, default_terms
+from runtime.recording.preprocessing import before_test
+from runtime.recording.static_poses import static_poses
+
+_ANY_HZ = 1.0
+"""Placeholder of a cut-off that cross-validation replaces, Hz."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedLog:
+    """A log with its preparation, split and friction columns.
+
+    Attributes:
+        recording: the log, or its first rows where it is streamed.
+        preparation: filter, decimation and form of the equations; None for those of the recipe.
+        split: training, validation and test parts; None for those of the recipe.
+        friction: friction columns; None for those of the recipe.
+        notes: sentences about what was chosen automatically.
+        streamed: the log in its file; None where it is in memory.
+        is_at_rest: whether the rows are poses at rest, without motion.
+    """
+
+    recording: Recording
+    preparation: Preparation | None
+    split: Split | None
+    friction: Friction | None
+    notes: tuple[str, ...] = ()
+    streamed: StreamedRecording | None = None
+    is_at_rest: bool = False
+
+    def settings(self, settings: Settings, preparation: Preparation | None) -> Settings:
+        """Settings of a fit of this log, with nothing left to choose."""
+        usual = Settings()
+        rows: dict[str, Any] = {name: getattr(usual, name) for name in (*CHOSEN, "coulomb_speed")}
+        rows |= {"preparation": preparation, "split": self.split, "friction": self.friction}
+        return replace(settings, **rows)
+
+
+def prepared_log(
+    log: Recording | StreamedRecording,
+    lib: Library,
+    settings: Settings,
+    usable: Sequence[str] = (),
+    watch: Watch = SILENT,
+) -> PreparedLog:
+    """Choose cut-off, regressor and friction model of a log where the settings do not state them.
+
+    usable: columns of the friction model where neither settings nor recipe name one; () for none.
+    """
+    streamed = log if isinstance(log, StreamedRecording) else None
+    recording = head_of(log) if isinstance(log, StreamedRecording) else log
+    if streamed is None:
+        recording = independent_joints(recording, lib)
+    elif recording.has_unknown_gains:
+        raise IdentificationError(
+            "gains of motor currents are estimated on a log that is read as a whole, but this one "
+            "is streamed; write gain = [...] under [torque] of the recipe, or give --no-stream"
+        )
+    parts = settings.split if settings.test is None else EVERYTHING
+    terms = friction_of(recording, settings)
+    prepared, notes = settings.preparation, tuple[str, ...]()
+    if prepared is None and recording.columns is None:
+        at_rest = None if streamed else _at_rest(recording, settings, parts)
+        if at_rest is not None:
+            return at_rest
+        recording, prepared, notes = _prepared(recording, lib, settings, terms, watch)
+    if streamed is not None:
+        usable = tuple(name for name in usable if name != MEMORY)
+    if recording.columns is not None:
+        return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
+    steps = prepared, parts
+    if terms is not None and _is_chosen(terms):
+        watch.step("choosing a friction model")
+        names = [
+            name
+            for name, columns in FRICTION_MODELS.items()
+            if streamed is None or MEMORY not in columns  # blocks do not hand on its state
+        ]
+        choice = choose_friction(
+            recording, lib, *steps, settings.coulomb_speed, names, extra=terms.columns[1:]
+        )
+        watch.choice(choice)
+        terms, notes = choice.chosen.terms, (*notes, choice.sentence)
+    elif usable and settings.friction is None and default_terms(recording) is None:
+        watch.step("choosing a friction model")
+        terms, note = _default_terms(recording, lib, steps, settings, usable)
+        notes += (note,)
+    return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
+
+
+def _is_chosen(terms: Friction) -> bool:
+    """Whether a friction model is to be chosen among all."""
+    return terms.columns[:1] == (AUTO,)
+
+
+def _prepared(
+    recording: Recording,
+    lib: Library,
+    settings: Settings,
+    terms: Friction | None,
+    watch: Watch,
+) -> tuple[Recording, Preparation | None, tuple[str, ...]]:
+    """The log in torques, its preparation, and sentences on what was chosen."""
+    parts, notes = settings.split, tuple[str, ...]()
+    chooses = settings.regressor == AUTO
+    regressor = None if chooses else settings.regressor
+    is_free = settings.cutoff == AUTO
+    cutoff = _ANY_HZ if is_free else settings.cutoff
+    prepared = preparation_of(recording, cutoff, settings.rate, regressor)
+    if is_free:
+        watch.step("choosing a cut-off")
+        known = None if terms is None or _is_chosen(terms) else terms
+        choice = choose_cutoff(recording, lib, prepared, parts, known)
+        watch.choice(choice)
+        prepared, notes = choice.preparation, (choice.sentence,)
+    if recording.has_unknown_gains:
+        recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
+    watch.step("checking the accelerations")
+    seen = before_test(recording, parts)
+    prepared, sentences = choose_regressor(seen, lib, prepared, chooses)
+    return recording, prepared, (*notes, *sentences)
+
+
+def _default_terms(
+    recording: Recording,
+    lib: Library,
+    steps: tuple[Preparation | None, Split | None],
+    settings: Settings,
+    usable: Sequence[str],
+) -> tuple[Friction, str]:
+    """Friction model of a fleet, or the default by cross-validation; with a sentence."""
+    of_type = settings.prior.friction_model if settings.prior else None
+    if of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
+        return of_type, f"the friction model is that of the fleet: {of_type}"
+    chosen = choose_default_friction(
+        recording, lib, *steps, settings.coulomb_speed, tuple(usable), settings.robust
+    )
+    return chosen.terms, chosen.sentence
+
+
+def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
+    """Columns among which the default friction model of some methods is chosen."""
+    records = [require_method(name) for name in methods]
+    if any(record.default_columns for record in records) and len(records) == 1:
+        return ()
+    limits = [set(record.columns) for record in records if record.columns is not None]
+    return tuple(name for name in USABLE if all(name in limit for limit in limits))
+
+
+def preparation_of(
+    recording: Recording,
+    cutoff: float | str | None,
+    rate: float | None,
+    regressor: str | None = None,
+) -> Preparation | None:
+    """Preparation of the recipe with cut-off, rate and regressor in place; None where none is."""
+    if cutoff is None and rate is None and regressor is None:
+        return None
+    base = recording.preparation
+    if regressor is not None:
+        base = replace(base, regressor=regressor)
+    if cutoff is not None:
+        base = replace(base, filter="butterworth", cutoff_hz=_hz(cutoff))
+        if base.max_gap_s is None:
+            base = replace(base, max_gap_s=3.0 / recording.rate_hz)
+    return replace(base, rate_hz=rate) if rate is not None else base
+
+
+def _hz(cutoff: float | str) -> float:
+    try:
+        return float(cutoff)
+    except ValueError:
+        raise IdentificationError(
+            f"--cutoff needs a frequency in Hz or auto, got '{cutoff}'"
+        ) from None
+
+
+def _at_rest(recording: Recording, settings: Settings, parts: Split | None) -> PreparedLog | None:
+    """Rows of a log of poses that were reached from both sides."""
+    filters = (settings.cutoff, settings.rate, settings.regressor)
+    if recording.has_unknown_gains or any(each is not None for each in filters):
+        return None
+    rows = static_poses(recording)
+    if rows is None:
+        return None
+    wanted = friction_of(recording, replace(settings, coulomb_speed=None))
+    has_offset = wanted is not None and OFFSET.name in wanted.columns
+    note = (
+        f"the log contains {len(rows)} poses at rest that were reached from both sides: the fit "
+        "takes the mean of each pair, in which Coulomb friction cancels, and determines the "
+        "gravity torque alone; give --cutoff to identify from its motion"
+    )
+    terms = Friction((OFFSET.name,) if has_offset else ())
+    return PreparedLog(rows, Preparation(), parts, terms, (note,), is_at_rest=True)

@@ -21,7 +21,7 @@ from runtime.identification.payload.arm import ArmModel
 from runtime.identification.payload.body import Body, body_of, mount_of
 from runtime.identification.payload.known import KnownPayload
 from runtime.identification.sensor_gains.estimate import identify_gains
-from runtime.identification.single_log import identify_recording
+from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.library.parameters import links
 from runtime.recording import Friction, Preparation, Split
@@ -77,9 +77,7 @@ def coverage(lib: Library, designs: list[Trajectory], case: str, count: int, mor
     preparation = CASES[case][1]
     base, determined, band, payload, gains, named = [], [], [], [], [], []
     for trial, pair in enumerate(pairs(lib, designs, case, count + more)):
-        result = identify_recording(
-            pair.empty, lib, preparation=preparation, split=SPLIT, friction=TERMS
-        )
+        result = fit(pair.empty, lib, preparation=preparation, split=SPLIT, friction=TERMS)
         u = result.uncertainty
         assert u is not None  # noqa: S101  certify is on
         wrong = result.beta - lib.base_matrix @ pair.pi
@@ -326,6 +324,6 @@ def _identified(lib: Library, motion: Trajectory, case: Case, seed: int) -> Unce
         noise = signal.lfilter([np.sqrt(1 - log.rho**2)], [1, -log.rho], noise, axis=0)
     t = np.arange(len(q)) / log.rate_hz
     recording = Recording(t=t, q=q, dq=dq, tau=case.torque(tau + NOISE * noise, dq), name="trial")
-    result = identify_recording(recording, lib, preparation=FILTERED, friction=TERMS)
+    result = fit(recording, lib, preparation=FILTERED, friction=TERMS)
     assert result.uncertainty is not None  # noqa: S101  certify is on
     return result.uncertainty

@@ -29,7 +29,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
-from runtime.identification.single_log import identify_recording
+from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import JointMotion, columns
@@ -163,9 +163,7 @@ def error_of(
     lib: Library, log: Recording, preparation: Preparation | None, pi: Array, joints: Array
 ) -> float:
     """Error of the torque of other motions by the default method, fitted to all rows."""
-    result = identify_recording(
-        log, lib, preparation=preparation, friction=TERMS, refit=True, certify=False
-    )
+    result = fit(log, lib, preparation=preparation, friction=TERMS, refit=True, certify=False)
     wrong = result.beta - lib.base_matrix @ pi
     return float(np.sqrt(np.einsum("k,jkl,l->", wrong, joints, wrong)))
 

@@ -24,7 +24,7 @@ from runtime.identification import metrics
 from runtime.identification.identified import Identification
 from runtime.identification.prepared_log import usable_columns
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify_recording
+from runtime.identification.single_log import identify_recording as fit
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from runtime.recording import Friction, Recording, read_recording
@@ -184,7 +184,7 @@ def _errors(
         for method in methods if name != DEFAULT else ("map",):
             try:
                 wanted = Settings(method=method, friction=terms, certify=False, refit=True)
-                error = _error(identify_recording(train, lib, wanted), test)
+                error = _error(fit(train, lib, wanted), test)
             except RuntimeFault:
                 error = float("nan")
             yield Error(robot, method, name, terms.columns, error)

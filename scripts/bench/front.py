@@ -74,14 +74,13 @@ def merged(before: str, after: str, keys: int) -> str:
     return "\n".join((head, rule, *cells.values()))
 
 
-def _pages() -> list[Path]:
-    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
 def update(name: str, text: str) -> None:
     """Write a text between the marks <!-- name --> and <!-- /name --> of every page."""
     start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    marked = [page for page in _pages() if start in page.read_text(encoding="utf-8")]
+    marked = [page for page in PAGES if start in page.read_text(encoding="utf-8")]
     if not marked:
         raise ValueError(f"expected a page with {start}, got none; put the marks into a page")
     for page in marked:
@@ -93,7 +92,7 @@ def update(name: str, text: str) -> None:
 def table_of(name: str) -> str:
     """Text between the marks of the first page that has them."""
     start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    for page in _pages():
+    for page in PAGES:
         text = page.read_text(encoding="utf-8")
         if start in text:
             return text.split(start)[1].split(end)[0].strip()

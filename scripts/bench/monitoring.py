@@ -23,7 +23,7 @@ from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
-from runtime.identification.single_log import identify_recording
+from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.monitoring.calibration import calibrated, tails_of
 from runtime.monitoring.drift import Verdict, verdict_of
@@ -75,7 +75,7 @@ def draws_coverage(
         pi = perturbed(lib, lib.pi0, SPREAD, rng)
         plant = Plant(pi, viscous=VISCOUS, coulomb=COULOMB, torque_noise=NOISE)
         log = ideal(lib, designs[0], plant, rng=rng)
-        result = identify_recording(log, lib, friction=TERMS)
+        result = fit(log, lib, friction=TERMS)
         with TemporaryDirectory() as folder:
             known = saved_of(lib, result, Path(folder))
         drawn = draw_models(lib, known.saved, known.posterior, draws, rng)
@@ -129,7 +129,7 @@ int main(void)
 def seconds_per_sample(lib: Library, design: Trajectory) -> float:
     """CPU time of one update, the median of `RUNS` runs [s]."""
     log = record(lib, design, seed=0).recording
-    result = identify_recording(log, lib, preparation=FILTERED, friction=OF_ARM)
+    result = fit(log, lib, preparation=FILTERED, friction=OF_ARM)
     with TemporaryDirectory() as name:
         folder = Path(name)
         known = saved_of(lib, result, folder)
@@ -207,7 +207,7 @@ def _watched(
         motion = designs[1] if k == 1 else drawn_motion(lib, designs, FIRST_SEED + k)
         log = joined(log, record(lib, motion, seed=FIRST_SEED + k).recording, 0.5)
     terms = choose_default_friction(log, lib, FILTERED).terms
-    result = identify_recording(log, lib, preparation=FILTERED, friction=terms, refit=True)
+    result = fit(log, lib, preparation=FILTERED, friction=terms, refit=True)
     with TemporaryDirectory() as folder:
         known = saved_of(lib, result, Path(folder))
         model = model_of(known.saved, lib)
@@ -293,7 +293,7 @@ def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
     )
     log = joined(one, two, PAUSE_S)
     terms = choose_default_friction(log, lib, FILTERED).terms
-    result = identify_recording(log, lib, preparation=FILTERED, friction=terms, refit=True)
+    result = fit(log, lib, preparation=FILTERED, friction=terms, refit=True)
     with TemporaryDirectory() as folder:
         known = saved_of(lib, result, Path(folder))
         sigma = read_held_out(Path(folder), model_of(known.saved, lib)).rest.std(axis=0)

@@ -341,7 +341,6 @@ import json, sys, runtime
 lib = runtime.load(sys.argv[1])
 log = runtime.read_recording("fr3_simulated")
 friction = runtime.choose_default_friction(log, lib).terms
-# Of an earlier version the keyword has another name, and no friction is the default.
 word = "friction" if hasattr(runtime.Settings, "friction") else "friction_columns"
 for name, how in {"plain": {word: () if word == "friction" else None, "refit": False},
                   "command": {word: friction, "refit": True},

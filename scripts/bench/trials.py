@@ -20,7 +20,7 @@ from runtime.experiments.trials.motions import document_robot
 from runtime.identification import metrics
 from runtime.identification.payload.arm import arm_model
 from runtime.identification.payload.body import mount_of
-from runtime.identification.single_log import identify_recording
+from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation
 from runtime.simulation import Plant, ideal
@@ -188,7 +188,7 @@ def simulated(
             q = run.q if counts is None else np.round(run.q * counts / 2 / np.pi)
             q = q if counts is None else q * 2 * np.pi / counts
             runs.append(run.replace(q=q, dq=None, ddq=None))
-        result = identify_recording(
+        result = fit(
             runs[0],
             lib,
             preparation=usual,
@@ -205,6 +205,6 @@ def of_panda(lib: Library, log: Recording, form: str, cutoff: float) -> float:
     """Overall error of the torque low-passed at the same cut-off."""
     known = log.recipe.preparation if log.recipe else Preparation()
     usual = replace(known, filter="butterworth", cutoff_hz=cutoff, regressor=form)
-    result = identify_recording(log, lib, preparation=usual, certify=False)
+    result = fit(log, lib, preparation=usual, certify=False)
     tau = samples_of(result.test, lib).tau
     return metrics.torque_error(tau, result.predict_recording(result.test)).overall

@@ -346,10 +346,9 @@ for name, how in {"plain": {word: () if word == "friction" else None, "refit": F
                   "command": {word: friction, "refit": True},
                   "ols": {word: friction, "method": "ols", "refit": False}}.items():
     result = runtime.identify(log, lib, **how)
-    tau = result.predict(log.q, log.dq, 0 * log.dq)
-    facts = {"pi": result.pi.tolist(), "phi": result.phi.tolist(), "tau": tau.tolist()}
-    json.dump(facts | {"status": result.status, "notes": list(result.notes)},
-              open(name + ".json", "w"))
+    arrays = {"pi": result.pi, "phi": result.phi, "tau": result.predict(log.q, log.dq, 0 * log.dq)}
+    facts = {key: values.tolist() for key, values in arrays.items()} | {"status": result.status}
+    json.dump(facts | {"notes": list(result.notes)}, open(name + ".json", "w"))
 """,
     "payload": """
 import json, sys, runtime

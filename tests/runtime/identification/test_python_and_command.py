@@ -1,4 +1,4 @@
-"""Python and the command line: the same digits on one log, several, a streamed one and a servo's."""
+"""The same digits in Python and on the command line."""
 
 import json
 from collections.abc import Callable

@@ -37,6 +37,7 @@ from runtime.identification.single_log import identify_recording
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording import Recording, StreamedRecording
+from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
 
@@ -182,7 +183,7 @@ def _of_several(
 ) -> Identification:
     """One set of parameters from several logs, and the comparison of the logs.
 
-    Friction model and regressor are chosen on the first log, a cut-off on each.
+    Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
     named = _named(logs)
     _require_one_log("several", settings)
@@ -198,13 +199,10 @@ def _of_several(
             rest = replace(rest, cutoff=steps.cutoff_hz)
     if first.friction is not None:
         rest = replace(rest, friction=first.friction, coulomb_speed=None)
-    others = [prepared_log(each.recording, lib, _of(each, rest), (), watch) for each in named[1:]]
-    data = [first, *others]
-    if any(each.recording.gains is not None for each in data):
-        raise IdentificationError(
-            "the gains of motor currents are estimated from one log, but several are given; run "
-            "identify or gains on one of them, and write its gains into the recipe"
-        )
+    gains, data = first.recording.gains, [first]
+    for each in named[1:]:
+        log = each.recording if gains is None else scaled(each.recording, gains)
+        data.append(prepared_log(log, lib, _of(each, rest), (), watch))
     data = with_drives(data, lib, settings)
     names = [each.name for each in named]
     delays: list[dict[str, Any]] = []

@@ -84,11 +84,6 @@ def prepared_log(
     recording = head_of(log) if isinstance(log, StreamedRecording) else log
     if streamed is None:
         recording = independent_joints(recording, lib)
-    elif recording.has_unknown_gains:
-        raise IdentificationError(
-            "gains of motor currents are estimated on a log that is read as a whole, but this one "
-            "is streamed; write gain = [...] under [torque] of the recipe, or give --no-stream"
-        )
     parts = settings.split if settings.test is None else EVERYTHING
     terms = friction_of(recording, settings)
     prepared, notes = settings.preparation, tuple[str, ...]()
@@ -97,6 +92,10 @@ def prepared_log(
         if at_rest is not None:
             return at_rest
         recording, prepared, notes = _prepared(recording, lib, settings, terms, watch)
+    if recording.has_unknown_gains:  # the steps are stated
+        recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
+    if streamed is not None and recording.gains is not None:  # those of the first rows
+        streamed = replace(streamed, gains=recording.gains)
     if streamed is not None:
         usable = tuple(name for name in usable if name != MEMORY)
     if recording.columns is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.digests import Digests
 from runtime.recording.formats.log_format import LogRows
@@ -18,7 +19,7 @@ from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe, read_recording
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray, Recording
-from runtime.recording.unit_conversion import converted
+from runtime.recording.unit_conversion import converted, scaled
 
 LARGE = 200_000_000
 """Size of a file above which a log is streamed by default [bytes]."""
@@ -54,6 +55,7 @@ class StreamedRecording:
         files: the sources of the signals, and of the time alone.
         clock: likewise.
         remarks: sentences about the form of the files.
+        gains: estimated gains of its motor currents; None where it states them.
         one_at_a_time: held while rows are read.
     """
 
@@ -67,6 +69,7 @@ class StreamedRecording:
     files: tuple[LogRows, ...]
     clock: LogRows | None
     remarks: tuple[str, ...] = ()
+    gains: CurrentGains | None = None
     one_at_a_time: Lock = field(default_factory=Lock)
 
     def block(self, start: int, stop: int) -> Recording:
@@ -117,7 +120,7 @@ class StreamedRecording:
         lines = np.arange(raw.start, raw.stop, dtype=np.int64)
         tables = {k: LogTable(v, lines) for k, v in sorted(raw.values.items(), key=_time_first)}
         data = converted(self.plan, tables, first_row=raw.start, origin=self.origin)
-        return Recording(
+        recording = Recording(
             t=data.t,
             **data.signals,
             name=self.name,
@@ -128,6 +131,7 @@ class StreamedRecording:
             law=self.plan.law,
             history=(*self.remarks, *data.notes),
         )
+        return recording if self.gains is None else scaled(recording, self.gains)
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
         """Times of some rows; for a corrupt row, that of the next usable one within `reach`.

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
+from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
-from runtime.recording.recording import FloatArray
+from runtime.recording.recording import FloatArray, Recording
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
 _AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}
@@ -222,3 +223,19 @@ def _without_intervals(
         )
     note = f"Left out {int(np.sum(~keep))} rows in the intervals of the recipe."
     return t[keep], {key: values[keep] for key, values in signals.items()}, [note]
+
+
+def scaled(recording: Recording, gains: CurrentGains) -> Recording:
+    """The recording with torques of estimated gains; itself where the recipe states gains.
+
+    τ = Rᵀ diag(k) R⁻ᵀ i        R the gear matrix; τ_j = k_j i_j without coupled gears
+    """
+    if not recording.has_unknown_gains:
+        return recording
+    tau, k = recording.required("tau"), gains.gain
+    R = np.array(recording.recipe.gear if recording.recipe else ())
+    coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
+    tau = ((tau @ np.linalg.inv(R)) * k) @ R if coupled else tau * k
+    listed = ", ".join(f"{each:.4g}" for each in k)
+    sentence = f"Multiplied currents by estimated gains ({listed} N·m/A or N/A; {gains.scale})."
+    return recording.replace(tau=tau, gains=gains).noted(sentence)

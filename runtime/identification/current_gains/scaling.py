@@ -1,19 +1,14 @@
-"""Torque of motor currents whose recipe states no gain: estimated gains times currents.
-
-τ = Rᵀ diag(k) R⁻ᵀ i        R the gear matrix; τ_j = k_j i_j without coupled gears
-"""
+"""Torque of motor currents whose recipe states no gain: estimated gains times currents."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from runtime.identification.current_gains.one_log import Weighed, current_gains
 from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.current_gains import CurrentGains
 from runtime.recording.preprocessing import before_test
+from runtime.recording.unit_conversion import scaled
 
 
 def with_current_gains(
@@ -42,19 +37,6 @@ def of_gain_one(recording: Recording) -> Recording:
         return recording
     torque = replace(recipe.torque, gain=1.0)
     return recording.replace(recipe=recipe.replace(torque=torque))
-
-
-def scaled(recording: Recording, gains: CurrentGains) -> Recording:
-    """The recording with torques of given gains."""
-    if not recording.has_unknown_gains:
-        return recording
-    tau, k = recording.required("tau"), gains.gain
-    R = np.array(recording.recipe.gear if recording.recipe else ())
-    coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
-    tau = ((tau @ np.linalg.inv(R)) * k) @ R if coupled else tau * k
-    listed = ", ".join(f"{each:.4g}" for each in k)
-    sentence = f"Multiplied currents by estimated gains ({listed} N·m/A or N/A; {gains.scale})."
-    return recording.replace(tau=tau, gains=gains).noted(sentence)
 
 
 def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[Recording, Settings]:

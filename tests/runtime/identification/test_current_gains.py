@@ -10,13 +10,17 @@ from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.identification.current_gains.one_log import Weighed, current_gains
-from runtime.identification.current_gains.scaling import of_gain_one, scaled
+from runtime.identification.current_gains.scaling import of_gain_one
+from runtime.identification.identify import identify
+from runtime.identification.result_file import result_facts
+from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.recording import Friction, Preparation, read_recording
+from runtime.recording import Friction, Preparation, open_streamed, read_recording
 from runtime.recording.current_gains import UNSEEN, UP_TO_FACTOR
+from runtime.recording.unit_conversion import scaled
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.3)
 RECIPE = """[time]
@@ -157,9 +161,6 @@ def test_currents_are_never_taken_for_torques(lib: Library, command, tmp_path: P
     """
     currents, _, _ = arm_in_currents(lib, 0, seconds=8.0)
     log, recipe = written(currents, tmp_path)
-    ran = command("identify", str(log), str(log), "--robot", lib.folder, "--recipe", str(recipe))
-    assert (ran.code, len(ran.err.splitlines())) == (2, 1)
-    assert "from one log" in ran.err
     read = read_recording(log, recipe)
     result = identify_recording(
         read, lib, validation=read, test=read, friction=Friction(), certify=False
@@ -171,3 +172,22 @@ def test_currents_are_never_taken_for_torques(lib: Library, command, tmp_path: P
         ran = command("gains", str(log), "--robot", lib.folder, *words)
         assert ran.code == 2, words
         assert len(ran.err.splitlines()) == 1
+
+
+def test_gains_of_a_streamed_log_and_of_several(lib: Library, tmp_path: Path) -> None:
+    """Property: the gains are those of the first rows, or of the first log, and serve all rows."""
+    currents, _, _ = arm_in_currents(lib, 0, seconds=10.0)
+    path, recipe = written(currents, tmp_path)
+    settings = Settings(cutoff=10.0, friction="offset,viscous,coulomb,rotor", refit=False)
+    whole = identify(read_recording(path, recipe), lib, settings)
+    for result in (
+        identify(open_streamed(path, recipe), lib, settings),
+        identify([read_recording(path, recipe) for _ in range(2)], lib, settings),
+    ):
+        assert result.train.gains is not None
+        assert whole.train.gains is not None
+        # The same rows before the test part, to the last digit.
+        assert np.array_equal(result.train.gains.gain, whole.train.gains.gain)
+        assert any("common factor comes from" in w for w in result_facts(result, "")["warnings"])
+        # The rows of the training differ by their edges alone.
+        np.testing.assert_allclose(result.beta, whole.beta, atol=0.02 * np.abs(whole.beta).max())

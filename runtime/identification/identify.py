@@ -14,7 +14,6 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.default_friction import MEMORY
 from runtime.estimators.methods import chosen_method
 from runtime.identification.drive.estimate import BIAS_PRIOR
 from runtime.identification.drive.requested import (
@@ -37,6 +36,7 @@ from runtime.identification.single_log import identify_recording
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording import Recording, StreamedRecording
+from runtime.recording.friction import has_memory
 from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
@@ -130,7 +130,7 @@ def _of_one(
     usable = usable_columns([method])
     if settings.delay is not None or settings.encoder_bias:
         # The result states Coulomb friction per drive.
-        usable = tuple(name for name in usable if name != MEMORY)
+        usable = tuple(name for name in usable if not has_memory([name]))
     data = prepared_log(log, lib, settings, usable, watch)
     if data.streamed is not None:
         result = _streamed(data.streamed, data, lib, settings, watch)

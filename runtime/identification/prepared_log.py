@@ -13,7 +13,7 @@ from typing import Any
 
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.cutoff_choice import choose_cutoff
-from runtime.estimators.choice.default_friction import MEMORY, USABLE, choose_default_friction
+from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
@@ -31,7 +31,7 @@ from runtime.recording import (
     StreamedRecording,
 )
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET, default_terms
+from runtime.recording.friction import OFFSET, default_terms, has_memory
 from runtime.recording.preprocessing import before_test
 from runtime.recording.static_poses import static_poses
 
@@ -97,7 +97,7 @@ def prepared_log(
     if streamed is not None and recording.gains is not None:  # those of the first rows
         streamed = replace(streamed, gains=recording.gains)
     if streamed is not None:
-        usable = tuple(name for name in usable if name != MEMORY)
+        usable = tuple(name for name in usable if not has_memory([name]))
     if recording.columns is not None:
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
     steps = prepared, parts
@@ -106,7 +106,7 @@ def prepared_log(
         names = [
             name
             for name, columns in FRICTION_MODELS.items()
-            if streamed is None or MEMORY not in columns  # blocks do not hand on its state
+            if streamed is None or not has_memory(columns)  # blocks do not hand on its state
         ]
         choice = choose_friction(
             recording, lib, *steps, settings.coulomb_speed, names, extra=terms.columns[1:]
@@ -162,7 +162,7 @@ def _default_terms(
 ) -> tuple[Friction, str]:
     """Friction model of a fleet, or the default by cross-validation; with a sentence."""
     of_type = settings.prior.friction_model if settings.prior else None
-    if of_type is not None and (MEMORY in usable or MEMORY not in of_type.columns):
+    if of_type is not None and (has_memory(usable) or not has_memory(of_type.columns)):
         return of_type, f"the friction model is that of the fleet: {of_type}"
     chosen = choose_default_friction(
         recording, lib, *steps, settings.coulomb_speed, tuple(usable), settings.robust

@@ -18,8 +18,6 @@ from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
 from runtime.recording.settings import COLUMNS, JointMotion
 
-MEMORY, POSITION = "dahl", "position"
-"""Friction column whose state follows from the path."""
 CHUNK = 4096
 """States whose regressors are held at a time."""
 SLOW = 2.0
@@ -107,9 +105,9 @@ class MonitoredModel:
     @property
     def memory(self) -> NDArray[np.bool_]:
         """Whether each friction column has a memory, (k,)."""
-        names = self.terms.columns
-        lasting = {MEMORY, POSITION} if MEMORY in names else set()
-        return np.array([name in lasting for name in names], dtype=bool)
+        records = [COLUMNS[name] for name in self.terms.columns]
+        lasts = any(each.has_memory for each in records)
+        return np.array([lasts and (c.has_memory or c.takes_memory) for c in records], dtype=bool)
 
     @property
     def lasting_friction(self) -> Array:
@@ -123,10 +121,9 @@ class MonitoredModel:
     @property
     def dry_friction(self) -> Array:
         """Dry friction of every joint by the sign of its speed, Σ |φ|, (n,) [N·m, N]."""
-        dry = [
-            COLUMNS[name].model_term == "friction" and name != MEMORY for name in self.terms.columns
-        ]
-        return np.asarray(np.abs(self.phi[:, np.array(dry, dtype=bool)]).sum(axis=1))
+        records = [COLUMNS[name] for name in self.terms.columns]
+        dry = np.array([c.model_term == "friction" and not c.has_memory for c in records], bool)
+        return np.asarray(np.abs(self.phi[:, dry]).sum(axis=1))
 
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:
         """Joints so slow that the smooth sign of dq does not give the direction of friction.

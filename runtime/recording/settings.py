@@ -7,7 +7,7 @@ entry point of the group "symgen.friction_columns" of another package).
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from math import isfinite
@@ -57,6 +57,8 @@ class FrictionColumn:
         is_nonnegative: φ of a real joint is ≥ 0, whatever the other columns are.
         is_inertial: the acceleration of the joint or motor, an inertia rather than friction.
         is_shared: one coefficient for all joints, the column is a torque on each of them.
+        has_memory: depends on the path, not on the present motion alone.
+        takes_memory: depends on the path, too, where a column beside it does.
         of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
         model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
             "armature"; "" where they have none.
@@ -75,6 +77,8 @@ class FrictionColumn:
     is_nonnegative: bool = False
     is_inertial: bool = False
     is_shared: bool = False
+    has_memory: bool = False
+    takes_memory: bool = False
     of_motors: bool = False
     model_term: str = ""
     in_closed_loop: bool = False
@@ -140,6 +144,11 @@ COLUMNS = ColumnRegistry(
 def names_where(claim: Callable[[FrictionColumn], bool]) -> tuple[str, ...]:
     """Names of the columns for which a claim about the record is true."""
     return tuple(each.name for each in COLUMNS.records() if claim(each))
+
+
+def has_memory(names: Iterable[str]) -> bool:
+    """Whether one of some columns depends on the path."""
+    return any(name in COLUMNS and COLUMNS[name].has_memory for name in names)
 
 
 def widths_of(names: tuple[str, ...]) -> set[str]:

@@ -41,7 +41,7 @@ from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.recording.friction import COLUMNS, JointMotion, columns
+from runtime.recording.friction import COLUMNS, JointMotion, columns, has_memory
 from runtime.recording.preprocessing.segments import segments
 from runtime.recording.recipes.recipe import ControlLaw
 
@@ -324,8 +324,7 @@ def _gains(law: ControlLaw | None, n: int) -> tuple[Array, Array] | None:
 
 def _is_of_path(samples: Samples, terms: Friction) -> bool:
     """Whether friction is that of coupled motors, or depends on the path."""
-    records = [COLUMNS[name] for name in terms.columns]
-    return samples.coupling is not None or any("dahl_stroke" in each.widths for each in records)
+    return samples.coupling is not None or has_memory(terms.columns)
 
 
 def _loop(

@@ -25,6 +25,7 @@ from runtime.recording.settings import (
     COLUMNS,
     FrictionColumn,
     JointMotion,
+    has_memory,
     names_where,
 )
 
@@ -46,6 +47,7 @@ __all__ = [
     "directions",
     "geared",
     "gravity_load",
+    "has_memory",
     "left_out_note",
     "names_where",
     "renewed_rotor",

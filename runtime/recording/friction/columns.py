@@ -223,6 +223,7 @@ DAHL = FrictionColumn(
     _dahl,
     widths=("dahl_stroke",),
     is_nonnegative=True,
+    has_memory=True,
     model_term="friction",
 )
 LOAD = FrictionColumn("load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",))
@@ -232,6 +233,7 @@ POSITION = FrictionColumn(
     _position,
     widths=("coulomb_speed",),
     is_passive=False,
+    takes_memory=True,
 )
 ROTOR = FrictionColumn(
     "rotor",

@@ -6,6 +6,7 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from runtime.recording import Friction, Preparation, friction
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
 from runtime.recording.settings import COLUMNS, JointMotion
 
+Signals = Mapping[str, Array]
+"""Name → (N, n) further signals of a log, for the friction columns that need them."""
+NO_SIGNALS: Signals = {}
 CHUNK = 4096
 """States whose regressors are held at a time."""
 SLOW = 2.0
@@ -56,30 +60,38 @@ class MonitoredModel:
         return coupling_of_terms(self.terms)
 
     def balance(
-        self, lib: Library, q: Array, dq: Array, zeta: Array | None = None
+        self,
+        lib: Library,
+        q: Array,
+        dq: Array,
+        zeta: Array | None = None,
+        signals: Signals = NO_SIGNALS,
     ) -> tuple[Array, Array]:
         """Momentum p and force s of τ_m + τ_ext = dp/dt − s.
 
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n) → (N, n) [kg·m²/s, kg·m/s].
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n), signals that the columns need
+        → (N, n) [kg·m²/s, kg·m/s].
         """
         momentum, force = np.empty_like(q), np.empty_like(q)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             over_p, over_s = lib.momentum_regressor(q[part], dq[part])
             momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
-        rotors, columns = self.columns(lib, q, dq, zeta)
+        rotors, columns = self.columns(lib, q, dq, zeta, signals)
         momentum += friction.torque(rotors, self.phi, self.coupling)
         force -= friction.torque(columns, self.phi, self.coupling) + lib.known_torque(q)
         return momentum, force
 
-    def rows(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+    def rows(
+        self, lib: Library, q: Array, dq: Array, signals: Signals = NO_SIGNALS
+    ) -> tuple[Array, Array]:
         """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction.
 
         q (N, n) [rad, m], dq (N, n) [rad/s, m/s] → (N, n, n_b + n k).
         """
         over_p, over_s = lib.momentum_regressor(q, dq)
         sign = np.tanh(dq / self.terms.coulomb_speed)
-        rotors, columns = self.columns(lib, q, dq, sign)
+        rotors, columns = self.columns(lib, q, dq, sign, signals)
         spread_p = friction.spread(rotors, self.coupling)
         spread_s = friction.spread(columns, self.coupling)
         return (
@@ -88,7 +100,12 @@ class MonitoredModel:
         )
 
     def columns(
-        self, lib: Library, q: Array, dq: Array, zeta: Array | None = None
+        self,
+        lib: Library,
+        q: Array,
+        dq: Array,
+        zeta: Array | None = None,
+        signals: Signals = NO_SIGNALS,
     ) -> tuple[Array, Array]:
         """Friction columns of p and of τ_f.
 
@@ -96,10 +113,10 @@ class MonitoredModel:
         """
         inertial = self.inertial
         still = np.zeros_like(dq)
-        plain = friction.columns(JointMotion(dq, q, still, lib, zeta), self.terms)
+        plain = friction.columns(JointMotion(dq, q, still, lib, zeta, signals), self.terms)
         if not inertial.any():
             return np.zeros_like(plain), plain
-        moving = friction.columns(JointMotion(still, q, dq, lib, zeta), self.terms)
+        moving = friction.columns(JointMotion(still, q, dq, lib, zeta, signals), self.terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
     @property

@@ -19,7 +19,8 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import Contact, contacts_of
 from runtime.monitoring.false_alarms import AlarmRate, levels, rate_by_stretches
-from runtime.monitoring.model import CHUNK, MonitoredModel
+from runtime.monitoring.model import CHUNK, NO_SIGNALS, MonitoredModel
+from runtime.monitoring.model import Signals as FurtherSignals
 from runtime.monitoring.noise import (
     REVERSAL_S,
     HeldOutResidual,
@@ -32,8 +33,10 @@ from runtime.monitoring.observer import (
     averaged,
     external_torque,
     observer_settings,
+    window_mean,
 )
 from runtime.recording import Preparation, Recording
+from runtime.recording.friction import motion_of
 from runtime.recording.preprocessing import differentiate, on_grid, segments
 
 WITHIN_S = 0.025
@@ -130,7 +133,7 @@ def detector_for(
     """The observer with the smallest thresholds on a log."""
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
-    signals = part.t, part.q, part.required("dq"), part.required("tau")
+    signals = part.t, part.q, part.required("dq"), part.required("tau"), _further(part, model)
     choices = []
     for settings in candidates(part.rate_hz, within_s):
         r = external_torque(lib, model, settings, *signals)
@@ -175,8 +178,10 @@ def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signal
         )
     t, q = recording.t, recording.q
     dq, tau = recording.required("dq"), recording.required("tau")
-    r = external_torque(lib, detector.model, detector.settings, t, q, dq, tau)
-    band, extra = state_terms(lib, detector.model, detector.settings, detector.root, t, q, dq, tau)
+    model, further = detector.model, _further(recording, detector.model)
+    r = external_torque(lib, model, detector.settings, t, q, dq, tau, further)
+    state = t, q, dq, tau, further
+    band, extra = state_terms(lib, model, detector.settings, detector.root, *state)
     return Signals(t, r, band, np.sqrt(detector.noise.sigma**2 + band**2), extra)
 
 
@@ -206,6 +211,11 @@ def prepared_for(recording: Recording, model: MonitoredModel) -> Recording:
     return differentiate(data) if data.dq is None else data
 
 
+def _further(recording: Recording, model: MonitoredModel) -> FurtherSignals:
+    """The signals of a log that the columns of a model need beside the motion."""
+    return motion_of(recording, model.terms.columns, None).signals
+
+
 def state_terms(
     lib: Library,
     model: MonitoredModel,
@@ -215,11 +225,12 @@ def state_terms(
     q: Array,
     dq: Array,
     tau: Array,
+    signals: FurtherSignals = NO_SIGNALS,
 ) -> tuple[Array, Array]:
     """Band of the model, and dry friction with timing.
 
     root (p, columns) [β; φ], t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n)
-    [N·m, N] → (N, n) [N·m, N].
+    [N·m, N], signals that the columns need → (N, n) [N·m, N].
     """
     band, extra = np.zeros_like(q), np.zeros_like(q)
     for part in segments(t):
@@ -227,7 +238,8 @@ def state_terms(
             continue
         position, speed, torque = averaged(s, q[part], dq[part], tau[part])
         if root is not None:
-            band[part][s.steps :] = _band(lib, model, s, root, position, speed)
+            further = {key: window_mean(s, values[part]) for key, values in signals.items()}
+            band[part][s.steps :] = _band(lib, model, s, root, position, speed, further)
         slow = near(t[part][s.steps :], model.is_slow(speed), 0.0, REVERSAL_S)
         extra[part][s.steps :] = slow * (2 * model.dry_friction)
         travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
@@ -238,7 +250,13 @@ def state_terms(
 
 
 def _band(
-    lib: Library, model: MonitoredModel, s: ObserverSettings, root: Array, q: Array, dq: Array
+    lib: Library,
+    model: MonitoredModel,
+    s: ObserverSettings,
+    root: Array,
+    q: Array,
+    dq: Array,
+    signals: FurtherSignals,
 ) -> Array:
     """σ of the model's torque, ‖(dP/dt − S) L‖ by differences over 1/BAND_HZ, (N, n)."""
     stride = max(round(s.rate_hz / BAND_HZ), 1)
@@ -249,7 +267,8 @@ def _band(
     size = max(CHUNK // 8, 2)
     for start in range(0, len(index) - 1, size - 1):
         taken = index[start : start + size]
-        over_p, over_s = model.rows(lib, q[taken], dq[taken])
+        further = {key: values[taken] for key, values in signals.items()}
+        over_p, over_s = model.rows(lib, q[taken], dq[taken], further)
         change = np.diff(over_p, axis=0) * (s.rate_hz / stride)
         rows = change - (over_s[1:] + over_s[:-1]) / 2
         values[start : start + len(taken) - 1] = np.linalg.norm(rows @ root, axis=2)

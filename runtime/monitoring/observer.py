@@ -21,7 +21,7 @@ from runtime.errors import IdentificationError
 from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.monitoring.model import MonitoredModel, model_of
+from runtime.monitoring.model import NO_SIGNALS, MonitoredModel, Signals, model_of
 from runtime.recording.preprocessing import segments
 from runtime.recording.preprocessing.filters import scipy_signal
 
@@ -128,6 +128,8 @@ class Observer:
         self.settings = ObserverSettings(rate_hz, bandwidth, steps, velocity)
         self._lib, self._model = lib, model_of(identified, lib)
         self._has_memory = bool(self._model.memory.any())
+        # Columns that need further signals are refused before the first sample.
+        self._model.columns(lib, *np.zeros((3, 1, lib.n_joints)))
         # A torque that is logged late belongs to an earlier state, and one logged early to a later.
         delay = self._model.delay_s * rate_hz
         self._late = max(delay, 0.0), max(-delay, 0.0)
@@ -225,18 +227,20 @@ def averaged(
     q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N].
     """
     steps = settings.steps
-    if not steps:
-        return q, dq, tau
-
-    def mean(values: Array) -> Array:
-        halves = (values[:-1] + values[1:]) / 2
-        sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), halves]), axis=0)
-        return np.asarray((sums[steps:] - sums[:-steps]) / steps)
-
-    speed = mean(dq)
-    if settings.velocity == "position":
+    position, speed, torque = (window_mean(settings, each) for each in (q, dq, tau))
+    if steps and settings.velocity == "position":
         speed = (q[steps:] - q[:-steps]) * (settings.rate_hz / steps)
-    return mean(q), speed, mean(tau)
+    return position, speed, torque
+
+
+def window_mean(settings: ObserverSettings, values: Array) -> Array:
+    """Means of a signal over the window that ends at each sample, (N − steps, n)."""
+    steps = settings.steps
+    if not steps:
+        return values
+    halves = (values[:-1] + values[1:]) / 2
+    sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), halves]), axis=0)
+    return np.asarray((sums[steps:] - sums[:-steps]) / steps)
 
 
 def external_torque(
@@ -247,25 +251,33 @@ def external_torque(
     q: Array,
     dq: Array,
     tau: Array,
+    signals: Signals = NO_SIGNALS,
 ) -> Array:
     """r of a whole log; the observer starts again after each hole of the clock.
 
-    t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N] → (N, n) [N·m, N].
+    t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N], signals that the
+    columns need → (N, n) [N·m, N].
     """
     r = np.full_like(q, np.nan)
     for part in segments(t):
         if part.stop - part.start > settings.steps + 1:
-            values = _segment(lib, model, settings, q[part], dq[part], tau[part])
+            further = {key: values[part] for key, values in signals.items()}
+            values = _segment(lib, model, settings, (q[part], dq[part], tau[part]), further)
             r[part][settings.steps + 1 :] = values
     return r
 
 
 def _segment(
-    lib: Library, model: MonitoredModel, s: ObserverSettings, q: Array, dq: Array, tau: Array
+    lib: Library,
+    model: MonitoredModel,
+    s: ObserverSettings,
+    motion: tuple[Array, Array, Array],
+    signals: Signals,
 ) -> Array:
-    """r of one segment without the first steps + 1 samples."""
-    position, speed, torque = averaged(s, q, dq, tau)
-    p, force = model.balance(lib, position, speed)
+    """r of one segment without the first steps + 1 samples, from its q, dq and τ."""
+    position, speed, torque = averaged(s, *motion)
+    further = {key: window_mean(s, values) for key, values in signals.items()}
+    p, force = model.balance(lib, position, speed, signals=further)
     rate = torque + force
     w = np.diff(p, axis=0) * s.rate_hz - (rate[1:] + rate[:-1]) / 2
     return np.asarray(scipy_signal().lfilter([1 - s.decay], [1, -s.decay], w, axis=0))

@@ -49,7 +49,10 @@ def _reduced(recording: Recording, lib: Library) -> Recording:
         jacobian = lib.joint_jacobian(recording.q[:, places])[:, rows]
         tau = np.einsum("tk,tkn->tn", recording.tau[:, columns], jacobian)
     return recording.replace(
-        **changes, tau=tau, joint_names=lib.joint_names if recording.joint_names else ()
+        **changes,
+        tau=tau,
+        signals={key: values[:, places] for key, values in recording.signals.items()},
+        joint_names=lib.joint_names if recording.joint_names else (),
     ).noted(
         f"Reduced {count} joints to the {lib.n_joints} independent ones; torques of the others act "
         "on these by their couplings."

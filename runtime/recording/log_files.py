@@ -26,7 +26,8 @@ def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:
     parts: dict[str, Signal | Time] = {}
     if recipe.time is not None and recipe.time.rate_hz is None:
         parts["time"] = recipe.time
-    return {**parts, **recipe.signals(), **recipe.of_law()}
+    extra = {f"extra.{name}": signal for name, signal in recipe.extra.items()}
+    return {**parts, **recipe.signals(), **recipe.of_law(), **extra}
 
 
 @dataclass(slots=True)
@@ -63,6 +64,7 @@ class LogFiles:
             joints=self.recipe.joints or default.joints,
             name=self.recipe.name,
             gear=self.recipe.gear,
+            extra=self.recipe.extra,
             leave_out=self.recipe.leave_out,
             law=law,
             torque=default.torque if law is None else None,

@@ -47,8 +47,10 @@ def require_clock(t: NDArray[np.float64]) -> None:
 
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
-ALL = (*SIGNALS, "columns", "rows")
-"""Names of all arrays with one entry per instant."""
+ARRAYS = (*SIGNALS, "columns", "rows")
+"""Names of the arrays with one entry per instant."""
+ALL = (*ARRAYS, "signals")
+"""Names of all fields with one entry per instant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +63,8 @@ class Recording(Framed):
         dq: (N, n) rad/s or m/s, None where it was not measured.
         ddq: (N, n) rad/s² or m/s².
         tau: (N, n) N·m or N, the torque that the motor applies.
+        signals: name → (N, n) further signals, such as temperatures, for columns that need them.
+        start: first instant of the log, also where only later rows are held [s].
         columns: (N, n, k) friction columns that travel (and are filtered) with the data.
         column_names: k names of them.
         rows: (N, m, n_b), rows β = τ̂, where they were made without ddq (`preprocessing.momentum`);
@@ -82,6 +86,8 @@ class Recording(Framed):
     dq: FloatArray | None = None
     ddq: FloatArray | None = None
     tau: FloatArray | None = None
+    signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    start: float | None = None
     columns: FloatArray | None = None
     column_names: tuple[str, ...] = ()
     rows: FloatArray | None = None
@@ -100,6 +106,8 @@ class Recording(Framed):
     def __post_init__(self) -> None:
         self._check_signals()
         require_clock(self.t)
+        if self.start is None:
+            object.__setattr__(self, "start", float(self.t[0]))
 
     def _check_signals(self) -> None:
         def put(key: str, value: Any) -> None:
@@ -116,12 +124,9 @@ class Recording(Framed):
             raise RecordingError("the recording holds no sample; check the file and the steps")
         for key in SIGNALS[1:]:
             if getattr(self, key) is not None:
-                put(key, _locked(getattr(self, key)))
-                if getattr(self, key).shape != self.q.shape:
-                    raise RecordingError(
-                        f"expected {key} of the shape {self.q.shape} of q, "
-                        f"got {getattr(self, key).shape}; give one row per instant"
-                    )
+                put(key, self._of_joints(key, getattr(self, key)))
+        if self.signals:
+            put("signals", {key: self._of_joints(key, x) for key, x in self.signals.items()})
         if self.columns is not None:
             put("columns", _locked(self.columns))
             expected = (*self.q.shape, len(self.column_names))
@@ -149,6 +154,15 @@ class Recording(Framed):
                 f"expected {self.n_joints} joint names, got {len(self.joint_names)}; "
                 "name every joint or none"
             )
+
+    def _of_joints(self, key: str, values: ArrayLike) -> FloatArray:
+        locked = _locked(values)
+        if locked.shape != self.q.shape:
+            raise RecordingError(
+                f"expected {key} of the shape {self.q.shape} of q, got {locked.shape}; give one "
+                "row per instant"
+            )
+        return locked
 
     def __len__(self) -> int:
         return len(self.t)
@@ -208,6 +222,9 @@ class Recording(Framed):
             if values is not None:
                 titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
                 blocks.append(values)
+        for key, values in self.signals.items():
+            titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
+            blocks.append(values)
         return titles, np.hstack(blocks)
 
     def columns_of_frame(self) -> dict[str, FloatArray]:
@@ -244,6 +261,12 @@ class Recording(Framed):
                 "the preparation compute it"
             )
         return values
+
+    def signal(self, key: str) -> FloatArray | None:
+        """A further signal (N, n): one of `signals`, else of `DERIVED`; None where it has none."""
+        if key in self.signals:
+            return self.signals[key]
+        return DERIVED[key].function(self) if key in DERIVED else None
 
     def noted(self, sentence: str) -> Self:
         """The same recording with one more sentence of history."""
@@ -298,9 +321,36 @@ class Recording(Framed):
 
     def _mapped(
         self, function: Callable[[FloatArray], FloatArray], only: tuple[str, ...]
-    ) -> dict[str, FloatArray]:
-        present = {key: getattr(self, key) for key in only}
-        return {key: function(value) for key, value in present.items() if value is not None}
+    ) -> dict[str, Any]:
+        present = {key: getattr(self, key) for key in only if key in ARRAYS}
+        changed = {key: function(value) for key, value in present.items() if value is not None}
+        if "signals" in only and self.signals:
+            further = {key: function(value) for key, value in self.signals.items()}
+            return changed | {"signals": further}
+        return changed
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedSignal:
+    """A further signal that follows from a recording.
+
+    Attributes:
+        function: recording → (N, n), or None where it has no such signal.
+        source: table of the recipe that gives it, for messages.
+    """
+
+    function: Callable[[Recording], FloatArray | None]
+    source: str
+
+
+def _uptime(recording: Recording) -> FloatArray:
+    elapsed = recording.t - (recording.start or 0.0)
+    return np.repeat(elapsed[:, None], recording.n_joints, axis=1)
+
+
+DERIVED = {"uptime": DerivedSignal(_uptime, "[time]")}
+"""Signals that need no table [extra]: time since the start of the log [s], unless the recipe
+gives that since power-on."""
 
 
 def _locked(values: ArrayLike) -> FloatArray:

@@ -8,7 +8,7 @@ entry point of the group "symgen.friction_columns" of another package).
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from math import isfinite
 from typing import Any
@@ -33,6 +33,7 @@ class JointMotion:
         ddq: (N, n) joint accelerations [rad/s², m/s²]; for rotor.
         lib: library of the robot; for load and position.
         zeta: (N, n) state of friction with a memory where it is known; None for that of the path q.
+        signals: name → (N, n) further signals of the log, for columns whose record names them.
     """
 
     dq: FloatArray
@@ -40,6 +41,7 @@ class JointMotion:
     ddq: FloatArray | None = None
     lib: Library | None = None
     zeta: FloatArray | None = None
+    signals: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +53,8 @@ class FrictionColumn:
         sentence: its equation.
         function: motion (N, n) and widths → (N, n) column.
         widths: names of the widths of `Friction` that it depends on.
+        signals: names of the signals of a log that it needs beside the motion: those of [extra] in
+            the recipe, or of `runtime.recording.recording.DERIVED`.
         is_linear: linear in q, dq and ddq, so that it may be computed after linear filters.
         is_constant: independent of the motion.
         is_passive: takes power from the joint wherever φ ≥ 0.
@@ -71,6 +75,7 @@ class FrictionColumn:
     sentence: str
     function: "Callable[[JointMotion, Friction], FloatArray]"
     widths: tuple[str, ...] = ()
+    signals: tuple[str, ...] = ()
     is_linear: bool = False
     is_constant: bool = False
     is_passive: bool = True
@@ -154,6 +159,11 @@ def has_memory(names: Iterable[str]) -> bool:
 def widths_of(names: tuple[str, ...]) -> set[str]:
     """Names of the widths on which some columns depend; unknown columns have none."""
     return {width for name in names if name in COLUMNS for width in COLUMNS[name].widths}
+
+
+def signals_for(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of the further signals that some columns need, each once."""
+    return tuple(dict.fromkeys(s for name in names for s in COLUMNS[name].signals))
 
 
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")

@@ -52,6 +52,7 @@ class StreamedRecording:
         source: file name → sha256.
         joint_names: n names, or none.
         origin: the first instant in its own unit, where time is counted from there.
+        start: the first instant of the log [s]; None where it is not known.
         files: the sources of the signals, and of the time alone.
         clock: likewise.
         remarks: sentences about the form of the files.
@@ -66,6 +67,7 @@ class StreamedRecording:
     source: Digests
     joint_names: tuple[str, ...]
     origin: float | None
+    start: float | None
     files: tuple[LogRows, ...]
     clock: LogRows | None
     remarks: tuple[str, ...] = ()
@@ -123,6 +125,7 @@ class StreamedRecording:
         recording = Recording(
             t=data.t,
             **data.signals,
+            start=self.start,
             name=self.name,
             joint_names=self.joint_names,
             source=self.source,
@@ -210,14 +213,17 @@ def open_streamed(
             f"expected as many rows of every signal, but there are {', '.join(map(str, counts))}; "
             "check the files, and that samples are rows"
         )
-    clock, origin = None, None
+    clock, origin, start = None, None, 0.0
     if plan.time is not None and plan.time.rate_hz is None:
         name = files.file_of(plan.time.file)
         clock = sources[list(by_file).index(name)]
         if files.format_of(name, layouts[name]).reads_time_alone:
             clock = files.reader(name, layouts[name]).rows({"time": plan.time})
+        first = float(clock.read(0, 1)["time"][0, 0])
         if plan.time.from_zero:
-            origin = float(clock.read(0, 1)["time"][0, 0])
+            origin = first
+        else:
+            start = first * UNITS["time"][plan.time.unit]
     return StreamedRecording(
         name=plan.name or place.stem,
         rows=counts[0],
@@ -226,6 +232,7 @@ def open_streamed(
         source=files.sha256,
         joint_names=plan.joints or files.extras().texts.get("joint_names", ()),
         origin=origin,
+        start=start if np.isfinite(start) else None,
         files=sources,
         clock=clock,
         remarks=files.remarks(),

@@ -14,7 +14,7 @@ from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
-from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
+from runtime.recording.recipes.recipe import EXTRA_UNITS, UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray, Recording
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
@@ -31,7 +31,7 @@ class Converted:
 
     Attributes:
         t: (N,) s.
-        signals: q, dq, ddq, tau as far as there are any, and columns (N, n, k).
+        signals: q, dq, ddq, tau as far as there are any, columns (N, n, k), and further signals.
         notes: sentences.
     """
 
@@ -65,10 +65,14 @@ def converted(
             parts[kind] = rows
         signals["tau"], sentence = commanded_torque(plan.law, signals, parts)
         steps.append(sentence)
+    for name, signal in plan.extra.items():
+        rows = _kept(raw[f"extra.{name}"].values, keep)
+        signals[f"extra.{name}"] = _extra(name, signal, rows, signals["q"].shape[1])
     if "columns" in raw:
         signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
     t, signals, repeated = _without_repeats(t, signals)
     t, signals, omitted = _without_intervals(t, signals, plan.leave_out)
+    signals["signals"] = {name: signals.pop(f"extra.{name}") for name in plan.extra}
     return Converted(t, signals, (*dropped, *notes, *steps, *repeated, *omitted))
 
 
@@ -188,6 +192,22 @@ def _joint_side(
     }
     done = [step for step, applies in steps.items() if applies]
     return x, [*notes, f"Converted {kind}: {', '.join(done)}."] if done else notes
+
+
+def _extra(name: str, signal: Signal, raw: FloatArray, n: int) -> FloatArray:
+    """A further signal (N, n) of the joints, or of the robot as a whole in one column."""
+    kind, width = f"extra.{name}", raw.shape[1]
+    if width not in {1, n}:
+        raise RecordingError(
+            f"[{kind}] expects one column or {n}, got {width}; name one per joint or one for the "
+            "robot"
+        )
+    units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
+    unit = per_joint(kind, "unit", [EXTRA_UNITS[each] for each in units], width)
+    gain = 1.0 if signal.gain is None else per_joint(kind, "gain", signal.gain, width)
+    sign, offset = (per_joint(kind, key, getattr(signal, key), width) for key in ("sign", "offset"))
+    values = (raw[:, list(signal.order or range(width))] * sign * gain + offset) * unit
+    return np.broadcast_to(values, (len(raw), n))
 
 
 def _without_repeats(

@@ -41,7 +41,7 @@ from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.recording.friction import COLUMNS, JointMotion, columns, has_memory
+from runtime.recording.friction import COLUMNS, JointMotion, columns, has_memory, signals_for
 from runtime.recording.preprocessing.segments import segments
 from runtime.recording.recipes.recipe import ControlLaw
 
@@ -235,7 +235,7 @@ def feedback_torque(
         return None
     samples, lib = samples_of(result.train, result.lib), result.lib
     terms = result.friction
-    if gains is None or samples.acceleration is None or _is_of_path(samples, terms):
+    if gains is None or samples.acceleration is None or _is_of_more(samples, terms):
         return None
     rest = samples.tau - samples.rigid(lib, result.pi) - samples.friction(result.phi)
     t, moves = result.train.t, np.zeros((3, *samples.q.shape))
@@ -322,9 +322,10 @@ def _gains(law: ControlLaw | None, n: int) -> tuple[Array, Array] | None:
     return kp * gear**2, kd * gear**2
 
 
-def _is_of_path(samples: Samples, terms: Friction) -> bool:
-    """Whether friction is that of coupled motors, or depends on the path."""
-    return samples.coupling is not None or has_memory(terms.columns)
+def _is_of_more(samples: Samples, terms: Friction) -> bool:
+    """Whether friction is that of coupled motors, or depends on more than the motion."""
+    others = has_memory(terms.columns) or signals_for(terms.columns)
+    return samples.coupling is not None or bool(others)
 
 
 def _loop(

@@ -61,7 +61,7 @@ from runtime.recording import (
 from runtime.recording.consistency import require_plausible
 from runtime.recording.friction import geared, left_out_note, without_columns
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
-from runtime.recording.recording import ALL
+from runtime.recording.recording import ARRAYS
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
@@ -341,5 +341,5 @@ def _windows(part: StreamedPart, name: str) -> Recording:
         values = [getattr(each, key) for each in windows]
         return None if values[0] is None else np.concatenate(values)
 
-    signals = {key: joined(key) for key in ("t", *ALL)}
+    signals = {key: joined(key) for key in ("t", *ARRAYS)}
     return head.replace(**signals, name=f"{head.name}/{name}").noted(sentence)

@@ -88,6 +88,7 @@ class NpzReader(LogReader):
 def _write(recording: Recording, file: IO[bytes]) -> None:
     arrays = {key: getattr(recording, key) for key in ("t", *SIGNALS, "columns", "motors")}
     present: dict[str, Any] = {key: values for key, values in arrays.items() if values is not None}
+    present |= recording.signals
     texts: dict[str, tuple[str, ...]] = {
         "column_names": recording.column_names,
         "joint_names": recording.joint_names,

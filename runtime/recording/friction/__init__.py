@@ -16,6 +16,7 @@ from runtime.recording.friction.model import (
     completed,
     default_terms,
     left_out_note,
+    motion_of,
     renewed_rotor,
     torque,
     unresolved,
@@ -27,6 +28,7 @@ from runtime.recording.settings import (
     JointMotion,
     has_memory,
     names_where,
+    signals_for,
 )
 
 __all__ = [
@@ -49,8 +51,10 @@ __all__ = [
     "gravity_load",
     "has_memory",
     "left_out_note",
+    "motion_of",
     "names_where",
     "renewed_rotor",
+    "signals_for",
     "spread",
     "spring_names",
     "torque",

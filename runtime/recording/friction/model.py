@@ -14,7 +14,7 @@ Along gravity |τ_g| is 1e-17 N·m instead of zero, and a joint at rest has spee
 coefficient of such a column would be 1e12 and fit the noise of the torque.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,8 +24,14 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared
-from runtime.recording.recording import Recording
-from runtime.recording.settings import COLUMNS, FloatArray, Friction, JointMotion
+from runtime.recording.recording import DERIVED, Recording
+from runtime.recording.settings import (
+    COLUMNS,
+    FloatArray,
+    Friction,
+    JointMotion,
+    signals_for,
+)
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")
 """Names of the columns of one drive."""
@@ -61,6 +67,7 @@ def columns(motion: JointMotion, *terms: Friction) -> FloatArray:
             needs.
     """
     _require_known(terms)
+    _require_signals(motion, terms)
     parts = [COLUMNS[name].function(motion, each) for each in terms for name in each.columns]
     if not parts:
         return np.zeros((*motion.dq.shape, 0))
@@ -79,6 +86,38 @@ def _require_known(terms: tuple[Friction, ...]) -> None:
                 f"the friction columns {', '.join(each.columns)} name one twice, so that their "
                 "coefficients are not determined; name each once"
             )
+
+
+def _require_signals(motion: JointMotion, terms: tuple[Friction, ...]) -> None:
+    for name in (name for each in terms for name in each.columns):
+        for signal in COLUMNS[name].signals:
+            if signal not in motion.signals:
+                where = DERIVED[signal].source if signal in DERIVED else f"[extra.{signal}]"
+                raise RecordingError(
+                    f"the friction column '{name}' needs the signal '{signal}' beside the motion, "
+                    f"but there is none; give a log whose recipe has {where}, or leave the column "
+                    "out"
+                )
+
+
+def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -> JointMotion:
+    """Motion of a recording with the further signals that some columns need, where it has them.
+
+    Args:
+        recording: with dq.
+        names: of friction columns.
+        lib: library of the robot, for the columns that need it.
+
+    Returns:
+        The motion; `columns` refuses a signal that is missing.
+
+    Raises:
+        RecordingError: the recording has no dq.
+    """
+    signals = {each: recording.signal(each) for each in signals_for(names)}
+    present = {each: values for each, values in signals.items() if values is not None}
+    dq = recording.required("dq")
+    return JointMotion(dq, recording.q, recording.ddq, lib, signals=present)
 
 
 def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
@@ -133,8 +172,8 @@ def add_columns(
     """
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
-    motion = JointMotion(recording.dq, recording.q, recording.ddq, lib)
     _require_known(terms)
+    motion = motion_of(recording, (name for each in terms for name in each.columns), lib)
     terms = tuple(geared(each, recording, lib) for each in terms)
     now = tuple(
         replace(
@@ -167,7 +206,8 @@ def completed(recording: Recording, *terms: Friction) -> Recording:
     Returns:
         The recording with all columns (N, n, k) of the terms.
     """
-    motion = JointMotion(recording.required("dq"), recording.q, recording.ddq)
+    names = tuple(name for each in terms for name in each.columns)
+    motion = motion_of(recording, names, None)
     terms = tuple(geared(each, recording) for each in terms)
     others = iter(() if recording.columns is None else np.moveaxis(recording.columns, -1, 0))
     parts = [
@@ -175,7 +215,6 @@ def completed(recording: Recording, *terms: Friction) -> Recording:
         for each in terms
         for name in each.columns
     ]
-    names = tuple(name for each in terms for name in each.columns)
     return recording.replace(columns=np.stack(parts, axis=-1), column_names=names)
 
 

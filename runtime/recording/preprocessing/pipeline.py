@@ -219,7 +219,7 @@ def _trimmed(recording: Recording, preparation: Preparation) -> Recording:
 
 def _finished(recording: Recording, preparation: Preparation) -> Recording:
     """Drop rest and record the preparation."""
-    data = recording.replace(prepared=preparation)
+    data = recording.replace(prepared=preparation, signals={})  # the columns hold them
     return data if preparation.rest_speed is None else drop_rest(data, preparation.rest_speed)
 
 

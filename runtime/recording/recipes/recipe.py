@@ -30,6 +30,8 @@ UNITS: dict[str, dict[str, float]] = {
     "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
     "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
+EXTRA_UNITS = {"degC": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "V": 1.0, "A": 1.0, "1": 1.0}
+"""Units of further signals [°C, s, V, A]; kelvins are degC with offset = -273.15."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +245,8 @@ class Recipe:
     Without `position` the files follow the default convention of `read_recording`, and only the
     defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`. In a
     bag, `topic` is that of the joint states, and `joints` picks and orders them by name. `law` is
-    [torque] of a robot that measures no torque.
+    [torque] of a robot that measures no torque. `extra` holds further signals by name, one column
+    per joint or one for the robot, for friction columns that need them.
     """
 
     name: str = ""
@@ -260,6 +263,7 @@ class Recipe:
     acceleration: Signal | None = None
     torque: Signal | None = None
     law: ControlLaw | None = None
+    extra: dict[str, Signal] = field(default_factory=dict)
     gear: tuple[tuple[float, ...], ...] = ()
     preparation: Preparation = field(default_factory=Preparation)
     split: Split | None = None
@@ -274,6 +278,10 @@ class Recipe:
                 )
         for kind, signal in self.signals().items():
             signal.check_unit(kind)
+        for name, signal in self.extra.items():
+            units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
+            for unit in units:
+                one_of(f"[extra.{name}] unit", unit, tuple(EXTRA_UNITS))
         if self.position is None and self.signals():
             raise RecordingError(
                 f"a recipe with [{next(iter(self.signals()))}] expects [position] too, got none; "

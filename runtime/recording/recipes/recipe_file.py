@@ -28,7 +28,8 @@ _PARTS: dict[str, type] = {
     "split": Split,
     "friction": Friction,
 }
-"""Table of a recipe → its record; [gear] and [torque] with a law have forms of their own."""
+"""Table of a recipe → its record; [gear], [extra.NAME] and [torque] with a law have forms
+of their own."""
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -70,9 +71,12 @@ def recipe_from_table(table: dict[str, Any]) -> Recipe:
         for key, value in table.items()
         if key in (*_PARTS, "gear") and not (is_law and key == "torque")
     }
+    if isinstance(table.get("extra"), dict):
+        extra = table["extra"].items()
+        parts["extra"] = {key: _part(Signal, value, f"extra.{key}") for key, value in extra}
     if is_law:
         parts["law"] = _part(ControlLaw, torque, "torque")
-    others = {key: value for key, value in table.items() if key not in (*_PARTS, "gear")}
+    others = {key: value for key, value in table.items() if key not in (*_PARTS, "gear", *parts)}
     return record_from_table(Recipe, others | parts, "the recipe", RecordingError)
 
 
@@ -147,6 +151,8 @@ def _facts(part: Any) -> dict[str, Any]:
             facts[item.name] = _facts(value)
             if not facts[item.name] and item.default is not None:
                 del facts[item.name]
+        elif item.name == "extra":
+            facts |= {"extra": {key: _facts(each) for key, each in value.items()}} if value else {}
         elif value != {}:
             facts[item.name] = value
     return facts

@@ -23,6 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.estimators.gauss_newton import Linearised, gauss_newton
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
@@ -65,7 +67,8 @@ LARGEST_STEP = np.array([2e-3, 0.5, 0.5, 0.3])
 """Largest step of delay [s], ln z_c, ln v_s and w [1/rad]: the columns are linear so far."""
 PASSES = 3
 """Passes in which the weights of the joints follow their residuals."""
-RANK_TOLERANCE = 1e-9
+RANK_TOLERANCE = 3.2e-5
+"""Singular value of unit columns, over the largest, below which columns of friction are one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,24 +191,30 @@ def gear_of(
     motions: Sequence[Recording], lib: Library, preparation: Preparation, start: GearFriction
 ) -> GearFriction:
     """Estimate delay, strokes, peak speeds and waves."""
-    gear = _moved(start, _step(motions, lib, preparation, start)[0])
+
+    def linearise(x: Array) -> Linearised:
+        step = _step(motions, lib, preparation, _at(start, x))[0]
+        return Linearised(step.ravel(), np.ones(step.size))
+
+    most = np.tile(LARGEST_STEP, lib.n_joints)
+    x = gauss_newton(linearise, np.zeros(len(most)), passes=1, most_step=most).x
     for _ in range(SEARCHES):  # ripples that others have covered show once these are columns
-        waves = _step(motions, lib, preparation, gear, searches_waves=True)[1]
-        gear = replace(gear, waves=np.where(gear.waves > 0, gear.waves, waves))
-    for _ in range(ITERATIONS):
-        gear = _moved(gear, _step(motions, lib, preparation, gear)[0])
+        waves = _step(motions, lib, preparation, _at(start, x), searches_waves=True)[1]
+        start = replace(start, waves=np.where(start.waves > 0, start.waves, waves))
+    x = gauss_newton(linearise, x, passes=ITERATIONS, most_step=most).x
+    gear = _at(start, x)
     return replace(gear, phi=_step(motions, lib, preparation, gear)[2])
 
 
-def _moved(gear: GearFriction, step: Array) -> GearFriction:
-    """The parameters after a step (n, 4), which is bounded."""
-    delay, stroke, speed, waves = np.clip(step, -LARGEST_STEP, LARGEST_STEP).T
+def _at(start: GearFriction, x: Array) -> GearFriction:
+    """The parameters at changes x of the start, (4 n,)."""
+    delay, stroke, speed, waves = x.reshape(-1, len(SPREAD)).T
     return GearFriction(
-        gear.delay + delay,
-        gear.stroke * np.exp(stroke),
-        gear.peak_speed * np.exp(speed),
-        np.where(gear.waves > 0, gear.waves + waves, 0.0),
-        gear.phi,
+        start.delay + delay,
+        start.stroke * np.exp(stroke),
+        start.peak_speed * np.exp(speed),
+        np.where(start.waves > 0, start.waves + waves, 0.0),
+        start.phi,
     )
 
 
@@ -233,13 +242,15 @@ def _step(
     rows = np.concatenate([base, spread(np.concatenate([friction, apart], axis=2), None)], axis=2)
     weight, phi, rest = np.ones(n), np.zeros((n, k)), tau
     basis = np.zeros((count * n, 0))
-    known = np.zeros((n, rows.shape[2]))  # the prior of friction that grows with the load
+    known = np.zeros((1, n, rows.shape[2]))  # the prior of friction that grows with the load
     loads = base.shape[2] + FRICTION.index("dahl load") + (k + len(parts)) * np.arange(n)
-    known[np.arange(n), loads] = 1 / LOAD
+    known[0, np.arange(n), loads] = 1 / LOAD
     for _ in range(PASSES):
-        x, basis = _least_squares(rows * weight[:, None], tau * weight, known)
-        phi = x[base.shape[2] :].reshape(n, -1)[:, :k]
-        rest = tau - rows @ x
+        scaled, target = rows * weight[:, None], np.vstack([tau * weight, np.zeros(n)])
+        fit = posterior_of(np.concatenate([scaled, known]), target, rank=RANK_TOLERANCE)
+        phi = fit.mean[base.shape[2] :].reshape(n, -1)[:, :k]
+        basis = scaled.reshape(count * n, -1) @ fit.root
+        rest = tau - rows @ fit.mean
         weight = 1 / np.maximum(rest.std(axis=0), 1e-12)
     # Columns of the parameters without what the other columns explain, over σ of their prior.
     scale = np.tile(SPREAD, n)
@@ -249,19 +260,6 @@ def _step(
     theta = scale * np.linalg.solve(np.eye(len(scale)) + added.T @ added, target)
     waves = _waves(q, rest * weight, basis) if searches_waves else np.zeros(n)
     return theta.reshape(n, len(SPREAD)), waves, phi
-
-
-def _least_squares(rows: Array, target: Array, known: Array) -> tuple[Array, Array]:
-    """Solution of least norm over unit columns, and an orthonormal basis of the columns."""
-    flat = np.concatenate([rows.reshape(-1, rows.shape[2]), known])
-    lengths = np.linalg.norm(flat, axis=0)
-    unit = flat / np.where(lengths > 0, lengths, 1.0)
-    values, turn = np.linalg.eigh(unit.T @ unit)
-    present = values > RANK_TOLERANCE * values[-1]
-    basis = unit @ (turn[:, present] / np.sqrt(values[present]))
-    basis = basis[: target.size]  # the prior expects zeros
-    x = (turn[:, present] / np.sqrt(values[present])) @ (basis.T @ target.ravel())
-    return x / np.where(lengths > 0, lengths, 1.0), basis
 
 
 def _waves(q: Array, rest: Array, basis: Array) -> Array:

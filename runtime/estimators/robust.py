@@ -23,6 +23,7 @@ from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import reference_triangle
 from runtime.estimators.regression.factor import from_triangle
+from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -196,8 +197,7 @@ def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Arr
     """Residual of all rows for the least squares of some of them."""
     triangle = reference_triangle(lib, part, weights, None)
     s = from_triangle(triangle, float(len(part)), lib.base_matrix, "")
-    matrix, lengths = s.unit_columns()
-    x = np.linalg.lstsq(matrix, s.target, rcond=1e-9)[0] / lengths
+    x, _ = least_squares(s.factor, s.target)
     rigid = rows.base_rigid(lib, x[: s.n_base])
     phi = x[s.n_base :].reshape(rows.columns.shape[1:])
     return rows.tau - rigid - (rows.friction(phi) if phi.size else 0.0)

@@ -17,17 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.convex.eliminate_friction import RANK_TOLERANCE
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import Posterior
 from runtime.library import Array
 from runtime.recording.friction import names_where
 from runtime.recording.settings import SPRING
-
-PART = 1e-6
-"""Share of a unit column in a combination that is zero above which its coefficient counts as not
-determined: the square root of rounding, 1e-8, with a margin."""
 
 
 def friction_sigma(result: Identification) -> Array | None:
@@ -92,16 +88,7 @@ def spring_lines(facts: dict[str, Any] | None) -> list[str]:
 
 def determined(columns: Array) -> NDArray[np.bool_]:
     """Whether each column (rows, m) is neither zero nor in a combination that is zero, (m,)."""
-    lengths = np.linalg.norm(columns, axis=0)
-    is_known = lengths > 0
-    unit = columns[:, is_known] / lengths[is_known]
-    if unit.size:
-        _, values, directions = np.linalg.svd(unit, full_matrices=True)
-        padded = np.zeros(len(directions))
-        padded[: len(values)] = values
-        dependent = directions[padded <= RANK_TOLERANCE * padded[0]]
-        is_known[is_known] = np.linalg.norm(dependent, axis=0) < PART
-    return is_known
+    return columns.any(axis=0) & np.isfinite(posterior_of(columns).sigma)
 
 
 def _held_at_zero(result: Identification, phi: Array) -> NDArray[np.bool_]:

@@ -28,6 +28,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
@@ -45,8 +46,6 @@ RARE = 0.01
 """Probability of a change of a link relative to one of the tip, where tools are changed."""
 ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""
-RANK = 1e-6
-"""Singular value of unit columns, relative to the largest, below which a direction is absent."""
 MARGIN = 0.25
 """Lead of a single inner link over all base parameters, in parts of the difference of their
 penalties, below which the whole model is named. Bodies of 0.3 kg on one link of an ideal arm lead
@@ -256,11 +255,9 @@ def _part(change: Change) -> tuple[str, str]:
 
 def _left(hypothesis: Hypothesis, e: Array, over: Array) -> Array:
     """Residual e − C_h x of least squares, (N, n), over the noise."""
-    columns = (hypothesis.columns * over[:, None]).reshape(e.size, -1)
-    lengths = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(lengths > 0, lengths, 1.0)
-    x = np.linalg.lstsq(unit, e.ravel(), rcond=RANK)[0]
-    return np.asarray(e - (unit @ x).reshape(e.shape))
+    columns = hypothesis.columns * over[:, None]
+    x = posterior_of(columns.reshape(e.size, -1), e.ravel(), rank=APART).mean
+    return np.asarray(e - columns @ x)
 
 
 def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:
@@ -268,17 +265,14 @@ def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff:
     columns = hypothesis.columns * over[:, None]
     coloured = coloured_noise_of_rows(columns, e)
     flat = columns.reshape(e.size, -1)
-    lengths = np.linalg.norm(flat, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    q, sizes, turn = np.linalg.svd(flat / lengths, full_matrices=False)
-    kept = sizes > RANK * sizes[0]
-    q, sizes, turn = q[:, kept], sizes[kept], turn[kept]
+    root = posterior_of(flat, rank=APART).root
+    q = flat @ root
     z = q.T @ e.ravel()
     model = q.T @ spread.reshape(e.size, -1)
     covariance = max(coloured.density, 1e-300) * np.eye(len(z)) + model @ model.T
     chi2 = float(z @ np.linalg.solve(covariance, z))
     # The first coefficient: a mass, a relative change, a bias or a delay.
-    first = turn[:, 0] / (sizes * lengths[0])
+    first = root[0]
     size = float(first @ z) * hypothesis.scale
     half = NORMAL_95 * float(np.sqrt(first @ covariance @ first)) * hypothesis.scale
     k = len(z)

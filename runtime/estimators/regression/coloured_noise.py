@@ -21,15 +21,18 @@ import numpy as np
 from scipy.fft import dct, next_fast_len
 
 from runtime.estimators.regression import Statistics
-from runtime.estimators.regression.factor import basis_of_joints
+from runtime.estimators.regression.posterior import (
+    basis_of_joints,
+    least_squares,
+    orthonormal,
+    posterior_of,
+)
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
 enough for S to some percent within some ten milliseconds."""
-RANK_TOLERANCE = 1e-9
-"""Singular value of unit columns, relative to the largest, below which a direction is absent."""
 _LEAST = 0.02
 """Share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated."""
 
@@ -61,18 +64,22 @@ def coloured_noise_of(
 ) -> ColouredNoise:
     """Noise of what least squares over base parameters and friction leaves; no model is needed."""
     # Orthonormal basis Q = rows · root of the columns, from the triangular factor.
-    unit, lengths = statistics.unit_columns()
-    space, root = _orthonormal(unit)
-    root = root / lengths[:, None]
-    x, scale = root @ (space.T @ statistics.target), np.sqrt(weights)
+    fit = posterior_of(statistics.factor, statistics.target)
+    root, scale = fit.root, np.sqrt(weights)
     # Directions of the base parameters: columns of Y_b without their part along F.
-    directions = space.T @ _apart(unit, statistics.n_base) if only_base else None
+    directions = None
+    if only_base:
+        unit, _ = statistics.unit_columns()
+        first, others = unit[:, : statistics.n_base], unit[:, statistics.n_base :]
+        apart = least_squares(others, first)[1]
+        apart = orthonormal(apart, lengths=np.ones(statistics.n_base))
+        directions = (statistics.factor @ root).T @ apart
 
     def basis_and_rest(samples: Samples) -> tuple[Array, Array, Array | None]:
         rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
         rows *= scale[:, None]
         some = None if directions is None else basis_of_joints(rows, root @ directions)
-        return basis_of_joints(rows, root), rows @ x - samples.tau * scale, some
+        return basis_of_joints(rows, root), rows @ fit.mean - samples.tau * scale, some
 
     pieces = (
         basis_and_rest(part.rows(rows)) for part in parts for rows in _pieces(len(part), len(parts))
@@ -86,11 +93,7 @@ def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
     """Noise of a linear fit whose rows fit into memory."""
     count, n, p = rows.shape
     flat = rows.reshape(count * n, p)
-    lengths = np.linalg.norm(flat, axis=0)
-    flat = flat / np.where(lengths > 0, lengths, 1.0)
-    triangle: Array = np.asarray(np.linalg.qr(flat, mode="r"))
-    _, root = _orthonormal(triangle)
-    q, flat_target = flat @ root, target.ravel()
+    q, flat_target = orthonormal(flat), target.ravel()
     rest = flat_target - q @ (q.T @ flat_target)
     return coloured_noise_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))], 1)
 
@@ -155,20 +158,6 @@ def _taken_up(q: Array) -> Array:
     """Σ_k q̂_k², the share of every frequency and joint, (N, n)."""
     waves = dct(q, axis=0, norm="ortho")
     return np.asarray(np.einsum("ijk,ijk->ij", waves, waves))
-
-
-def _apart(unit: Array, count: int) -> Array:
-    """Orthonormal basis of the first columns without their part along the others, (p, m)."""
-    along, _ = _orthonormal(unit[:, count:])
-    first = unit[:, :count]
-    return _orthonormal(first - along @ (along.T @ first))[0]
-
-
-def _orthonormal(unit: Array) -> tuple[Array, Array]:
-    """U and R of unit = U R⁻¹, columns over unit columns, without absent directions."""
-    space, sizes, turn = np.linalg.svd(unit, full_matrices=False)
-    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)
-    return space[:, present], turn[present].T / sizes[present]
 
 
 def _pieces(count: int, parts: int) -> Iterator[slice]:

@@ -31,13 +31,12 @@ from scipy.special import chdtri
 
 from runtime.estimators.regression.omitted_columns import (
     MARGIN,
-    RANK_TOLERANCE,
     SIGNIFICANCE,
     FreeFit,
     free_fit,
-    orthonormal,
     score_test,
 )
+from runtime.estimators.regression.posterior import APART, orthonormal
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -135,7 +134,7 @@ def gain_test_of(fit: FreeFit) -> GainTest | None:
     whole = np.sum(diagonal.reshape(-1, n) ** 2, axis=0)
     sigma = np.sqrt(test.density / power)
     # A column that lies in those of β and φ leaves rounding only.
-    seen = power > RANK_TOLERANCE**2 * whole
+    seen = power > APART**2 * whole
     deviation = test.columns.T @ fit.rest / power
     joint = int(np.argmax(deviation**2 * power))
     joint_threshold = float(chdtri(1, GAIN_SIGNIFICANCE / n))
@@ -241,7 +240,7 @@ def friction_test(fit: FreeFit) -> FrictionTest | None:
     joints = np.zeros(fit.scale.size)
     excess = test.statistic / test.quantile
     for k, joint in enumerate(moving if excess > 1 else ()):
-        added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
+        added = orthonormal(test.columns[:, 2 * k : 2 * k + 2], APART)
         explained = added.T @ fit.rest
         quantile = float(chdtri(max(added.shape[1], 1), SIGNIFICANCE))
         joints[joint] = float(explained @ explained) / test.density / quantile

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.regression.posterior import least_squares
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz
 
@@ -88,10 +89,7 @@ class Statistics:
     def explained(self) -> NDArray[np.bool_]:
         """Columns of φ that base parameters explain, zero columns included, (n k,)."""
         matrix, _ = self.unit_columns()
-        space, sizes, _ = np.linalg.svd(matrix[:, : self.n_base], full_matrices=False)
-        space = space[:, sizes > EXPLAINED * sizes[0]]
-        others = matrix[:, self.n_base :]
-        rest = others - space @ (space.T @ others)
+        _, rest = least_squares(matrix[:, : self.n_base], matrix[:, self.n_base :])
         return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
 
     def without(self, columns: NDArray[np.bool_]) -> "Statistics":
@@ -250,36 +248,3 @@ def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -
 
 def _identity(s: Statistics) -> str:
     return f"model {s.model_hash[:12]} with {len(s.target) - s.n_base} friction coefficients"
-
-
-def triangle_of_joints(rows: Array) -> Array:
-    """Triangle R with RᵀR = Σ_j X_jᵀ X_j, joint by joint: each uses a part of the columns only.
-
-    rows (N, n, p) → (p, p).
-    """
-    _, n, p = rows.shape
-    parts = [np.zeros((p, p))]
-    for j in range(n):
-        block = rows[:, j]
-        used = block.any(axis=0)
-        factor = np.linalg.qr(block[:, used], mode="r")
-        parts.append(np.zeros((len(factor), p)))
-        parts[-1][:, used] = factor
-    return np.asarray(np.linalg.qr(np.vstack(parts[::-1]), mode="r"))
-
-
-def basis_of_joints(rows: Array, root: Array) -> Array:
-    """Q with the sums of squares of X M over the columns, joint by joint, and with fewer columns.
-
-        Q_j Q_jᵀ = X_j M Mᵀ X_jᵀ,   Q_j = X_ju L,   L Lᵀ = M_u M_uᵀ
-
-    with the columns u that the joint uses.
-
-    rows (N, n, p), root (p, r) → (N, n, k).
-    """
-    used = np.any(rows, axis=0)
-    factors = [np.asarray(np.linalg.qr(root[each].T, mode="r")).T for each in used]
-    basis = np.zeros((*rows.shape[:2], max(each.shape[1] for each in factors)))
-    for j, factor in enumerate(factors):
-        basis[:, j, : factor.shape[1]] = rows[:, j][:, used[j]] @ factor
-    return basis

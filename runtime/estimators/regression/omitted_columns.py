@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares, shares_of_basis
-from runtime.estimators.regression.factor import triangle_of_joints
+from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -30,9 +30,6 @@ ROWS = 1500
 """Samples that determine a gain to a percent or better."""
 EQUATIONS = 14_000
 """Equations of as many samples, above which robots of more than nine joints take fewer of them."""
-RANK_TOLERANCE = 1e-6
-"""Singular value, relative to the largest, below which a direction is absent. The common factor of
-all gains is absent up to rounding × condition of the fit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,10 +89,10 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     scale = np.sqrt(weights)
     rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
     target = (s.tau * scale).ravel()
-    basis = _orthonormal_of_joints(rows)
+    basis = rows.reshape(target.size, -1) @ posterior_of(rows, rank=APART).root
     predicted = basis @ (basis.T @ target)
     rest = target - predicted
-    if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
+    if np.linalg.norm(rest) <= APART * np.linalg.norm(target):
         return None
     shares = shares_of_basis(basis.reshape(len(s), scale.size, -1))
     return FreeFit(s, scale, basis, predicted, rest, shares)
@@ -104,7 +101,7 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
 def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
     """The fit with further unknowns."""
     added = columns - fit.basis @ (fit.basis.T @ columns)
-    more = orthonormal(added, np.linalg.norm(columns, axis=0))
+    more = orthonormal(added, APART, np.linalg.norm(columns, axis=0), least=1.0)
     explained = more @ (more.T @ fit.rest)
     return replace(
         fit,
@@ -118,7 +115,7 @@ def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
 def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     """Test columns that a fit lacks."""
     added = columns - fit.basis @ (fit.basis.T @ columns)
-    directions = orthonormal(added, np.linalg.norm(columns, axis=0))
+    directions = orthonormal(added, APART, np.linalg.norm(columns, axis=0), least=1.0)
     if not directions.shape[1]:
         return None
     explained = directions.T @ fit.rest
@@ -130,26 +127,3 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
         return None
     quantile = float(chdtri(directions.shape[1], SIGNIFICANCE))
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
-
-
-def _orthonormal_of_joints(rows: Array) -> Array:
-    """Orthonormal basis of the columns of rows (N, n, k), (N n, at most k)."""
-    lengths = np.linalg.norm(rows, axis=(0, 1))
-    scaled = rows / np.where(lengths > 0, lengths, 1.0)
-    _, sizes, right = np.linalg.svd(triangle_of_joints(scaled))
-    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)
-    return np.asarray(scaled.reshape(-1, len(lengths)) @ (right[present].T / sizes[present]))
-
-
-def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
-    """Orthonormal basis of columns, without absent directions.
-
-    columns (N, k), lengths (k,) → (N, at most k).
-    """
-    units = np.linalg.norm(columns, axis=0) if lengths is None else lengths
-    scaled = columns / np.where(units > 0, units, 1.0)
-    # Columns · V/σ from the triangle alone: orthonormal to rounding over `RANK_TOLERANCE`.
-    _, sizes, right = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
-    least = 1e-300 if lengths is None else 1.0
-    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), least)
-    return np.asarray(scaled @ (right[present].T / sizes[present]))

@@ -23,7 +23,7 @@ from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.factor import triangle_of_joints
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -173,18 +173,14 @@ def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) 
     """
     count, n, p = rows.shape
     shifted = [torque(float(delay)) for delay in delays]
-    lengths = np.linalg.norm(rows, axis=(0, 1))
-    unit = rows / np.where(lengths > 0, lengths, 1.0)
     start = shifted[int(np.argmin(np.abs(delays)))]
     scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
     rests = shifted
     best = 0
     for _ in range(PASSES):
         # Weighted orthonormal basis of the columns: one product per delay.
-        weighted = unit * scale[:, None]
-        _, sigma, turn = np.linalg.svd(triangle_of_joints(weighted))
-        present = sigma > 1e-9 * max(float(sigma.max(initial=0.0)), 1e-300)
-        left = weighted.reshape(count * n, p) @ (turn[present].T / sigma[present])
+        weighted = rows * scale[:, None]
+        left = weighted.reshape(count * n, p) @ posterior_of(weighted).root
         rests = []
         for tau in shifted:
             target = (tau * scale).ravel()

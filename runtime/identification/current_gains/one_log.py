@@ -22,7 +22,9 @@ from scipy.linalg import block_diag
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of
 from runtime.estimators.regression.recorded_delay import filtered
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
@@ -41,7 +43,7 @@ from runtime.recording.preprocessing import prepare
 
 SCALE = 2e-3
 """Relative standard deviation of a scale."""
-_PASSES, _HALVINGS, _DONE = 60, 12, 1e-12
+_PASSES, _HALVINGS = 60, 12
 _CLOSE = 1e-3
 """Step of z, in standard deviations of the prior, at which the passes end."""
 MOST_ROWS, FEWEST_ROWS = 1500, 100
@@ -50,8 +52,6 @@ WEAK = 10.0
 """Factor on the spread of the prior with which the data alone are asked for a gain."""
 _SEEN = 5.0
 """c over its standard deviation below which a current shows no torque of the links."""
-RANK_TOLERANCE = 1e-6
-"""Singular value of unit friction columns over the largest, below which a direction is absent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,9 +160,9 @@ def most_probable(
     z (w,) → (w,).
     """
     w = reduced.width
-    z = np.zeros(w) if z is None else z
-    c = _slopes(reduced, z)
-    for _ in range(_PASSES):
+
+    def linearise(z: Array) -> Linearised:
+        c = _slopes(reduced, z)
         unit = reduced.noise(z, c) * np.sqrt(density)
         J, rest = reduced.jacobian(z, c, unit), reduced.rest(z, c, unit)
         model = reduced.model + reduced.slopes @ z
@@ -172,22 +172,18 @@ def most_probable(
         along, J = J[:, w:], J[:, :w]
         along = along / np.maximum(np.linalg.norm(along, axis=0), 1e-300)
         free = J - along @ (along.T @ J)
-        step = np.linalg.solve(free.T @ free, J.T @ rest + pull)
 
-        def cost(z: Array, c: Array, unit: Array = unit, d: Array = directions) -> float:
+        def cost(z: Array) -> float:
+            c = _slopes(reduced, z)
             rest = reduced.rest(z, c, unit)
-            return float(rest @ rest / 2 + d @ np.log(np.maximum(np.abs(c), 1e-300)))
+            return float(rest @ rest / 2 + directions @ np.log(np.maximum(np.abs(c), 1e-300)))
 
-        before = cost(z, c)
-        for _ in range(_HALVINGS):  # a full step may leave the range of the linear model
-            moved = z + step, _slopes(reduced, z + step)
-            if cost(*moved) <= before + _DONE * abs(before):
-                break
-            step = step / 2
-        z, c = moved
-        if np.linalg.norm(step) <= _CLOSE:
-            break
-    return z, c
+        step = np.linalg.solve(free.T @ free, J.T @ rest + pull)
+        return Linearised(step, np.ones(w), cost, order=2)
+
+    start = np.zeros(w) if z is None else z
+    z = gauss_newton(linearise, start, passes=_PASSES, done=_CLOSE, halvings=_HALVINGS).x
+    return z, _slopes(reduced, z)
 
 
 def _directions(reduced: GainRows, c: Array, unit: Array) -> Array:
@@ -209,9 +205,7 @@ def covariance_of_gains(
     J, n = reduced.jacobian(z, c, unit), len(c)
     first = reduced.current.size
     J[first : first + reduced.width] /= width
-    lengths = np.linalg.norm(J, axis=0)
-    inverse = np.linalg.pinv(J / lengths, rcond=1e-12) / lengths[:, None]
-    return np.asarray(inverse[-n:] @ inverse[-n:].T)
+    return posterior_of(J).covariance[-n:, -n:]
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,10 +316,7 @@ def _without_friction(samples: Samples, lib: Library, to_channels: Array) -> _Ch
     n = lib.n_joints
     bases = []
     for j in range(n):
-        columns = friction[:, j][:, friction[:, j].any(axis=0)]
-        unit = columns / np.linalg.norm(columns, axis=0)
-        left, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-        q = left[:, sizes > RANK_TOLERANCE * sizes.max(initial=0.0)]
+        q = orthonormal(friction[:, j], APART)
         base[:, j] -= q @ (q.T @ base[:, j])
         current[:, j] -= q @ (q.T @ current[:, j])
         bases.append(q)

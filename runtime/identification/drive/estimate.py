@@ -13,6 +13,7 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
+from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
@@ -65,6 +66,7 @@ class DriveProblem:
         settings: of the identification.
         request: what is estimated beside the parameters.
         preparation: of the rows; its delay is replaced.
+        given: delay where it is not estimated, (1,) or (n,) [s].
         progress: as for `identify`.
     """
 
@@ -73,56 +75,54 @@ class DriveProblem:
     settings: Settings
     request: DriveRequest
     preparation: Preparation
+    given: Array
     progress: Callable[[int, float], None] | None = None
 
-    def rough(self) -> "DriveProblem":
+    def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""
-        return replace(self, settings=replace(self.settings, certify=False), progress=None)
+        settings = replace(self.settings, certify=False)
+        usual = preparation or self.preparation
+        return replace(self, settings=settings, preparation=usual, progress=None)
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Delay (1,) or (n,) [s] and biases (n,) [rad, m] at x = (d, b); what is known is given."""
+        n = self.lib.n_joints
+        delay, bias = np.split(x, [len(x) - n]) if self.request.bias else (x, np.zeros(n))
+        return delay if self.request.delay else self.given, bias
+
+    @property
+    def most_step(self) -> Array:
+        """Largest step of x."""
+        n, request = self.lib.n_joints, self.request
+        delays = (n if request.per_joint else 1) if request.delay else 0
+        return np.repeat(MOST_STEP, [delays, n if request.bias else 0])
 
 
-@dataclass(frozen=True, slots=True)
-class DrivePoint:
-    """Delay and its standard deviation, (1,) or (n,) [s], and biases (n,) [rad, m]."""
-
-    delay: Array
-    delay_sigma: Array
-    bias: Array
-
-
-def newton_passes(problem: DriveProblem, delay: Array) -> DrivePoint:
-    """Most probable delay and biases.
+def newton_passes(problem: DriveProblem, x: Array) -> tuple[Array, Array]:
+    """Most probable x = (d, b), and its standard deviations at the last pass.
 
     The passes take fewer rows of the low-passed signals until they end, then all rows.
-
-    delay (1,) [s].
     """
-    request = problem.request
-    bias = np.zeros(problem.lib.n_joints)
-    point = DrivePoint(delay, np.full(delay.shape, np.inf), bias)
-    rough = problem.rough()
-    present = replace(rough, preparation=_thinned(problem.recording, problem.preparation))
-    for _ in range(PASSES if request.delay or request.bias else 0):
-        step = linearised_at(problem, identification_at(present, point), point.bias, rough=True)
-        point = replace(point, delay_sigma=step.delay_sigma)
-        size = np.concatenate(
-            [step.delay_step / step.delay_sigma, step.bias_step / step.bias_sigma]
+    sigma, left = np.full(x.shape, np.inf), PASSES
+    thinned = _thinned(problem.recording, problem.preparation)
+    for present, done in ((problem.rough(thinned), 1.0), (problem.rough(), DONE)):
+        if not (x.size and left) or (done > DONE and thinned is problem.preparation):
+            continue
+
+        def linearise(x: Array, present: DriveProblem = present) -> Linearised:
+            step = linearised_at(problem, identification_at(present, x), x, rough=True)
+            return Linearised(step.step, step.sigma)
+
+        solution = gauss_newton(
+            linearise,
+            x,
+            passes=left,
+            done=done,
+            most_step=problem.most_step,
+            takes_last=present.preparation is not problem.preparation,
         )
-        if np.nanmax(np.abs(size)) < DONE and present.preparation is problem.preparation:
-            break
-        if np.nanmax(np.abs(size)) < 1.0:
-            present = rough
-        point = stepped(point, step, request)
-    return point
-
-
-def stepped(point: DrivePoint, step: LinearisedDrive, request: DriveRequest) -> DrivePoint:
-    """The point after a step of bounded size."""
-    delay, bias = point.delay, point.bias
-    if request.delay:
-        delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
-    if request.bias:
-        bias = bias + np.clip(step.bias_step, -MOST_STEP[1], MOST_STEP[1])
-    return DrivePoint(delay, step.delay_sigma, bias)
+        x, sigma, left = solution.x, solution.last.sigma, left - solution.passes
+    return x, sigma
 
 
 def _thinned(recording: Recording, preparation: Preparation) -> Preparation:
@@ -136,15 +136,15 @@ def _thinned(recording: Recording, preparation: Preparation) -> Preparation:
 
 
 def identification_at(
-    problem: DriveProblem, point: DrivePoint, removed: tuple[Array, Array] | None = None
+    problem: DriveProblem, x: Array, removed: tuple[Array, Array] | None = None
 ) -> Identification:
     """Identification with known delay and biases.
 
     removed (M,) [s].
     """
-    recording, progress = problem.recording, problem.progress
-    moved = recording.replace(q=recording.q + point.bias) if point.bias.any() else recording
-    preparation = _delayed(recording, problem.preparation, point.delay)
+    recording, progress, (delay, bias) = problem.recording, problem.progress, problem.split(x)
+    moved = recording.replace(q=recording.q + bias) if bias.any() else recording
+    preparation = _delayed(recording, problem.preparation, delay)
     usual = replace(problem.settings, preparation=preparation)
     if removed is None:
         return identify_recording(moved, problem.lib, usual, progress=progress)
@@ -168,12 +168,9 @@ def _delayed(recording: Recording, preparation: Preparation, delay: Array) -> Pr
 
 
 def linearised_at(
-    problem: DriveProblem, result: Identification, bias: Array, rough: bool = False
+    problem: DriveProblem, result: Identification, x: Array, rough: bool = False
 ) -> LinearisedDrive:
-    """The step to the minimum of the linearised problem.
-
-    bias (n,) [rad, m].
-    """
+    """The step to the minimum of the linearised problem."""
     request, settings = problem.request, problem.settings
     samples = samples_of(result.train, result.lib)
     rate = np.zeros((*samples.tau.shape, 0))
@@ -186,7 +183,7 @@ def linearised_at(
         samples,
         kappa=prior.kappa if prior and prior.kappa else CAD,
         delay_columns=rate,
-        biases=bias if request.bias else np.zeros(0),
+        biases=problem.split(x)[1] if request.bias else np.zeros(0),
         bias_prior=BIAS_PRIOR,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
@@ -234,14 +231,15 @@ def identify_drive(
         return replace(without, notes=(note, *without.notes))
     given = np.asarray(preparation.torque_delay_s or 0.0, dtype=float)
     delay = np.atleast_1d(given) * sign_of_delay(recording)
-    problem = DriveProblem(recording, lib, settings, request, preparation, progress)
+    problem = DriveProblem(recording, lib, settings, request, preparation, delay, progress)
     unknown: str | None = None
     if request.delay:
-        point, unknown = _with_delay(problem, terms)
-        if point is not None:
-            return _certified(problem, point)
+        x, unknown = _with_delay(problem, terms)
+        if not unknown:
+            return _certified(problem, x)
     problem = replace(problem, request=replace(request, delay=False))
-    result = _certified(problem, newton_passes(problem, delay))
+    x, _ = newton_passes(problem, np.zeros(len(problem.most_step)))
+    result = _certified(problem, x)
     if unknown is None:
         return result
     sentence = (
@@ -251,38 +249,43 @@ def identify_drive(
     return replace(result, notes=(sentence, *result.notes))
 
 
-def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DrivePoint | None, str]:
-    """The most probable delay and biases; None and the reason where the log has no delay."""
+def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[Array, str]:
+    """The most probable delay and biases, and the reason where the log has no delay."""
     # The profile is of the rows before the test part, as the passes are.
     seen = before_test(problem.recording, problem.settings.split)
     first = recorded_delay(seen, problem.lib, problem.preparation, terms)
+    x = np.zeros(len(problem.most_step))
     if first.profile.is_flat:
         low, high = (1e3 * end for end in first.interval_s)
-        return None, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
-    count = problem.lib.n_joints if problem.request.per_joint else 1
-    point = newton_passes(problem, np.full(count, first.delay_s))
-    if np.all(point.delay_sigma < MOST_SIGMA) and np.all(np.abs(point.delay) < LATEST_S):
-        return point, ""
-    return None, f"its standard deviation is {1e3 * np.max(point.delay_sigma):.0f} ms"
+        return x, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
+    count = len(problem.split(x)[0])
+    x[:count] = first.delay_s
+    x, sigma = newton_passes(problem, x)
+    if np.all(sigma[:count] < MOST_SIGMA) and np.all(np.abs(x[:count]) < LATEST_S):
+        return x, ""
+    return x, f"its standard deviation is {1e3 * np.max(sigma[:count]):.0f} ms"
 
 
-def _certified(problem: DriveProblem, point: DrivePoint) -> Identification:
-    """The identification next to a point, without the bias by feedback, with its certificates."""
+def _certified(problem: DriveProblem, x: Array) -> Identification:
+    """The identification next to x, without the bias by feedback, with its certificates."""
     request = problem.request
-    result = identification_at(problem, point)
-    c = feedback_torque(result, point.delay, request)
+    result = identification_at(problem, x)
+    c = feedback_torque(result, problem.split(x)[0], request)
     if c is not None:
         removed = (result.train.t, c)
-        rough = identification_at(problem.rough(), point, removed)
-        point = stepped(point, linearised_at(problem, rough, point.bias), request)
-        result = identification_at(problem, point, removed)
-    step = linearised_at(problem, result, point.bias)
+        rough = identification_at(problem.rough(), x, removed)
+        most = problem.most_step
+        x = x + np.clip(linearised_at(problem, rough, x).step, -most, most)
+        result = identification_at(problem, x, removed)
+    step = linearised_at(problem, result, x)
+    delay, bias = problem.split(x)
+    delays = len(delay) if request.delay else 0
     empty = np.full(problem.lib.n_joints, np.nan)
     drive = DriveFit(
-        delay=point.delay if request.delay else np.zeros(0),
-        delay_sigma=step.delay_sigma,
-        bias=point.bias if request.bias else empty,
-        bias_sigma=step.bias_sigma if request.bias else empty,
+        delay=x[:delays],
+        delay_sigma=step.sigma[:delays],
+        bias=bias if request.bias else empty,
+        bias_sigma=step.sigma[delays:] if request.bias else empty,
         bias_prior=BIAS_PRIOR,
         phi_sigma=step.phi_sigma,
         phi_covariance=step.phi_covariance,

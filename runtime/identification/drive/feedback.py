@@ -34,7 +34,11 @@ from scipy.linalg import block_diag
 
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.factor import basis_of_joints, triangle_of_joints
+from runtime.estimators.regression.posterior import (
+    basis_of_joints,
+    posterior_of,
+    triangle_of_joints,
+)
 from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.drive.result import DriveRequest
@@ -51,10 +55,6 @@ MOST_ROWS, STRETCHES = 6000, 8
 """Rows above which only as many, in contiguous stretches, are used."""
 _H = 1e-6
 """Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
-_RANK = 1e-9
-"""Singular value of unit columns, over the largest, below which a direction is undetermined."""
-_INVOLVED = 1e-6
-"""Share of a coefficient in an undetermined direction above which it has no standard deviation."""
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."
 """Sentence in the history of the training part."""
 MOST_RESPONSE = 0.3
@@ -62,28 +62,24 @@ MOST_RESPONSE = 0.3
 unstable in the model, while the robot moved."""
 _STEP = 1e-4
 """Step of the derivative of friction [rad/s, m/s]: far below every width of a Coulomb sign."""
-_PRESENT = 1e-4
-"""Eigenvalue of the Gram matrix of unit columns, over the largest, below which a direction is left
-alone: the prior decides there, and c would be large and depend on the weights of the joints."""
+_PRESENT = 1e-2
+"""Singular value of unit columns, over the largest, below which a direction is left alone: the
+prior decides there, and c would be large and depend on the weights of the joints."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinearisedDrive:
-    """Newton step and standard deviations.
+    """Newton step and standard deviations; of x = (d, b), those of both that are unknown.
 
     Attributes:
-        delay_step: step of d, (m,) [s].
-        bias_step: step of b, (n,) [rad, m]; empty where b is not an unknown.
-        delay_sigma: (m,) [s].
-        bias_sigma: (n,) or empty [rad, m].
+        step: of x, (m,) [s, then rad, m].
+        sigma: of x, (m,).
         phi_sigma: (n, k); NaN where a coefficient is not determined.
         phi_covariance: of the coefficients of every joint, (n, k, k).
     """
 
-    delay_step: Array
-    bias_step: Array
-    delay_sigma: Array
-    bias_sigma: Array
+    step: Array
+    sigma: Array
     phi_sigma: Array
     phi_covariance: Array
 
@@ -157,56 +153,34 @@ def linearised(
     # One orthogonal factorisation gives the information and the basis for the noise.
     triangle = triangle_of_joints(rows)
     slope = rows.reshape(-1, rows.shape[2]).T @ rest.ravel()
-    noise = np.sqrt(max(_density(rows, triangle, slope, rest), np.finfo(float).tiny))
+    known = posterior_of(triangle)
+    basis = basis_of_joints(rows, known.root)
+    left = rest - rows @ known.step(slope)
+    density = coloured_noise_of_basis([(basis, left)], 1, known.root.shape[1]).density
+    noise = np.sqrt(max(density, np.finfo(float).tiny))
     # Rows that are left out between others lower S as much as N; stretches lower N alone.
     share = len(samples) / len(part)
     more, coarse = (1.0, share) if rough else (np.sqrt(share), 1.0)
     # Columns of π in units of the prior, (κ ∇²D)^(-1/2): there the prior is the identity.
     shrink = block_diag(*bodies_of(lib).spread(pi)) / np.sqrt(kappa)
     data = np.hstack([triangle[:, :n_base] @ (lib.base_matrix @ shrink), triangle[:, n_base:]])
-    slope = np.concatenate([np.zeros(len(pi) + n * k), pull / (coarse * noise**2)])
+    first = len(pi) + n * k
+    slope = np.concatenate([np.zeros(first), pull / (coarse * noise**2)])
     prior = np.zeros(data.shape[1])
     prior[: len(pi)] = 1.0
     if phi_prior is not None:
-        prior[len(pi) : len(pi) + n * k] = 1.0 / phi_prior.ravel()
+        prior[len(pi) : first] = 1.0 / phi_prior.ravel()
     if biases.size:
         prior[-n:] = 1.0 / bias_prior
         slope[-n:] -= biases / bias_prior**2
-    rows_of_all = np.vstack([data * (more / noise), np.diag(prior)])
-    lengths = np.linalg.norm(rows_of_all, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    _, sizes, turn = np.linalg.svd(np.linalg.qr(rows_of_all / lengths, mode="r"))
-    present = sizes > _RANK * float(sizes.max(initial=1e-300))
-    root = turn[present].T / sizes[present] / lengths[:, None]
-    absent = np.abs(turn[~present]).max(axis=0, initial=0.0) > _INVOLVED
-    sigma = np.where(absent, np.nan, np.linalg.norm(root, axis=1))
-    step = root @ (root.T @ slope)
-    first, m = len(pi) + n * k, delay_columns.shape[2]
+    posterior = posterior_of(np.vstack([data * (more / noise), np.diag(prior)]))
+    sigma, root = posterior.sigma, posterior.root[len(pi) : first].reshape(n, k, -1)
     return LinearisedDrive(
-        delay_step=step[first : first + m],
-        bias_step=step[first + m :],
-        delay_sigma=sigma[first : first + m],
-        bias_sigma=sigma[first + m :],
+        step=posterior.step(slope)[first:],
+        sigma=sigma[first:],
         phi_sigma=sigma[len(pi) : first].reshape(n, k),
-        phi_covariance=_blocks(root[len(pi) : first].reshape(n, k, -1)),
+        phi_covariance=root @ np.swapaxes(root, 1, 2),
     )
-
-
-def _blocks(root: Array) -> Array:
-    """Covariance blocks (n, k, k) from rows of their root, (n, k, r)."""
-    return np.asarray(root @ np.swapaxes(root, 1, 2))
-
-
-def _density(rows: Array, triangle: Array, slope: Array, rest: Array) -> float:
-    """S of the residual of the linearised model, from the basis Q = X R⁻¹ of its columns."""
-    lengths = np.linalg.norm(triangle, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    _, sizes, turn = np.linalg.svd(triangle / lengths)
-    present = sizes > _RANK * float(sizes.max(initial=1e-300))
-    root = turn[present].T / sizes[present] / lengths[:, None]
-    left = rest - rows @ (root @ (root.T @ slope))
-    basis = basis_of_joints(rows, root)
-    return coloured_noise_of_basis([(basis, left)], 1, root.shape[1]).density
 
 
 def _taken(count: int, rough: bool) -> NDArray[np.int64]:
@@ -263,7 +237,7 @@ def feedback_torque(
         noisy, other = (np.concatenate([each, further], axis=2) for each in (noisy, other))
     noisy, difference = noisy * scale[:, None], (noisy - other) * scale[:, None]
     slope = np.einsum("ijk,ij->k", difference, rest[taken] * scale)
-    c = noisy @ _solved(noisy, slope) / scale
+    c = noisy @ posterior_of(noisy, rank=_PRESENT).step(slope) / scale
     return np.stack([np.interp(t, t[taken], row) for row in c.T], axis=1)
 
 
@@ -351,15 +325,3 @@ def _moved(samples: Samples, moves: Array, lib: Library, terms: Friction) -> Sam
     )
     change = change * samples.columns.any(axis=0)
     return replace(samples, q=q, dq=dq, acceleration=ddq, columns=samples.columns + change)
-
-
-def _solved(rows: Array, slope: Array) -> Array:
-    """(XᵀX)⁺ g of rows (N, n, p), in the directions that the data determine."""
-    flat = rows.reshape(-1, rows.shape[2])
-    gram = flat.T @ flat
-    lengths = np.sqrt(np.diag(gram))
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    sizes, turn = np.linalg.eigh(gram / np.outer(lengths, lengths))
-    present = sizes > _PRESENT * sizes.max()
-    turn = turn[:, present]
-    return np.asarray(turn @ ((turn.T @ (slope / lengths)) / sizes[present]) / lengths)

@@ -19,6 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.gauss_newton import Linearised, gauss_newton
+from runtime.estimators.regression.posterior import ROUNDING, least_squares, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.identification.payload.body import Mount, mount_of, pi_of_body
@@ -33,9 +35,6 @@ from runtime.recording.preprocessing import prepare
 _ITERATIONS = 60
 _CONVERGED = 1e-9
 _HALVINGS = 30
-_UNSEEN = 1e-9
-"""Relative singular value below which a direction of the scaled unknowns counts as not excited. Its
-σ is computed with this value, which every threshold rejects."""
 _PERFECT = 1e-9
 """Noise relative to the largest channel below which data count as exact."""
 RUNS = ("empty", "loaded")
@@ -98,7 +97,7 @@ def reduced(blocks: Iterable[Array]) -> Array:
 
 
 def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
-    """Gauss–Newton from the linear solution, with steps halved until the likelihood increases."""
+    """Gauss–Newton from the linear solution."""
     # Below the rows of the offsets, the triangle is that of the centred data.
     rows = triangle[:, n_runs:, n_runs:]
     n, p = len(rows), rows.shape[2] - 2
@@ -108,29 +107,31 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
     def power(x: Array) -> Array:
         return np.asarray(np.sum(_rest(rows, x[:p], x[p:]) ** 2, axis=1) + floor)
 
-    x = np.concatenate(linear(rows))
-    now, converged = power(x), False
-    for _ in range(_ITERATIONS):
+    def linearise(x: Array) -> Linearised:
         # σ_j² = power_j / freedom: the log-likelihood is −½ freedom Σ_j ln power_j.
-        weight = np.sqrt(freedom / now)[:, None]
+        weight = np.sqrt(freedom / power(x))[:, None]
         rest = weight * _rest(rows, x[:p], x[p:])
-        step = _least_squares(weight[:, :, None] * _slopes(rows, x[:p], x[p:]), rest)
-        for _ in range(_HALVINGS):
-            after = power(x + step)
-            if np.log(after).sum() <= np.log(now).sum():
-                break
-            step = step / 2
-        x, now = x + step, after
-        if np.linalg.norm(step[p:]) <= _CONVERGED * np.linalg.norm(x[p:]):
-            converged = True
-            break
+        J = weight[:, :, None] * _slopes(rows, x[:p], x[p:])
+        step = posterior_of(J.reshape(rest.size, -1), rest.ravel()).mean
+        unit = np.where(np.arange(p + n) < p, np.inf, np.linalg.norm(x[p:]))
+        return Linearised(step, unit, lambda at: float(np.log(power(at)).sum()), order=2)
+
+    solution = gauss_newton(
+        linearise,
+        np.concatenate(linear(rows)),
+        passes=_ITERATIONS,
+        done=_CONVERGED,
+        halvings=_HALVINGS,
+    )
+    x = solution.x
     # Covariance of (θ, g), and the means from which the offsets follow.
-    noise: Array = np.sqrt(now / freedom)
+    noise: Array = np.sqrt(power(x) / freedom)
     slopes = _slopes(rows, x[:p], x[p:]) / noise[:, None, None]
     levels: Array = np.asarray(
         np.linalg.solve(triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:])
     )
-    return GainSolution(x[:p], x[p:], _root(slopes), noise, levels, converged)
+    root = posterior_of(slopes.reshape(-1, p + n)).wide_root
+    return GainSolution(x[:p], x[p:], root, noise, levels, solution.converged)
 
 
 def linear(rows: Array) -> tuple[Array, Array]:
@@ -139,8 +140,9 @@ def linear(rows: Array) -> tuple[Array, Array]:
     matrix = np.zeros((*rows.shape[:2], p + n))
     matrix[:, :, :p] = -rows[:, :, :-2]
     matrix[np.arange(n), :, p + np.arange(n)] = rows[:, :, -1]
-    theta, a = np.split(_least_squares(matrix, rows[:, :, -2]), [p])
-    return theta, 1 / np.where(np.abs(a) > _UNSEEN, a, 1.0)
+    x, _ = least_squares(matrix.reshape(-1, p + n), rows[:, :, -2].ravel())
+    theta, a = np.split(x, [p])
+    return theta, 1 / np.where(np.abs(a) > ROUNDING, a, 1.0)
 
 
 def _rest(rows: Array, theta: Array, g: Array) -> Array:
@@ -155,28 +157,6 @@ def _slopes(rows: Array, theta: Array, g: Array) -> Array:
     J[:, :, :p] = g[:, None, None] * rows[:, :, :-2]
     J[np.arange(n), :, p + np.arange(n)] = rows[:, :, :-2] @ theta + rows[:, :, -2]
     return J
-
-
-def _scaled(matrix: Array) -> tuple[Array, Array]:
-    """Matrix (rows, columns) with columns of length 1, and the lengths."""
-    flat = matrix.reshape(-1, matrix.shape[-1])
-    norms = np.linalg.norm(flat, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
-    return flat / norms, norms
-
-
-def _least_squares(matrix: Array, target: Array) -> Array:
-    """Least squares with normalised columns."""
-    flat, norms = _scaled(matrix)
-    return np.asarray(np.linalg.lstsq(flat, target.ravel(), rcond=_UNSEEN)[0] / norms)
-
-
-def _root(J: Array) -> Array:
-    """R with R Rᵀ = (JᵀJ)⁻¹; very large in directions that are not excited."""
-    flat, norms = _scaled(J)
-    _, size, right = np.linalg.svd(flat, full_matrices=False)
-    floor = max(_UNSEEN * float(size[0]), float(np.finfo(float).tiny) ** 0.25)
-    return np.asarray(right.T / np.maximum(size, floor) / norms[:, None])
 
 
 @dataclass(frozen=True, slots=True)

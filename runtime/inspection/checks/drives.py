@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
+from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.recorded_delay import filtered, recorded_delay
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.inspection.checks.torque_rows import least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from runtime.estimators.convex import NONE, Reduced, convex_problem, prior_of, solve
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.checks.gravity_direction import build_command, other_direction
-from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe

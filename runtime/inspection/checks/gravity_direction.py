@@ -16,7 +16,8 @@ import shlex
 import numpy as np
 
 from runtime.errors import RuntimeFault
-from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.estimators.regression.posterior import least_squares, orthonormal
+from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding
 from runtime.library import Array, Library
 
@@ -116,11 +117,7 @@ class _Fit:
 
     def __init__(self, common: Array, turns: list[Array], tau: Array) -> None:
         """Rows of the equations: common columns, A_x, A_y, A_z, and the torque."""
-        lengths = np.linalg.norm(common, axis=0)
-        space, sizes, _ = np.linalg.svd(
-            common / np.where(lengths > 0, lengths, 1.0), full_matrices=False
-        )
-        basis = space[:, sizes > 1e-9 * sizes[0]]
+        basis = orthonormal(common)
         self._turns = turns
         self._free = [part - basis @ (basis.T @ part) for part in turns]
         self._target = tau - basis @ (basis.T @ tau)

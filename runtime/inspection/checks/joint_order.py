@@ -12,6 +12,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.finding import WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
@@ -117,9 +118,6 @@ def _with_springs(measured: Array, model: Array, springs: Array) -> Array:
     columns = columns.reshape(*measured.shape, -1)
     errors = []
     for matrix, tau in zip(columns, measured, strict=True):
-        lengths = np.linalg.norm(matrix, axis=0)
-        basis, sizes, _ = np.linalg.svd(matrix / np.where(lengths > 0, lengths, 1.0), False)
-        basis = basis[:, sizes > 1e-9 * max(float(sizes[0]), 1e-300)]
-        rest = tau - basis @ (basis.T @ tau)
+        _, rest = least_squares(matrix, tau)
         errors.append(np.linalg.norm(rest) / max(float(np.linalg.norm(tau)), 1e-300))
     return np.array(errors)

@@ -9,7 +9,8 @@ import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.deviation_tests import gain_test
-from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.estimators.regression.posterior import least_squares
+from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.checks.torque_signs import slopes_to_model
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array

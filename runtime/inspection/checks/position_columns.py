@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
+from runtime.estimators.regression.posterior import least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Recipe

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.posterior import orthonormal
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding
@@ -121,7 +122,10 @@ class _Search:
         self._rows = rows / np.where(lengths > 0, lengths, 1.0)
         # Joints with unknown gains share no parameters: one block each, else one for all.
         blocks = [np.arange(n)] if has_gains else [np.array([j]) for j in range(n)]
-        self._bases = [(block, _basis(self._rows[:, block])) for block in blocks]
+        self._bases = [
+            (block, orthonormal(self._rows[:, block].reshape(-1, self._rows.shape[2])))
+            for block in blocks
+        ]
         power = self._rest(0.0).var(axis=0)
         self._weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
 
@@ -143,13 +147,6 @@ class _Search:
         rows = self._rows * scale[:, None]
         inflation = coloured_noise_of_rows(rows, self._rest(shift) * scale).inflation
         return max(float(self._keep.sum()) / inflation - 1.0, 1.0)
-
-
-def _basis(rows: Array) -> Array:
-    """Orthonormal basis of W, (N m, rank), so that a shifted torque costs one product."""
-    flat = rows.reshape(-1, rows.shape[2])
-    left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-9 * sizes[0]])
 
 
 def _sliding(torque_rows: TorqueRows) -> NDArray[np.bool_]:

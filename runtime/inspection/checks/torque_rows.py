@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction
@@ -111,15 +112,3 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
         max_gap_s=grid if grid or uniform else 4.0 * step,
         trim_s=min(1.0 / f_c, 0.05 * recording.duration),
     )
-
-
-def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
-    """Least squares with normalised columns.
-
-    matrix (m, p), target (m,) → (p,).
-    """
-    lengths = np.linalg.norm(matrix, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    scaled = np.linalg.lstsq(matrix / lengths, target, rcond=1e-9)[0]
-    x = (scaled.T / lengths).T  # (p,) or (p, k)
-    return x, np.asarray(target - matrix @ x)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, least_squares
+from runtime.estimators.regression.posterior import least_squares
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
 from runtime.library import Array
 from runtime.recording import Recipe

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.estimators.regression.factor import basis_of_joints, triangle_of_joints
+from runtime.estimators.regression.posterior import basis_of_joints, triangle_of_joints
 
 
 @pytest.mark.parametrize("count", [1, 40])

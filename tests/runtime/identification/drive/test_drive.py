@@ -63,7 +63,7 @@ def test_exact_log_gives_the_truth(
         rates.append(settings.preparation.rate_hz)
         return identify_recording(log, robot, settings, **options)
 
-    monkeypatch.setattr(passes, "identify", counted)
+    monkeypatch.setattr(passes, "identify_recording", counted)
     rng = np.random.default_rng(1)
     servo = replace(random_servo(lib, rng), pi=lib.pi0)
     log = recorded(servo_arrays(lib, servo, rng, noise=1e-3), tmp_path)

@@ -1,0 +1,102 @@
+"""Gauss–Newton, the one loop of all unknowns on which the rows depend nonlinearly.
+
+    x ← x + s Δ,   Δ = C Jᵀ r,   0 < s ≤ 1
+
+A problem linearises itself at x: delays and encoder biases around an identification, gains around
+rows of a payload or of a prior, parameters of friction. The step is bounded by component, then
+halved until the cost of this linearisation does not rise; what other unknowns take on at each x
+(weights, noise, linear parameters) belongs to the problem.
+Source: Nocedal & Wright 2006, Ch. 10; variable projection, Kaufman 1975.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array
+
+_ROUNDING = 1e-12
+"""Rise of a cost, relative to it, that counts as rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """A problem linearised at x.
+
+    Attributes:
+        step: Δ to its minimum, (p,).
+        sigma: unit of each component in which a step is measured, (p,); NaN where a component is
+            not determined and does not count.
+        cost: of any x, smaller is better, with the weights of this x; None takes steps as they are.
+        order: of the norm of a step over its unit.
+    """
+
+    step: Array
+    sigma: Array
+    cost: Callable[[Array], float] | None = None
+    order: float = np.inf
+
+    def size(self, share: float = 1.0) -> float:
+        """Norm of a share of the step over its unit."""
+        unit = np.where(np.isnan(self.sigma), np.inf, self.sigma)
+        return share * float(np.linalg.norm(self.step / unit, self.order))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Where the passes ended.
+
+    Attributes:
+        x: unknowns, (p,).
+        last: last linearisation, of the x before the last step.
+        converged: whether the steps became small.
+        passes: number of linearisations.
+    """
+
+    x: Array
+    last: Linearised
+    converged: bool
+    passes: int
+
+
+def gauss_newton(
+    linearise: Callable[[Array], Linearised],
+    x: Array,
+    *,
+    passes: int,
+    done: float = 0.0,
+    most_step: Array | float = np.inf,
+    halvings: int = 0,
+    takes_last: bool = True,
+) -> Solution:
+    """Minimise by Gauss–Newton.
+
+    Args:
+        linearise: the problem around x.
+        x: start, (p,), p > 0.
+        passes: largest number of linearisations, 1 or more.
+        done: size of a step at which the passes end.
+        most_step: largest step of each component, in the unit of x.
+        halvings: of a step whose cost is higher.
+        takes_last: whether the step that is small enough is taken, too.
+
+    Returns:
+        The last x, and whether the steps became small.
+    """
+    for count in range(1, passes + 1):
+        last = linearise(x)
+        if not takes_last and last.size() <= done:
+            return Solution(x, last, True, count)
+        step, share = np.clip(last.step, -most_step, most_step), 1.0
+        if last.cost is not None:
+            before = last.cost(x)
+            limit = before + _ROUNDING * abs(before)
+            for _ in range(halvings):
+                if last.cost(x + share * step) <= limit:
+                    break
+                share /= 2
+        x = x + share * step
+        if takes_last and last.size(share) <= done:
+            return Solution(x, last, True, count)
+    return Solution(x, last, False, passes)

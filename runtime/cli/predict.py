@@ -25,7 +25,7 @@ from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import DETERMINED
+from runtime.estimators.regression.posterior import DETERMINED
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory

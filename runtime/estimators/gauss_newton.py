@@ -70,19 +70,9 @@ def gauss_newton(
     halvings: int = 0,
     takes_last: bool = True,
 ) -> Solution:
-    """Minimise by Gauss–Newton.
+    """Minimise by Gauss–Newton from x, (p,), until a step has the size `done` or less.
 
-    Args:
-        linearise: the problem around x.
-        x: start, (p,), p > 0.
-        passes: largest number of linearisations, 1 or more.
-        done: size of a step at which the passes end.
-        most_step: largest step of each component, in the unit of x.
-        halvings: of a step whose cost is higher.
-        takes_last: whether the step that is small enough is taken, too.
-
-    Returns:
-        The last x, and whether the steps became small.
+    most_step bounds every component; with takes_last the step that is small enough is taken, too.
     """
     for count in range(1, passes + 1):
         last = linearise(x)

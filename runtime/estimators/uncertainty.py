@@ -24,14 +24,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from runtime.estimators.contradictions import ModelTests, model_tests
 from runtime.estimators.convex import CAD, NONE, Prior, bodies_of, com_sigma, reduce, spread_of
-from runtime.estimators.convex.entropic_prior import DETERMINED, Spread
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.omitted_columns import free_fit
+from runtime.estimators.regression.posterior import DETERMINED, Posterior
 from runtime.estimators.regression.samples import (
     LAGS,
     NORMAL_95,
@@ -291,7 +290,7 @@ def verdict(silent: bool, share: float) -> str:
     return IDENTIFIED if share < DETERMINED else PRIOR_DOMINATED
 
 
-def beta_verdicts(base: Array, spread: Spread, vague: Array) -> tuple[str, ...]:
+def beta_verdicts(base: Array, spread: Posterior, vague: Array) -> tuple[str, ...]:
     """Verdicts on the base parameters β = K π.
 
     base (n_b, 10 n), vague (10 n, 10 n) → (n_b,).
@@ -309,12 +308,6 @@ def vague_posterior(lib: Library, prior: Prior, rows: Array, target: Array) -> t
 
     rows (m, 10 n), target (m,) → (10 n,).
     """
-    # R Rᵀ = B⁻¹ / κ; with π = π0 + R z the information on z is 1 + (Ã R)ᵀ(Ã R).
     around = lib.nearest_realisable(prior.centre, ROUND)
-    shrink = block_diag(*prior.bodies.spread(around)) / np.sqrt(NONE)
-    left, sizes, turn = np.linalg.svd(rows @ shrink)
-    count = sizes.size
-    z = sizes / (1 + sizes**2) * (left.T @ (target - rows @ prior.centre))[:count]
-    width = np.ones(len(turn))
-    width[:count] = 1 / np.sqrt(1 + sizes**2)
-    return prior.centre + shrink @ (turn[:count].T @ z), shrink @ turn.T * width
+    spread = spread_of(prior.bodies, around, rows, NONE, target - rows @ prior.centre)
+    return prior.centre + spread.mean, spread.root

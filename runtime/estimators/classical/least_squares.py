@@ -19,6 +19,7 @@ from runtime.estimators.friction_bounds import bounds_of, notes_of, within_bound
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress_all
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
@@ -29,9 +30,6 @@ PASSES = 4
 SILENT = 1e-12
 """Variance, relative to the largest, below which the residual of a joint is rounding: a weight
 from rounding would outweigh all other joints."""
-RANK_TOLERANCE = 1e-9
-"""Singular value of the normalised columns, relative to the largest, below which a direction counts
-as not excited."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,19 +100,18 @@ def solve(
     known: NDArray[np.bool_] | None = None,
 ) -> Solution:
     """Solve compressed samples by least squares with normalised columns."""
-    matrix, norms = statistics.unit_columns()
-    shown = np.ones(matrix.shape[1], dtype=bool)
+    shown = np.ones(statistics.factor.shape[1], dtype=bool)
     # A column of zeros, such as the load of a joint that carries none, is no unknown and gets 0. A
     # function of the speed alone is zero only where the joint stands still, which is refused.
     of_speed = [name in COLUMNS and COLUMNS[name].in_closed_loop for name in terms]
-    unknown = matrix[:, statistics.n_base :].any(axis=0)
+    unknown = statistics.factor[:, statistics.n_base :].any(axis=0)
     if any(of_speed):
         unknown |= np.tile(of_speed, lib.n_joints)
     shown[statistics.n_base :] = unknown & ~counted_in_links(statistics, lib, terms)
     if known is not None:
         shown[statistics.n_base :] &= ~known
-    sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)
-    rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
+    fit = posterior_of(statistics.factor[:, shown], statistics.target)
+    rank = len(fit.sizes)
     if rank < shown.sum():
         raise IdentificationError(
             f"the motion excites {rank} of {shown.sum()} columns (base parameters and friction), "
@@ -122,10 +119,9 @@ def solve(
             "that keeps unexcited parameters at the first guess: map, adam, pc-ols"
         )
     solution = np.zeros(len(shown))
-    solution[shown] = np.linalg.lstsq(matrix[:, shown], statistics.target, rcond=None)[0]
-    solution /= norms
+    solution[shown] = fit.mean
     beta, phi = np.split(solution, [statistics.n_base])
-    return Solution(beta, phi.reshape(lib.n_joints, -1), float(sigma[0] / sigma[-1]))
+    return Solution(beta, phi.reshape(lib.n_joints, -1), float(fit.sizes[0] / fit.sizes[-1]))
 
 
 def counted_in_links(

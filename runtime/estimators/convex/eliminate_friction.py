@@ -10,10 +10,8 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.posterior import ROUNDING
 from runtime.library import Array
-
-RANK_TOLERANCE = 1e-9
-"""Pivot of unit columns, relative to the first, below which a column counts as dependent."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +93,7 @@ def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
     if lengths.size:
         q, upper, order = qr(columns / lengths, pivoting=True)
         diagonal = np.abs(np.diagonal(upper))
-        rank = int(np.sum(diagonal > RANK_TOLERANCE * max(float(diagonal[0]), 1e-300)))
+        rank = int(np.sum(diagonal > ROUNDING * max(float(diagonal[0]), 1e-300)))
         over_pi, target = q.T @ over_pi, q.T @ target
     kept = Elimination(upper[:rank, :rank], over_pi[:rank], target[:rank], order, lengths)
     freedom = statistics.n_samples * joints - n_base - rank

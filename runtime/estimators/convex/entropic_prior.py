@@ -10,9 +10,8 @@ P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) deter
 
     ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
 
-The posterior covariance of π is C = (ÃᵀÃ + κ B)⁻¹, without a matrix inverse. Ã are the data's rows
-over their noise, B the curvature of Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]. In units of the prior the
-information is 1 + (Ã R)ᵀ(Ã R), R Rᵀ = (κ B)⁻¹, which has no cancellation. Source: Bayes' rule by
+The posterior covariance of π is C = (ÃᵀÃ + κ B)⁻¹, Ã the data's rows over their noise, B the
+curvature of Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]. Source: Bayes' rule by
 Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
@@ -23,11 +22,10 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.posterior import Posterior, posterior_of
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, N_PARAMETERS, centre_of_mass, links, mass
 
-DETERMINED = 0.1
-"""Posterior over prior variance below which a parameter counts as determined by the data."""
 _UNIT = np.eye(4)
 _SYMMETRIC = np.array(
     [
@@ -176,50 +174,23 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
     return prior_from(bodies_of(lib), lib.nearest_realisable(given, floor), notes)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spread:
-    """Covariance of π.
-
-    Attributes:
-        root: C = root rootᵀ, (10 n, 10 n).
-        share: posterior over prior variance of every entry, (10 n,), in (0, 1].
-        determined: number of directions in which the data carry ten times the information of the
-            prior.
-        prior_root: root of the covariance of the prior alone, (10 n, 10 n).
-    """
-
-    root: Array
-    share: Array
-    determined: int
-    prior_root: Array
-
-    def share_of(self, matrix: Array) -> Array:
-        """Posterior over prior variance of linear combinations of π, (m,), of matrix (m, 10 n)."""
-        after = np.sum((matrix @ self.root) ** 2, axis=1)
-        return np.asarray(after / np.sum((matrix @ self.prior_root) ** 2, axis=1))
-
-
-def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:
-    """Posterior covariance at strictly consistent bodies.
+def spread_of(
+    bodies: Bodies, pi: Array, rows: Array, kappa: float, target: Array | None = None
+) -> Posterior:
+    """Posterior of π with the curvature of the prior at strictly consistent bodies.
 
     Args:
         bodies: map P(π) of one body.
         pi: π, (10 n,), P_k ≻ 0.
         rows: Ã, weighted data over their noise, (m, 10 n).
         kappa: trust κ in the prior.
+        target: right-hand side of the rows less that of the centre of the prior, (m,).
 
     Returns:
-        Root of the covariance and the share of the prior in it.
+        The posterior; its mean is that of π less the centre.
     """
-    # R Rᵀ = (κ B)⁻¹: in units of the prior the information is 1 + (Ã R)ᵀ(Ã R).
-    shrink = block_diag(*bodies.spread(pi)) / np.sqrt(kappa)
-    _, information, turn = np.linalg.svd(rows @ shrink)
-    # Singular directions of Ã R keep 1/(1 + s²) of the prior variance, the others all of it.
-    left = np.ones(len(turn))
-    left[: information.size] = 1 / np.sqrt(1 + information**2)
-    root = np.asarray(shrink @ turn.T * left)
-    share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
-    return Spread(root, share, int(np.sum(left**2 < DETERMINED)), shrink)
+    # R₀ R₀ᵀ = (κ B)⁻¹
+    return posterior_of(rows, target, prior=block_diag(*bodies.spread(pi)) / np.sqrt(kappa))
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:

@@ -22,6 +22,7 @@ from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.omitted_columns import MARGIN, SIGNIFICANCE
+from runtime.estimators.regression.posterior import ROUNDING
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
 
@@ -33,8 +34,6 @@ NEXT = 0.5
 base parameters, so a body on one looks much like a body on the other."""
 EXPLAINS = 0.3
 """Part of the excess of T that one link must explain for single links to be named."""
-RANK_TOLERANCE = 1e-9
-"""Singular value of A, relative to the largest, below which a direction is not excited."""
 LEAST_DENSITY = 1e-4
 """Smallest S: data that are exact to rounding are compared as if their noise were one percent of
 the weighted unit, as in the maximum a posteriori."""
@@ -82,7 +81,7 @@ def prior_test(
     level = max(density, LEAST_DENSITY)
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
-    rank = int(np.sum(sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)))
+    rank = int(np.sum(sizes > ROUNDING * max(float(sizes.max(initial=0.0)), 1e-300)))
     threshold = MARGIN * float(chdtri(max(rank, 1), SIGNIFICANCE))
     single = float(chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints))
 

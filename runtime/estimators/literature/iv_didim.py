@@ -30,7 +30,6 @@ from msgspec import Meta
 from runtime.common.records import Record, record_from_toml
 from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.estimators.classical.least_squares import (
-    RANK_TOLERANCE,
     Solution,
     fit_of_base,
     pi_of_beta,
@@ -43,6 +42,7 @@ from runtime.estimators.classical.least_squares import (
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.estimators.regression import compress
+from runtime.estimators.regression.posterior import ROUNDING
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import read_trajectory
@@ -293,7 +293,7 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
     lengths = np.where(lengths > 0, lengths, 1.0)
     matrix = product / np.outer(lengths, lengths)
     sigma = np.linalg.svd(matrix, compute_uv=False)
-    if not sigma[-1] > RANK_TOLERANCE * sigma[0]:
+    if not sigma[-1] > ROUNDING * sigma[0]:
         raise IdentificationError(
             "the instruments along the simulated motion do not determine all parameters; record "
             "a richer trajectory, and check that the controller file has the reference of the "

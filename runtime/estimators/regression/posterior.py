@@ -2,10 +2,15 @@
 
     A x = b + e,   e ~ N(0, 1):   C = (AᵀA)⁺ = R Rᵀ,   x̂ = C Aᵀ b,   A R orthonormal
 
-Rows are over their noise; a prior of x is further rows, diag(1/σ). The singular value decomposition
-is that of the triangle of A over columns of length one: no Gram matrix squares the condition, and
-neither x̂ nor the rank depends on units. Directions that are absent have no part in R.
-Source: least squares by orthogonal factors (Golub & Van Loan, Sec. 5.5).
+Rows are over their noise; a prior of some unknowns is further rows, diag(1/σ). The singular value
+decomposition is that of the triangle of A over columns of length one: no Gram matrix squares the
+condition, and neither x̂ nor the rank depends on units. Directions that are absent have no part in
+R. With a prior x ~ N(0, R₀ R₀ᵀ) of all unknowns nothing is absent, and in its units the information
+is 1 + (A R₀)ᵀ(A R₀), which has no cancellation:
+
+    A R₀ = U Σ Vᵀ:   R = R₀ V (1 + Σ²)^-½,   x̂ = R (1 + Σ²)^-½ Σ Uᵀ b
+
+Source: least squares by orthogonal factors (Golub & Van Loan, Sec. 5.5); Bayes' rule.
 """
 
 from dataclasses import dataclass
@@ -21,6 +26,8 @@ APART = 1e-6
 INVOLVED = 1e-6
 """Share of an unknown in an absent direction above which it is not determined: the square root of
 rounding, 1e-8, with a margin."""
+DETERMINED = 0.1
+"""Posterior over prior variance below which a parameter counts as determined by the data."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,19 +35,19 @@ class Posterior:
     """Normal posterior of p unknowns of linear rows.
 
     Attributes:
-        mean: x̂ of least length over unit columns, (p,), or (p, k) of k right-hand sides; empty
-            without one.
+        mean: x̂, (p,), or (p, k) of k right-hand sides; 0 without one. Over unit columns it is of
+            least length.
         root: R, C = R Rᵀ, (p, r).
-        lengths: of the columns, 1 where they are zero, (p,).
-        sizes: singular values of the unit columns in the r directions, descending.
-        absent: directions of the unit columns that the rows do not determine, (p − r, p).
+        sizes: singular values of the unit columns, or in units of the prior, descending.
+        absent: scaled directions that neither rows nor prior determine, (p − r, p).
+        prior_root: R₀, (p, p); empty without a prior of all unknowns.
     """
 
     mean: Array
     root: Array
-    lengths: Array
     sizes: Array
     absent: Array
+    prior_root: Array
 
     @property
     def covariance(self) -> Array:
@@ -54,17 +61,23 @@ class Posterior:
         return np.where(involved, np.nan, np.linalg.norm(self.root, axis=1))
 
     @property
-    def wide_root(self) -> Array:
-        """R with a standard deviation of 1/`ROUNDING` in absent directions, (p, p)."""
-        floor = ROUNDING * float(self.sizes.max(initial=np.finfo(float).tiny ** 0.25))
-        return np.hstack([self.root, self.absent.T / floor / self.lengths[:, None]])
+    def share(self) -> Array:
+        """Posterior over prior variance of every unknown, (p,), in (0, 1]."""
+        before = np.sum(self.prior_root**2, axis=1)
+        return np.minimum(np.sum(self.root**2, axis=1) / before, 1.0)
+
+    @property
+    def determined(self) -> int:
+        """Number of directions in which the rows carry ten times the information of the prior."""
+        return int(np.sum((1 / np.sqrt(1 + self.sizes**2)) ** 2 < DETERMINED))
+
+    def share_of(self, matrix: Array) -> Array:
+        """Posterior over prior variance of linear combinations (m, p) of the unknowns, (m,)."""
+        after = np.sum((matrix @ self.root) ** 2, axis=1)
+        return np.asarray(after / np.sum((matrix @ self.prior_root) ** 2, axis=1))
 
     def step(self, slope: Array) -> Array:
-        """Newton step C g.
-
-        Args:
-            slope: g, (p,).
-        """
+        """Newton step C g from the slope g, (p,)."""
         return np.asarray(self.root @ (self.root.T @ slope))
 
 
@@ -72,9 +85,11 @@ def posterior_of(
     rows: Array,
     target: Array | None = None,
     *,
+    prior: Array | None = None,
     rank: float = ROUNDING,
     lengths: Array | None = None,
     least: float = 0.0,
+    is_wide: bool = False,
 ) -> Posterior:
     """Posterior of the unknowns of linear rows.
 
@@ -82,34 +97,39 @@ def posterior_of(
         rows: A over the noise, (m, p); (N, n, p) of joints, each of which uses a part of the
             columns only.
         target: b over the noise, (m,), (m, k) or (N, n).
+        prior: R₀ of all unknowns, (p, p).
         rank: singular value of unit columns, relative to the largest, below which a direction is
             absent.
         lengths: of the columns before others were taken out of them, (p,); default is theirs.
         least: the same decision as if the largest singular value were this one at least.
-
-    Returns:
-        The posterior.
+        is_wide: keep absent directions at the value that decides, which every threshold rejects.
     """
-    p = rows.shape[-1]
-    whole = rows if target is None else np.concatenate([rows, _columns_of(target, rows)], axis=-1)
+    p, whole = rows.shape[-1], rows
+    if target is not None:
+        aim = target if target.ndim == rows.ndim else target[..., None]
+        whole = np.concatenate([rows, aim], axis=-1)
     if rows.ndim == 3:
         whole = triangle_of_joints(whole)
     elif len(whole) > whole.shape[1]:
         whole = np.asarray(np.linalg.qr(whole, mode="r"))
-    unit, aim = whole[:, :p], whole[:, p:]
-    own = np.linalg.norm(unit, axis=0) if lengths is None else lengths
-    own = np.where(own > 0, own, 1.0)
-    space, sizes, turn = np.linalg.svd(unit / own)
-    present = sizes > rank * max(float(sizes.max(initial=1e-300)), least)
-    count = int(present.sum())
-    root = turn[:count].T / sizes[:count] / own[:, None]
-    mean = root @ (space[:, :count].T @ aim)
-    shape = (0,) if target is None else (p,) if target.ndim < rows.ndim else mean.shape
-    return Posterior(mean.reshape(shape), root, own, sizes[:count], turn[count:])
-
-
-def _columns_of(target: Array, rows: Array) -> Array:
-    return target if target.ndim == rows.ndim else target[..., None]
+    norms = np.linalg.norm(whole[:, :p], axis=0) if lengths is None else lengths
+    scale = np.diag(1 / np.where(norms > 0, norms, 1.0)) if prior is None else prior
+    space, sizes, turn = np.linalg.svd(whole[:, :p] @ scale)
+    sizes = np.pad(sizes, (0, p - len(sizes)))
+    if prior is None:
+        floor = rank * max(float(sizes.max(initial=1e-300)), least)
+        count = p if is_wide else int(np.sum(sizes > floor))
+        spread = np.maximum(sizes, floor)[:count]
+    else:
+        count, spread = p, np.sqrt(1 + sizes**2)
+    root = scale @ turn[:count].T / spread
+    used = min(count, len(space))
+    along = (sizes[:used] / spread[:used])[:, None] * (space.T @ whole[:, p:])[:used]
+    mean = root[:, :used] @ along
+    if target is None or target.ndim < rows.ndim or rows.ndim == 3:
+        mean = mean.sum(axis=1)
+    none = np.zeros((p, 0)) if prior is None else prior
+    return Posterior(mean, root, sizes[:count], turn[count:], none)
 
 
 def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
@@ -124,11 +144,9 @@ def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
 def orthonormal(
     columns: Array, rank: float = ROUNDING, lengths: Array | None = None, least: float = 0.0
 ) -> Array:
-    """Orthonormal basis A R of columns, to rounding over `rank`, without absent directions.
-
-    columns (m, p) → (m, at most p).
-    """
-    return np.asarray(columns @ posterior_of(columns, rank=rank, lengths=lengths, least=least).root)
+    """Orthonormal basis A R of columns (m, p), to rounding over `rank`: (m, at most p)."""
+    fit = posterior_of(columns, rank=rank, lengths=lengths, least=least)
+    return np.asarray(columns @ fit.root)
 
 
 def triangle_of_joints(rows: Array) -> Array:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.convex import spread_of
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.search.criteria import PAYLOAD
 from runtime.excitation.search.information import Information
@@ -145,5 +146,4 @@ def _arm_root(lib: Library, a: Array, known: Information) -> Array:
 
 def _payload_root(a: Array) -> Array:
     """Root of the covariance of the ten parameters; very large where they are not determined."""
-    _, s, turn = np.linalg.svd(a, full_matrices=False)
-    return np.asarray(turn.T / np.maximum(s, 1e-12 * s[0]))
+    return posterior_of(a, is_wide=True).root

@@ -113,13 +113,7 @@ def _over_noise(problem: GainProblem, solution: GainSolution, block: Array) -> t
         raise IdentificationError(
             "the values are too large to compute gains from; check the units in the recipe"
         )
-    slopes = solution.slopes(block) / solution.noise[:, None, None] @ solution.root
-    n, count, _ = slopes.shape
-    levels = np.zeros((n, count, len(RUNS) * n))
-    for run, samples in enumerate(problem.runs):
-        indicator = block[0, :, run] / np.sqrt(len(samples))
-        levels[range(n), :, run * n + np.arange(n)] = indicator
-    basis = np.concatenate([slopes, levels], axis=2)
+    basis = solution.slopes(block) / solution.noise[:, None, None] @ solution.root
     return basis.transpose(1, 0, 2), rest.T
 
 
@@ -127,18 +121,18 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
     """Gains and bias with their standard deviations, status and notes."""
     n, names = len(solution.g), problem.channels
     root = solution.root * np.sqrt(coloured.density)
-    covariance = root[-n:] @ root[-n:].T
+    p = len(solution.theta)
+    of_gains, of_offsets = root[p : p + n], root[p + n :].reshape(len(RUNS), n, -1)
+    covariance = of_gains @ of_gains.T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
     is_determined = share <= LARGEST_SIGMA
     _require_determined(problem, solution, is_determined)
     gain = np.where(is_determined, solution.g, 1.0)
-    offsets, slopes = solution.offsets()
     # The bias is b/g; its derivative contains that of 1/g where g is estimated.
-    slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_determined, offsets / gain, 0.0)
-    spread = np.sum((slopes @ root) ** 2, axis=2)
-    counts = np.array([[len(run)] for run in problem.runs])
-    bias_sigma = np.sqrt(spread + solution.noise**2 * coloured.density / counts) / np.abs(gain)
+    share_of_gain = np.where(is_determined, solution.b / gain, 0.0)
+    spread = of_offsets - share_of_gain[:, :, None] * of_gains
+    bias_sigma = np.linalg.norm(spread, axis=2) / np.abs(gain)
     notes = _notes(problem, solution.g, covariance, share, is_determined)
     determined = ", ".join(name for name, ok in zip(names, is_determined, strict=True) if ok)
     return Gains(
@@ -147,7 +141,7 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
         estimate=solution.g,
         covariance=covariance,
         is_determined=is_determined,
-        bias=offsets / gain,
+        bias=solution.b / gain,
         bias_sigma=bias_sigma,
         noise=solution.noise * np.sqrt(coloured.variance),
         n_samples=problem.n_samples,

@@ -53,37 +53,28 @@ class GainSolution:
     Attributes:
         theta: θ, (p,).
         g: gains, (n,).
-        root: R (p + n, p + n), R Rᵀ the covariance of (θ, g) for white noise.
+        b: offsets of every run, (runs, n).
+        root: R, R Rᵀ the covariance of (θ, g, b) for white noise, (p + n + runs n, ·).
         noise: σ_j, (n,) N·m or N.
-        levels: means of [X, y, τᵐ] of every run and channel, (n, runs, p + 2).
         converged: whether the steps became small.
     """
 
     theta: Array
     g: Array
+    b: Array
     root: Array
     noise: Array
-    levels: Array
     converged: bool
 
     def rest(self, block: Array) -> Array:
         """Residual τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
-        return _rest(self._centred(block), self.theta, self.g)
+        runs = len(self.b)
+        offsets = np.einsum("jik,kj->ji", block[:, :, :runs], self.b)
+        return _rest(block[:, :, runs:], self.theta, self.g) - offsets
 
     def slopes(self, block: Array) -> Array:
-        """∂(g (X θ + y) + b)/∂(θ, g) of the same rows, with b eliminated, (n, N, p + n)."""
-        return _slopes(self._centred(block), self.theta, self.g)
-
-    def offsets(self) -> tuple[Array, Array]:
-        """Offsets b (runs, n) and their derivatives with respect to (θ, g), (runs, n, p + n)."""
-        return _rest(self.levels, self.theta, self.g).T, -np.swapaxes(
-            _slopes(self.levels, self.theta, self.g), 0, 1
-        )
-
-    def _centred(self, block: Array) -> Array:
-        """[X, y, τᵐ] minus the means of their run."""
-        k = self.levels.shape[1]
-        return np.asarray(block[:, :, k:] - block[:, :, :k] @ self.levels)
+        """∂(g (X θ + y) + b)/∂(θ, g, b) of the same rows, (n, N, p + n + runs n)."""
+        return _with_offsets(block, self.theta, self.g, len(self.b))
 
 
 def reduced(blocks: Iterable[Array]) -> Array:
@@ -124,14 +115,13 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
         halvings=_HALVINGS,
     )
     x = solution.x
-    # Covariance of (θ, g), and the means from which the offsets follow.
-    noise: Array = np.sqrt(power(x) / freedom)
-    slopes = _slopes(rows, x[:p], x[p:]) / noise[:, None, None]
-    levels: Array = np.asarray(
-        np.linalg.solve(triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:])
-    )
-    root = posterior_of(slopes.reshape(-1, p + n)).wide_root
-    return GainSolution(x[:p], x[p:], root, noise, levels, solution.converged)
+    # The offsets are the residuals of the means; their rows stand above those of the others.
+    theta, g, noise = x[:p], x[p:], np.sqrt(power(x) / freedom)
+    ones, means = triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:]
+    b = _rest(np.asarray(np.linalg.solve(ones, means)), theta, g).T
+    slopes = _with_offsets(triangle, theta, g, n_runs) / noise[:, None, None]
+    root = posterior_of(slopes.reshape(-1, slopes.shape[2]), is_wide=True).root
+    return GainSolution(theta, g, b, root, noise, solution.converged)
 
 
 def linear(rows: Array) -> tuple[Array, Array]:
@@ -157,6 +147,13 @@ def _slopes(rows: Array, theta: Array, g: Array) -> Array:
     J[:, :, :p] = g[:, None, None] * rows[:, :, :-2]
     J[np.arange(n), :, p + np.arange(n)] = rows[:, :, :-2] @ theta + rows[:, :, -2]
     return J
+
+
+def _with_offsets(rows: Array, theta: Array, g: Array, n_runs: int) -> Array:
+    """∂(g (X θ + y) + b)/∂(θ, g, b) of rows [1 per run, X, y, τᵐ]."""
+    J = _slopes(rows[:, :, n_runs:], theta, g)
+    offsets = np.einsum("jik,jl->jikl", rows[:, :, :n_runs], np.eye(len(g)))
+    return np.concatenate([J, offsets.reshape(*J.shape[:2], -1)], axis=2)
 
 
 @dataclass(frozen=True, slots=True)

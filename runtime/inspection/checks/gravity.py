@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from runtime.estimators.convex import NONE, Reduced, convex_problem, prior_of, solve
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.posterior import least_squares
+from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.gravity_direction import build_command, other_direction
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, Finding, joint_list
@@ -107,17 +107,15 @@ def _joint(falls: Array, inertial: Array, dq: Array, tau: Array) -> tuple[float,
     slope = both / size**2 if moved else 0.0
     correlation = both / max(size * float(np.linalg.norm(bare_tau)), 1e-300)
     matrix = np.column_stack([falls, others]) if moved else others
-    lengths = np.linalg.norm(matrix, axis=0)
-    unit = matrix / np.where(lengths > 0, lengths, 1.0)
-    x, rest = least_squares(unit, tau)
+    fit = posterior_of(matrix, tau)
+    rest = tau - matrix @ fit.mean
     # Mean power of friction as a linear function of the coefficients.
     weights = np.zeros(matrix.shape[1])
     weights[-3:-1] = np.mean(friction * dq[:, None], axis=0)
-    weights = weights / np.where(lengths > 0, lengths, 1.0)
-    inflation = coloured_noise_of_rows(unit[:, None, :], rest[:, None]).inflation
+    inflation = coloured_noise_of_rows(matrix[:, None, :], rest[:, None]).inflation
     variance = inflation * float(np.mean(rest**2))
-    spread = float(weights @ np.linalg.pinv(unit.T @ unit, rcond=1e-9) @ weights)
-    power = float(weights @ x)
+    spread = float(np.sum((weights @ fit.root) ** 2))
+    power = float(weights @ fit.mean)
     load = float(np.sqrt(np.mean(falls**2)))
     return slope, load, correlation, power, power / np.sqrt(max(variance * spread, 1e-300))
 

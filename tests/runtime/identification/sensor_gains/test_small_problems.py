@@ -44,7 +44,7 @@ def test_a_direction_that_is_not_excited_has_the_sigma_of_the_bound():
     block[..., -1] += ripple
     solution = solve(reduced([block]), 40, 1)
     assert solution.noise[0] == pytest.approx(0.01 * np.sqrt(40 / (40 - 1 - 3)))
-    apart = np.array([1, -1, 0]) / np.sqrt(2) @ solution.root
+    apart = np.array([1, -1, 0, 0]) / np.sqrt(2) @ solution.root
     expected = solution.noise[0] / (1e-9 * np.sqrt(2) * np.sqrt(40))
     assert np.linalg.norm(apart) == pytest.approx(expected, rel=1e-6)
 

@@ -91,18 +91,12 @@ def posterior_of(
     least: float = 0.0,
     is_wide: bool = False,
 ) -> Posterior:
-    """Posterior of the unknowns of linear rows.
+    """Posterior of the unknowns of linear rows A, with a prior R₀ of all unknowns or without.
 
-    Args:
-        rows: A over the noise, (m, p); (N, n, p) of joints, each of which uses a part of the
-            columns only.
-        target: b over the noise, (m,), (m, k) or (N, n).
-        prior: R₀ of all unknowns, (p, p).
-        rank: singular value of unit columns, relative to the largest, below which a direction is
-            absent.
-        lengths: of the columns before others were taken out of them, (p,); default is theirs.
-        least: the same decision as if the largest singular value were this one at least.
-        is_wide: keep absent directions at the value that decides, which every threshold rejects.
+    Rows (N, n, p) are those of joints, each of which uses a part of the columns only; a target is
+    (m,), (m, k) or (N, n). Singular values are relative to the largest, or to `least` where it is
+    larger; `lengths` are those of the columns before others were taken out of them. With `is_wide`
+    absent directions stay at the value that decides, whose σ every threshold rejects.
     """
     p, whole = rows.shape[-1], rows
     if target is not None:

@@ -20,6 +20,7 @@ from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, with
 from runtime.estimators.problem import FrictionPrior, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, TrainedModel
 from runtime.identification.metrics import TorqueError, torque_error
@@ -144,8 +145,7 @@ def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
         free, _, held = within_bounds(whole, bounds, solved)
         phi = free.reshape(shape)
     columns = whole.factor[:, whole.n_base :]
-    covariance = density * np.linalg.pinv(columns.T @ columns, hermitian=True)
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(shape)
+    sigma = np.sqrt(density) * np.linalg.norm(posterior_of(columns).root, axis=1).reshape(shape)
     notes = notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return FrictionFit(phi, sigma, weights, notes)
 

@@ -7,7 +7,7 @@ Wensing, Kim & Slotine 2018 (P ⪰ 0); document Sec. 3.1.4.
 """
 
 from runtime.estimators.convex.compiled import follow_compiled, follow_many, solve, solve_many
-from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
+from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce, reduced_of
 from runtime.estimators.convex.entropic_prior import (
     CAD,
     GRIPPER,
@@ -55,6 +55,7 @@ __all__ = [
     "prior_from",
     "prior_of",
     "reduce",
+    "reduced_of",
     "solve",
     "solve_many",
     "spread_of",

@@ -43,6 +43,23 @@ class Reduced:
         return self.rest / self.freedom
 
 
+def reduced_of(rows: Array, target: Array, count: int, freedom: int) -> Reduced:
+    """Least squares over π of rows without friction columns, on their triangle.
+
+    Args:
+        rows: (m, 10 n), m > 10 n.
+        target: (m,).
+        count: number of samples.
+        freedom: degrees of freedom of the residual.
+
+    Returns:
+        The same least squares.
+    """
+    triangle = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
+    factor, aim = np.ascontiguousarray(triangle[:-1, :-1]), np.ascontiguousarray(triangle[:-1, -1])
+    return Reduced(factor, aim, float(triangle[-1, -1] ** 2), float(count), float(freedom))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Elimination:
     """Triangular system that gives the best φ at a given π.

@@ -39,8 +39,8 @@ class Posterior:
             least length.
         root: R, C = R Rᵀ, (p, r).
         sizes: singular values of the unit columns, or in units of the prior, descending.
-        absent: scaled directions that neither rows nor prior determine, (p − r, p).
-        prior_root: R₀, (p, p); empty without a prior of all unknowns.
+        absent: scaled directions that the rows do not determine, (p − r, p); none with a prior.
+        prior_root: R₀, (p, q); empty without a prior of all unknowns.
     """
 
     mean: Array
@@ -109,13 +109,13 @@ def posterior_of(
     norms = np.linalg.norm(whole[:, :p], axis=0) if lengths is None else lengths
     scale = np.diag(1 / np.where(norms > 0, norms, 1.0)) if prior is None else prior
     space, sizes, turn = np.linalg.svd(whole[:, :p] @ scale)
-    sizes = np.pad(sizes, (0, p - len(sizes)))
+    sizes = np.pad(sizes, (0, scale.shape[1] - len(sizes)))
     if prior is None:
         floor = rank * max(float(sizes.max(initial=1e-300)), least)
         count = p if is_wide else int(np.sum(sizes > floor))
         spread = np.maximum(sizes, floor)[:count]
     else:
-        count, spread = p, np.sqrt(1 + sizes**2)
+        count, spread = len(sizes), np.sqrt(1 + sizes**2)
     root = scale @ turn[:count].T / spread
     used = min(count, len(space))
     along = (sizes[:used] / spread[:used])[:, None] * (space.T @ whole[:, p:])[:used]

@@ -15,7 +15,14 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise_anywhere, prior_from
+from runtime.estimators.convex import (
+    NONE,
+    convex_problem,
+    minimise_anywhere,
+    prior_from,
+    reduced_of,
+    spread_of,
+)
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance
@@ -180,14 +187,7 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         # Rows over their noise, reduced to a triangle: later steps do not depend on N.
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
-        triangle: Array = np.asarray(np.linalg.qr(np.column_stack([scaled, aim]), mode="r"))
-        data = Reduced(
-            factor=triangle[:-1, :-1],
-            target=triangle[:-1, -1],
-            rest=float(triangle[-1, -1] ** 2),
-            count=float(count),
-            freedom=float(count * n - N_PARAMETERS - n),
-        )
+        data = reduced_of(scaled, aim, count, count * n - N_PARAMETERS - n)
         coloured = ColouredNoise(data.variance, data.variance)
         # The first pass takes all torque as noise: far from the minimum Newton needs the prior.
         if done == 0:
@@ -205,12 +205,13 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         # Noise of each joint, with the degrees of freedom that N_eff leaves.
         power = np.sum(errors**2, axis=0) / max(count - used * coloured.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
-    shape = np.linalg.inv(count * minimum.hessian())
-    # (κ B)⁻¹ by its root: an inverse of B has negative variances next to the boundary.
-    root = mount.bodies.spread(pi)[0]
+    # With the density as the noise; (κ B)⁻¹ by its root, as B is near singular at the boundary.
+    density = max(coloured.density, _PERFECT**2)
+    posterior = spread_of(mount.bodies, pi, data.factor / np.sqrt(density), kappa)
+    shape = posterior.covariance / density
     return _Solution(
         pi=pi,
-        prior=np.asarray(root @ root.T / kappa),
+        prior=posterior.prior_root @ posterior.prior_root.T,
         noise=noise,
         errors=errors,
         offsets=level - means @ pi,

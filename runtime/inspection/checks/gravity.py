@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.convex import NONE, Reduced, convex_problem, prior_of, solve
+from runtime.estimators.convex import NONE, convex_problem, prior_of, reduced_of, solve
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.gravity_direction import build_command, other_direction
@@ -263,15 +263,7 @@ def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> SignTrial:
     _, rest = least_squares(rows, target)
     free = float(np.linalg.norm(rest)) / size
     # Consistent fit: most probable bodies under a prior of next to no weight.
-    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
-    width = rows.shape[1]
-    data = Reduced(
-        np.ascontiguousarray(triangle[:width, :width]),
-        np.ascontiguousarray(triangle[:width, width]),
-        float(triangle[width, width] ** 2),
-        float(len(few)),
-        float(max(len(target) - width, 1)),
-    )
+    data = reduced_of(rows, target, len(few), max(len(target) - rows.shape[1], 1))
     gamma = NONE * max(data.variance, 1e-6) / data.count
     pi = solve(lib, convex_problem(data, prior_of(lib), gamma)).pi
     loss = np.sqrt(max(2.0 * data.value(pi) * data.count, 0.0))

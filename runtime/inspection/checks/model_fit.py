@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.deviation_tests import gain_test
-from runtime.estimators.regression.posterior import least_squares
+from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.checks.torque_signs import slopes_to_model
 from runtime.inspection.finding import INFO, WARNING, Finding
@@ -116,20 +116,17 @@ def tool(torque_rows: TorqueRows) -> list[Finding]:
         scale = np.tile(np.sqrt(weights), len(s))
         _, before = least_squares(extra * scale[:, None], target * scale)
         matrix = np.hstack([last, extra]) * scale[:, None]
-        x, rest = least_squares(matrix, target * scale)
+        fit = posterior_of(matrix, target * scale)
+        x, rest = fit.mean, target * scale - matrix @ fit.mean
         errors = (rest / scale).reshape(-1, n)
         weights = 1.0 / np.maximum(errors.var(axis=0), 1e-9 * errors.var(axis=0).max() + 1e-300)
     body = x[:N_PARAMETERS]
     mass_kg = float(mass(body))
     gain = float(np.linalg.norm(rest) / max(float(np.linalg.norm(before)), 1e-300))
-    # σ of the mass: its column less what the other columns explain, noise of N_eff samples.
-    others = np.delete(last, MASS, axis=1)
-    basis = np.linalg.qr(np.hstack([extra, others]) * scale[:, None])[0]
-    column = last[:, MASS] * scale
-    column = column - basis @ (basis.T @ column)
+    # σ of the mass with noise of N_eff samples.
     inflation = inflation_of(np.hstack([last, extra]), errors, weights)
     noise = np.sqrt(inflation * np.mean(rest**2))
-    sigma = float(noise / max(float(np.linalg.norm(column)), 1e-300))
+    sigma = float(noise * np.nan_to_num(fit.sigma[MASS], nan=np.inf))
     if abs(mass_kg) < max(TOOL_KG, SURE * sigma) or gain > TOOL_GAIN:
         return []
     if mass_kg < -1.5 * float(mass(lib.pi0[-N_PARAMETERS:])):

@@ -42,6 +42,7 @@ from runtime.estimators.convex import (
     solve,
     solve_many,
 )
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.monitoring.fleet.unit import Unit
@@ -208,10 +209,7 @@ class _View:
         rows = self._rows(counted, kappa)[:, :-1]
         around = self.urdf.bodies.spread(self.urdf.centre)
         H = self.lib.base_matrix @ block_diag(*around) / np.sqrt(kappa_0)
-        _, sizes, turn = np.linalg.svd(rows @ H)
-        width = np.ones(len(turn))
-        width[: sizes.size] = 1 / np.sqrt(1 + sizes**2)
-        root = H @ turn.T * width
+        root = posterior_of(rows, prior=H).root
         # Share of every base direction of the prior's unit covariance H Hᵀ.
         scaled = np.linalg.svd(np.linalg.lstsq(self.H, root, rcond=None)[0], compute_uv=False)
         error = np.sort(scaled**2)[::-1][: len(self.H)]

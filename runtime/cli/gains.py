@@ -15,8 +15,7 @@ from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, 
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.current_gains.one_log import Weighed, current_gains
-from runtime.identification.current_gains.scaling import of_gain_one
+from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.sensor_gains.estimate import Gains, identify_gains

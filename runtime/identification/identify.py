@@ -15,7 +15,7 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
-from runtime.identification.drive.estimate import BIAS_PRIOR
+from runtime.identification.drive.feedback import BIAS_PRIOR
 from runtime.identification.drive.requested import (
     columns_of,
     delayed,

@@ -17,7 +17,7 @@ from runtime.estimators.choice.default_friction import USABLE, choose_default_fr
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
-from runtime.identification.current_gains.scaling import with_current_gains
+from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs.blocks import head_of
 from runtime.identification.settings import AUTO, CHOSEN, Settings, friction_of
 from runtime.identification.watch import SILENT, Watch

@@ -17,7 +17,7 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.identification.current_gains.scaling import in_torque
+from runtime.identification.current_gains import in_torque
 from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording

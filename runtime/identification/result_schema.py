@@ -12,7 +12,7 @@ from typing import Any
 
 from runtime.common.files import json_of
 from runtime.errors import RecordingError
-from runtime.identification.drive.result_keys import TORQUE_KEYS
+from runtime.identification.drive.result import TORQUE_KEYS
 from runtime.identification.result_key import MISSING, Key
 
 FORMAT = 2

@@ -17,14 +17,13 @@ from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
-from runtime.estimators.regression.samples import samples_of
-from runtime.identification.current_gains.scaling import with_current_gains
+from runtime.identification.current_gains import with_current_gains
 from runtime.identification.drive.feedback import (
+    BIAS_PRIOR,
     FEEDBACK,
     LinearisedDrive,
     feedback_torque,
     linearised,
-    torque_rate,
 )
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
@@ -46,9 +45,6 @@ MOST_STEP = (0.02, 0.05)
 """Largest step of one pass: of a delay [s], of a bias [rad, m]."""
 THINNED = 10.0
 """Rate of the rows over the cut-off at which the first passes are made."""
-BIAS_PRIOR = 0.02
-"""Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
-hand, a degree."""
 SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
 """Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %
 but for the least validation part."""
@@ -171,20 +167,13 @@ def linearised_at(
     problem: DriveProblem, result: Identification, x: Array, rough: bool = False
 ) -> LinearisedDrive:
     """The step to the minimum of the linearised problem."""
-    request, settings = problem.request, problem.settings
-    samples = samples_of(result.train, result.lib)
-    rate = np.zeros((*samples.tau.shape, 0))
-    if request.delay:
-        rate = torque_rate(result, samples, request.per_joint)
-    prior = settings.prior
+    settings = problem.settings
     known = known_friction(settings, result.friction.columns, result.friction)
     return linearised(
         result,
-        samples,
-        kappa=prior.kappa if prior and prior.kappa else CAD,
-        delay_columns=rate,
-        biases=problem.split(x)[1] if request.bias else np.zeros(0),
-        bias_prior=BIAS_PRIOR,
+        problem.request,
+        bias=problem.split(x)[1],
+        kappa=settings.prior.kappa if settings.prior and settings.prior.kappa else CAD,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
     )

@@ -53,6 +53,9 @@ ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
 MOST_ROWS, STRETCHES = 6000, 8
 """Rows above which only as many, in contiguous stretches, are used."""
+BIAS_PRIOR = 0.02
+"""Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
+hand, a degree."""
 _H = 1e-6
 """Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."
@@ -122,25 +125,26 @@ def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Ar
 
 def linearised(
     result: Identification,
-    samples: Samples,
+    request: DriveRequest,
     *,
+    bias: Array,
     kappa: float,
-    delay_columns: Array,
-    biases: Array,
-    bias_prior: float,
     phi_prior: Array | None = None,
     rough: bool = False,
 ) -> LinearisedDrive:
     """Newton step of delay and biases, and the standard deviations of all unknowns.
 
-    delay_columns (N, n, m), biases (n,) [rad, m], phi_prior (n, k).
+    bias (n,) [rad, m], phi_prior (n, k).
     """
+    samples = samples_of(result.train, result.lib)
     lib, pi, phi = result.lib, result.pi, result.phi
     n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
     scale = np.sqrt(result.weights)
     rest = (samples.tau - samples.rigid(lib, pi) - samples.friction(phi)) * scale
-    further = -delay_columns
-    if biases.size:
+    further = np.zeros((*samples.tau.shape, 0))
+    if request.delay:
+        further = -torque_rate(result, samples, request.per_joint)
+    if request.bias:
         further = np.concatenate([further, bias_columns(lib, samples, pi)], axis=2)
     further = further * scale[:, None]
     # The gradient in π and φ vanishes at the most probable model: d and b alone drive the step.
@@ -170,9 +174,9 @@ def linearised(
     prior[: len(pi)] = 1.0
     if phi_prior is not None:
         prior[len(pi) : first] = 1.0 / phi_prior.ravel()
-    if biases.size:
-        prior[-n:] = 1.0 / bias_prior
-        slope[-n:] -= biases / bias_prior**2
+    if request.bias:
+        prior[-n:] = 1.0 / BIAS_PRIOR
+        slope[-n:] -= bias / BIAS_PRIOR**2
     posterior = posterior_of(np.vstack([data * (more / noise), np.diag(prior)]))
     sigma, root = posterior.sigma, posterior.root[len(pi) : first].reshape(n, k, -1)
     return LinearisedDrive(

@@ -22,7 +22,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.posterior import ROUNDING, least_squares, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.current_gains.scaling import of_gain_one
+from runtime.identification.current_gains import channels_of, of_gain_one
 from runtime.identification.payload.body import Mount, mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload
 from runtime.library import Array, Library
@@ -165,7 +165,7 @@ class GainProblem:
         runs: samples without and with the payload.
         mount: link and frame of the payload.
         payload: known payload.
-        to_channels: R⁻ᵀ (n, n) where the gear couples joints, else None.
+        to_channels: R⁻ᵀ (n, n) where the gear couples joints, else 1.
         channels: names of the n channels.
     """
 
@@ -173,7 +173,7 @@ class GainProblem:
     runs: tuple[Samples, ...]
     mount: Mount
     payload: KnownPayload
-    to_channels: Array | None
+    to_channels: Array
     channels: tuple[str, ...]
 
     @property
@@ -201,8 +201,7 @@ class GainProblem:
                 friction = spread(s.columns, s.coupling)
                 parts = [base, friction, Y @ free, (Y @ pi)[:, :, None], s.tau[:, :, None]]
                 rows = np.concatenate(parts, axis=2)
-                if self.to_channels is not None:
-                    rows = np.einsum("mj,ijk->imk", self.to_channels, rows)
+                rows = np.einsum("mj,ijk->imk", self.to_channels, rows)
                 ones = np.zeros((*rows.shape[:2], len(RUNS)))
                 ones[:, :, k] = 1.0
                 yield np.swapaxes(np.concatenate([ones, rows], axis=2), 0, 1)
@@ -232,15 +231,14 @@ def problem_of(
                 f"expected {FEWEST_ROWS} samples or more of '{run.name}' after its preparation, "
                 f"got {len(runs[-1])}; record for longer"
             )
-    R = np.array(empty.recipe.gear if empty.recipe else ())
-    coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
+    to_channels, channels = channels_of(empty, lib)
     return GainProblem(
         lib=lib,
         runs=tuple(runs),
         mount=mount,
         payload=payload,
-        to_channels=np.asarray(np.linalg.inv(R).T) if coupled else None,
-        channels=tuple(f"motor {m + 1}" for m in range(len(R))) if coupled else lib.joint_names,
+        to_channels=to_channels,
+        channels=channels,
     )
 
 

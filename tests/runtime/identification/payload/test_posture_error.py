@@ -6,7 +6,7 @@ import pytest
 from runtime import Recording, identify_payload
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.body import Payload
-from runtime.identification.payload.empty_run import posture_error
+from runtime.identification.payload.estimate import posture_error
 from runtime.library import Library
 
 BALL = np.array([0.5, 0, 0, 0.05, 0.01, 0.01, 0.002, 0, 0, 0])

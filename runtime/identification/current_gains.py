@@ -15,7 +15,7 @@ on one triangle per channel, solved by Gauss–Newton. Source: the prior is that
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -27,9 +27,10 @@ from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of
 from runtime.estimators.regression.recorded_delay import filtered
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
-from runtime.recording import Friction, Preparation, Recording
+from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.current_gains import (
     DETERMINED,
     LARGEST_SIGMA,
@@ -39,7 +40,8 @@ from runtime.recording.current_gains import (
     CurrentGains,
 )
 from runtime.recording.friction import DRIVE, geared
-from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.unit_conversion import scaled
 
 SCALE = 2e-3
 """Relative standard deviation of a scale."""
@@ -300,11 +302,16 @@ def _rows(
             "for longer, or write the gains into the recipe"
         )
     samples = samples.rows(slice(None, None, max(1, len(samples) // MOST_ROWS)))
+    to_channels, names = channels_of(recording, lib)
+    return _without_friction(samples, lib, to_channels), names
+
+
+def channels_of(recording: Recording, lib: Library) -> tuple[Array, tuple[str, ...]]:
+    """R⁻ᵀ of τ_m = R⁻ᵀ τ where the gear couples joints, else 1, (n, n), and names of channels."""
     R = np.array(recording.recipe.gear if recording.recipe else ())
-    coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
-    to_channels = np.linalg.inv(R).T if coupled else np.eye(lib.n_joints)
-    names = tuple(f"motor {m + 1}" for m in range(len(R))) if coupled else lib.joint_names
-    return _without_friction(samples, lib, np.asarray(to_channels)), names
+    if not R.size or np.count_nonzero(R) == np.count_nonzero(np.diagonal(R)):
+        return np.eye(lib.n_joints), lib.joint_names
+    return np.asarray(np.linalg.inv(R).T), tuple(f"motor {m + 1}" for m in range(len(R)))
 
 
 def _without_friction(samples: Samples, lib: Library, to_channels: Array) -> _Channels:
@@ -377,3 +384,49 @@ def _gains(
         scale=scale,
         common_sigma=float(1 / np.sqrt(inverse.sum())),
     )
+
+
+def with_current_gains(
+    recording: Recording,
+    lib: Library,
+    weighed: Sequence[Weighed] = (),
+    *,
+    friction: Friction | None = None,
+    preparation: Preparation | None = None,
+    split: Split | None = None,
+) -> Recording:
+    """The recording with torques in place of currents with unknown gains."""
+    if not recording.has_unknown_gains:
+        return recording
+    unit = of_gain_one(recording)
+    shares = split or (unit.recipe.split if unit.recipe else None)
+    seen = before_test(unit, shares)
+    gains = current_gains(seen, lib, weighed, friction=friction, preparation=preparation)
+    return scaled(recording, gains)
+
+
+def of_gain_one(recording: Recording) -> Recording:
+    """The recording with its currents counted as torques of gain 1."""
+    recipe = recording.recipe
+    if recipe is None or recipe.torque is None or not recording.has_unknown_gains:
+        return recording
+    torque = replace(recipe.torque, gain=1.0)
+    return recording.replace(recipe=recipe.replace(torque=torque))
+
+
+def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[Recording, Settings]:
+    """Torques in place of motor currents with unknown gains, in all recordings."""
+    recording = with_current_gains(
+        recording,
+        lib,
+        preparation=settings.preparation,
+        split=settings.split,
+    )
+    gains = recording.gains
+    if gains is None:
+        return recording, settings
+    validation, test = (
+        None if each is None else scaled(each, gains)
+        for each in (settings.validation, settings.test)
+    )
+    return recording, replace(settings, validation=validation, test=test)

@@ -13,10 +13,10 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array
 from runtime.recording.friction import names_where
 
@@ -37,8 +37,6 @@ EVIDENCE = 0.05
 """Evidence for a coefficient above which its cause is stated. 1000 rows of 7 joints, a tenth of
 them effective, determine a coefficient to 0.04; correct simulated logs reach 0.017, those with a
 reversed joint at least 0.1."""
-WELL_CONDITIONED = 1e6
-"""Row of the inverse of unit columns, below which rounding × condition stays under 1e-8."""
 TINY = 1e-300
 """Smallest divisor: an exact fit has no residual."""
 NEGATIVE_CAUSE = (
@@ -192,33 +190,10 @@ def _evidence(statistics: Statistics, first: Array, held: NDArray[np.bool_]) -> 
     """Residual that each held column alone removes, relative to that of the solution `first`."""
     residual = statistics.factor @ first - statistics.target
     size = np.sqrt(residual @ residual + statistics.rest)
-    evidence = np.zeros(held.size)
-    places = statistics.n_base + np.flatnonzero(held)
-    apart = _parts_apart(statistics.factor, places)
-    evidence[held] = np.abs(first[places]) * apart / max(float(size), TINY)
-    return evidence
-
-
-def _parts_apart(columns: Array, places: NDArray[np.int64]) -> Array:
-    """Length of the part of some columns X e_k that is orthogonal to all others.
-
-    min_x ‖X e_k − X_others x‖ = 1 / ‖e_kᵀ R⁻¹‖ with X = Q R, where R is not near a singular one.
-    """
-    if not len(places):
-        return np.zeros(0)
-    lengths = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(lengths > 0, lengths, 1.0)
-    triangle: Array = np.asarray(np.linalg.qr(unit, mode="r"))
-    if len(triangle) == len(lengths) and np.diagonal(triangle).all():
-        inverse = np.linalg.norm(solve_triangular(triangle, np.eye(len(lengths))), axis=1)
-        if inverse.max() < WELL_CONDITIONED:
-            return np.asarray(lengths[places] / inverse[places])
-    parts = np.zeros(len(places))
-    for index, k in enumerate(places):
-        column, others = columns[:, k], np.delete(columns, k, axis=1)
-        rest = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
-        parts[index] = np.linalg.norm(rest)
-    return parts
+    # A column has the length 1/σ apart from all others; it is 0 where they explain it.
+    apart = np.nan_to_num(1 / posterior_of(statistics.factor).sigma[statistics.n_base :])
+    evidence = np.abs(first[statistics.n_base :]) * apart / max(float(size), TINY)
+    return np.where(held, evidence, 0.0)
 
 
 def _nonnegative(names: Sequence[str], shape: tuple[int, ...]) -> NDArray[np.bool_]:

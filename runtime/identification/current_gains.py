@@ -123,11 +123,8 @@ def gain_rows(base: Array, current: Array, lib: Library, known: Array, kg: Array
     """
     spread = bodies_of(lib).spread(prior_of(lib, lib.pi0).centre) / np.sqrt(CAD)
     root = np.asarray(block_diag(*spread))
-    n, width = current.shape[1], base.shape[2]
-    triangles = np.zeros((n, width + 1, width + 1))
-    for j in range(n):
-        R = np.linalg.qr(np.column_stack([base[:, j], current[:, j]]), mode="r")
-        triangles[j, : len(R)] = R
+    rows = np.concatenate([base, current[:, :, None]], axis=2).swapaxes(0, 1)
+    triangles = np.asarray(np.linalg.qr(rows, mode="r"))
     slopes = triangles[:, :, :-1]
     return GainRows(
         slopes=slopes @ (lib.base_matrix @ root),

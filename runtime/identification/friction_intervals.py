@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import Posterior
+from runtime.identification.posterior_file import SavedPosterior
 from runtime.library import Array
 from runtime.recording.friction import names_where
 from runtime.recording.settings import SPRING
@@ -35,7 +35,7 @@ def friction_sigma(result: Identification) -> Array | None:
         return None
     information, lib = known.information, result.lib
     logs = len(result.log_names)
-    posterior = Posterior(information, result.pi, known.root, lib.n_joints, logs)
+    posterior = SavedPosterior(information, result.pi, known.root, lib.n_joints, logs)
     _, system = posterior.reduced(lib)
     if system.lengths.size != result.phi.size:
         return None

@@ -32,7 +32,7 @@ FILE = "posterior.npz"
 
 
 class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
-    """The file; fields are those of `LogInformation` and `Posterior`."""
+    """The file; fields are those of `LogInformation` and `SavedPosterior`."""
 
     centre: Array
     pi: Array
@@ -42,8 +42,8 @@ class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Posterior:
-    """Posterior of π and of the friction coefficients φ.
+class SavedPosterior:
+    """SavedPosterior of π and of the friction coefficients φ.
 
     Attributes:
         information: data and prior.
@@ -126,7 +126,7 @@ def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int
         )
 
 
-def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
+def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
     path = (result if result.is_dir() else result.parent) / FILE
     try:
@@ -166,4 +166,4 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
     known = LogInformation(stored.statistics, stored.density, stored.kappa, stored.centre)
-    return Posterior(known, stored.pi, root, lib.n_joints, logs)
+    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs)

@@ -27,7 +27,7 @@ from runtime.estimators.convex import (
     spread_of,
 )
 from runtime.estimators.convex.eliminate_friction import Reduced
-from runtime.identification.posterior_file import Posterior
+from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording.friction import names_where
@@ -103,7 +103,11 @@ class _Density:
 
 @one_blas_thread
 def draw_models(
-    lib: Library, saved: SavedResult, posterior: Posterior, count: int, rng: np.random.Generator
+    lib: Library,
+    saved: SavedResult,
+    posterior: SavedPosterior,
+    count: int,
+    rng: np.random.Generator,
 ) -> Draws:
     """Draw models from a posterior."""
     if count < 1:
@@ -119,7 +123,7 @@ def draw_models(
     return Draws(pi, phi.reshape(count, *saved.phi.shape), density.mode, acceptance, effective)
 
 
-def _density(lib: Library, posterior: Posterior, data: Reduced) -> _Density:
+def _density(lib: Library, posterior: SavedPosterior, data: Reduced) -> _Density:
     known = posterior.information
     prior, bodies = prior_of(lib, known.centre, floor=0.0), bodies_of(lib)
     # The mode of U: γ = κ S / N in the units of the convex problem.

@@ -20,7 +20,7 @@ from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
 from bench.fleet import FILTERED, joined
 from runtime import Identification, Recording, choose_default_friction
 from runtime.excitation import Trajectory
-from runtime.identification.posterior_file import Posterior, read_posterior
+from runtime.identification.posterior_file import SavedPosterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
@@ -55,7 +55,7 @@ class Saved:
     """A result that was written and read again."""
 
     saved: SavedResult
-    posterior: Posterior
+    posterior: SavedPosterior
 
 
 def saved_of(lib: Library, result: Identification, folder: Path) -> Saved:

@@ -56,6 +56,11 @@ class Bodies:
         """Pseudo-inertia P_k, (n, 4, 4), from π (10 n,)."""
         return (links(pi) @ self.basis.reshape(N_PARAMETERS, 16)).reshape(-1, 4, 4)
 
+    def pi_of(self, matrices: Array) -> Array:
+        """Parameters π_k, (n, 10), of pseudo-inertias or changes of them, (n, 4, 4)."""
+        to_pi = np.linalg.pinv(self.basis.reshape(N_PARAMETERS, 16))
+        return np.asarray(matrices.reshape(-1, 16) @ to_pi)
+
     def against(self, matrices: Array) -> Array:
         """Slope tr(M_k B_i) of Σ tr(M_k P_k) in π, (10 n,), for symmetric M (n, 4, 4)."""
         return (matrices.reshape(-1, 16) @ self.basis.reshape(N_PARAMETERS, 16).T).ravel()
@@ -89,8 +94,8 @@ class Bodies:
         """
         lower = np.linalg.cholesky(self.pseudo_inertia(pi))[:, None]
         change = lower @ _SYMMETRIC @ np.swapaxes(lower, 2, 3)
-        to_pi = np.linalg.pinv(self.basis.reshape(N_PARAMETERS, 16))
-        return np.swapaxes(change.reshape(-1, N_PARAMETERS, 16) @ to_pi, 1, 2)
+        size = N_PARAMETERS
+        return np.swapaxes(self.pi_of(change).reshape(-1, size, size), 1, 2)
 
 
 def bodies_of(lib: Library) -> Bodies:

@@ -195,7 +195,11 @@ def _with_offsets(lib: Library, statistics: Statistics, columns: tuple[str, ...]
 def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: float) -> Array:
     """A / √u over π, with the rows of earlier logs, (m, 10 n)."""
     data: Reduced = reduce(statistics, lib.n_joints)[0]
-    rows = data.factor / np.sqrt(unit)
+    return with_earlier(data.factor / np.sqrt(unit), earlier, lib)
+
+
+def with_earlier(rows: Array, earlier: Array | None, lib: Library) -> Array:
+    """Rows over π (m, 10 n) with those of information on β (n_b, n_b)."""
     if earlier is None:
         return rows
     values, vectors = np.linalg.eigh(earlier)

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.convex import spread_of
-from runtime.estimators.regression.posterior import posterior_of
+from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.search.criteria import PAYLOAD
 from runtime.excitation.search.information import Information
-from runtime.identification.expected_accuracy.expected import Knowledge
+from runtime.identification.expected_accuracy.expected import Knowledge, with_earlier
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction
@@ -101,9 +101,10 @@ def error_parts_of(
     nuisance = spread(columns(JointMotion(dq), Friction(names)), None) * weight
     # Rows without their part along the friction columns.
     flat = [part.reshape(-1, part.shape[2]) for part in (nuisance, *scaled)]
-    basis = np.linalg.qr(flat[0])[0] if flat[0].shape[1] else flat[0]
+    basis = orthonormal(flat[0])
     a, *rest = [part - basis @ (basis.T @ part) for part in flat[1:]]
-    root = _payload_root(a) if payload else _arm_root(lib, a, known)
+    # Very large where the ten parameters of a payload are not determined.
+    root = posterior_of(a, is_wide=True).root if payload else _arm_root(lib, a, known)
     gain = root @ (root.T @ a.T)
     errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
     return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))
@@ -136,14 +137,5 @@ def _missed(
 def _arm_root(lib: Library, a: Array, known: Information) -> Array:
     """Root of the covariance of π with the URDF as prior."""
     knowledge = Knowledge.of(lib)
-    factor = np.asarray(np.linalg.qr(a).R)
-    if known.earlier is not None:
-        values, vectors = np.linalg.eigh(known.earlier)
-        earlier = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ lib.base_matrix
-        factor = np.vstack([factor, earlier])
-    return spread_of(knowledge.prior.bodies, knowledge.pi, factor, knowledge.kappa).root
-
-
-def _payload_root(a: Array) -> Array:
-    """Root of the covariance of the ten parameters; very large where they are not determined."""
-    return posterior_of(a, is_wide=True).root
+    rows = with_earlier(a, known.earlier, lib)
+    return spread_of(knowledge.prior.bodies, knowledge.pi, rows, knowledge.kappa).root

@@ -74,9 +74,7 @@ def _congruence(bodies: Bodies, rotation: Array, translation: Array) -> Array:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     back = np.linalg.inv(pose)
-    moved = back @ bodies.basis @ back.T
-    flat = bodies.basis.reshape(len(bodies.basis), 16)
-    return np.asarray(np.linalg.lstsq(flat.T, moved.reshape(len(moved), 16).T, rcond=None)[0])
+    return bodies.pi_of(back @ bodies.basis @ back.T).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +125,7 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
     P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)
     P[:3, 3] = P[3, :3] = mass * com
     P[3, 3] = mass
-    flat = bodies.basis.reshape(len(bodies.basis), 16)
-    return np.asarray(np.linalg.lstsq(flat.T, P.ravel(), rcond=None)[0])
+    return bodies.pi_of(P)[0]
 
 
 def jacobian(bodies: Bodies, pi: Array) -> Array:

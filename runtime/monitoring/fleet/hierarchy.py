@@ -256,7 +256,6 @@ def alternate(
     """
     bodies, (kappa, kappa_0) = urdf.bodies, kappas
     of_urdf = bodies.pseudo_inertia(urdf.centre)
-    to_pi = np.linalg.pinv(bodies.basis.reshape(N_PARAMETERS, 16))
     factors = [np.ascontiguousarray(A @ lib.base_matrix) for A in data[0]]
     starts: list[Array | None] = [None] * len(factors)
     for _ in range(PASSES):
@@ -269,8 +268,7 @@ def alternate(
         pi = np.stack([minimum.pi for minimum in minima])
         starts = list(pi)
         pseudo = bodies.pseudo_inertia(pi[counted]).reshape(int(counted.sum()), -1, 4, 4)
-        X = centre_of(pseudo, of_urdf, kappa, kappa_0)
-        moved = (X.reshape(-1, 16) @ to_pi).ravel()
+        moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, kappa_0)).ravel()
         step, centre = _step(bodies.spread(centre), moved - centre), moved
         if step * np.sqrt(kappa) < STILL:
             break

@@ -8,7 +8,7 @@ import pytest
 
 from runtime import Identification, Recording, write_recording
 from runtime.excitation import Trajectory
-from runtime.identification.posterior_file import Posterior, read_posterior
+from runtime.identification.posterior_file import SavedPosterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording
@@ -26,7 +26,7 @@ class Monitored:
     folder: Path
     result: Identification
     saved: SavedResult
-    posterior: Posterior
+    posterior: SavedPosterior
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from typing import Any
 from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.problem import Fit, Learned, Origin, Problem
 from runtime.library import Library
+from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
 
 DEFAULT = "map"
@@ -173,6 +174,14 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
 
 def _require_columns(problem: Problem, record: Method) -> None:
     """Refuse friction columns that the method cannot use."""
+    names = [name for name in problem.friction_names if name in COLUMNS]
+    of_prior = [name for name in names if COLUMNS[name].needs_prior]
+    if of_prior and not record.is_most_probable:
+        able = ", ".join(_those("is_most_probable"))
+        raise NeedsError(
+            f"the scale of the friction column {', '.join(of_prior)} comes from an inertial prior, "
+            f"which the method {record.name} has not; use {able}, or leave the column out"
+        )
     if record.columns is None:
         return
     unusable = sorted(set(problem.friction_names) - set(record.columns))

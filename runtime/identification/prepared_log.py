@@ -20,6 +20,7 @@ from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs.blocks import head_of
 from runtime.identification.settings import AUTO, CHOSEN, Settings, friction_of
+from runtime.identification.torque_columns import without_torque_columns
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording import (
@@ -103,16 +104,19 @@ def prepared_log(
     steps = prepared, parts
     if terms is not None and _is_chosen(terms):
         watch.step("choosing a friction model")
+        further = without_torque_columns(replace(terms, columns=terms.columns[1:]))
         names = [
             name
             for name, columns in FRICTION_MODELS.items()
             if streamed is None or not has_memory(columns)  # blocks do not hand on its state
         ]
         choice = choose_friction(
-            recording, lib, *steps, settings.coulomb_speed, names, extra=terms.columns[1:]
+            recording, lib, *steps, settings.coulomb_speed, names, extra=further.columns
         )
         watch.choice(choice)
+        beside = tuple(name for name in terms.columns[1:] if name not in further.columns)
         terms, notes = choice.chosen.terms, (*notes, choice.sentence)
+        terms = replace(terms, columns=(*terms.columns, *beside))
     elif usable and settings.friction is None and default_terms(recording) is None:
         watch.step("choosing a friction model")
         terms, note = _default_terms(recording, lib, steps, settings, usable)
@@ -141,7 +145,7 @@ def _prepared(
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
     if is_free:
         watch.step("choosing a cut-off")
-        known = None if terms is None or _is_chosen(terms) else terms
+        known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
         choice = choose_cutoff(recording, lib, prepared, parts, known)
         watch.choice(choice)
         prepared, notes = choice.preparation, (choice.sentence,)

@@ -8,12 +8,14 @@ import numpy as np
 from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
+from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
 from runtime.library import Array
 from runtime.recording import Recording
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import is_filtered
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.rest_speeds import STILL
+from runtime.recording.settings import COLUMNS
 
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error [%] below which a torque cannot come from a real sensor."""
@@ -62,6 +64,7 @@ def warnings_of(
             "the torque is commanded by a control law, not measured: errors are shares of the "
             "commanded torque, and a wrong gain kp scales masses and friction alike"
         )
+    warnings += _of_columns(result)
     if result.train.gains is not None:
         warnings += result.train.gains.sentences()
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
@@ -133,6 +136,21 @@ def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
         f"{'; '.join(advice)}{'; ' if advice else ''}"
         "check units, order and signs with: python -m runtime inspect LOG"
     )
+
+
+def _of_columns(result: Identification) -> list[str]:
+    """Sentences that the records of the friction columns state about their coefficients."""
+    names = [name for name in result.friction.columns if name in COLUMNS]
+    if not result.phi.size or all(COLUMNS[name].sentences is None for name in names):
+        return []
+    phi, sigma = result.usual_phi, friction_sigma(result)
+    spread = np.full(phi.shape, np.nan) if sigma is None else sigma
+    said: list[str] = []
+    for k, name in enumerate(names):
+        sentences = COLUMNS[name].sentences
+        if sentences is not None:
+            said += sentences(result.lib.joint_names, phi[:, k], spread[:, k])
+    return said
 
 
 def _negative(result: Identification) -> list[str]:

@@ -34,6 +34,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
 from runtime.identification.settings import Settings, bare_settings
+from runtime.identification.torque_columns import with_modelled_torque
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import filter_inflation
@@ -68,10 +69,15 @@ def identify_assembled(
     chosen = settings_for(assembly.problem.lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     start = time.perf_counter()
-    given, assembly = assembly, _weighted(assembly, method, chosen)
+
+    def fitted(problem: Problem) -> Fit:
+        return fit_by(problem, method, chosen.preset, chosen.prior, assembly.origin)
+
+    given, assembly = assembly, with_modelled_torque(assembly, fitted)
+    assembly = _weighted(assembly, method, chosen)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
-    fit = fit_by(problem, method, chosen.preset, chosen.prior, assembly.origin)
+    fit = fitted(problem)
     seconds = time.perf_counter() - start
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
     if optimum is None:
@@ -111,7 +117,7 @@ def identify_assembled(
     )
     if is_last:
         return result
-    whole = _weighted(with_all_rows(given), method, chosen)
+    whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), method, chosen)
     return _refitted(result, whole, chosen, rows_of(problem, fit))
 
 

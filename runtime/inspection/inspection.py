@@ -30,11 +30,11 @@ from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
 from runtime.library import Library
 from runtime.recording import Friction, Recipe, Recording, load_recipe
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.static_poses import static_poses
 
 _PASSIVE = 1e-9

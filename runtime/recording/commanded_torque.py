@@ -12,12 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.recipes.recipe import ControlLaw
+from runtime.recording.recipes.recipe import COMMANDED, ControlLaw
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.settings import Preparation
 
-MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
-"""Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""
 MOST_TRIMMED = 0.05
 """Largest share of the duration that is left out at either end."""
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from runtime.errors import RecordingError
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
-from runtime.recording.recipes.recipe import ControlLaw, Recipe
+from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
 from runtime.recording.settings import Preparation
 
 SHORTEST_STEP, LATEST = 1e-12, 1e12
@@ -98,7 +98,7 @@ class Recording(Framed):
     source: Mapping[str, str] = field(default_factory=dict)
     recipe: Recipe | None = None
     prepared: Preparation | None = None
-    torque_source: str = "measured"
+    torque_source: str = MEASURED
     law: ControlLaw | None = None
     gains: CurrentGains | None = None
     _rate: list[float] = field(default_factory=list, init=False, repr=False)
@@ -348,9 +348,16 @@ def _uptime(recording: Recording) -> FloatArray:
     return np.repeat(elapsed[:, None], recording.n_joints, axis=1)
 
 
-DERIVED = {"uptime": DerivedSignal(_uptime, "[time]")}
+def _commanded_torque(recording: Recording) -> FloatArray | None:
+    return recording.tau if recording.torque_source == COMMANDED else None
+
+
+DERIVED = {
+    "uptime": DerivedSignal(_uptime, "[time]"),
+    "commanded_torque": DerivedSignal(_commanded_torque, "[torque] with a law"),
+}
 """Signals that need no table [extra]: time since the start of the log [s], unless the recipe
-gives that since power-on."""
+gives that since power-on, and the torque of a control law [N·m, N]."""
 
 
 def _locked(values: ArrayLike) -> FloatArray:

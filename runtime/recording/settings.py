@@ -7,7 +7,7 @@ entry point of the group "symgen.friction_columns" of another package).
 """
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import isfinite
@@ -63,12 +63,17 @@ class FrictionColumn:
         is_shared: one coefficient for all joints, the column is a torque on each of them.
         has_memory: depends on the path, not on the present motion alone.
         takes_memory: depends on the path, too, where a column beside it does.
+        is_torque: the torque of the log itself; fits take that of the model instead
+            (`runtime.identification.torque_columns`).
+        needs_prior: its scale is that of the inertial prior, which the method has to have.
         of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
         model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
             "armature"; "" where they have none.
         in_closed_loop: the compiled simulation of the closed loop has it, under this name.
         secant: speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters;
             None where they cannot use it.
+        omitted: what a model file without this column is valid for; "" where nothing is to be said.
+        sentences: joints, φ (n,) and σ (n,), NaN where unknown → sentences for a result.
     """
 
     name: str
@@ -84,10 +89,14 @@ class FrictionColumn:
     is_shared: bool = False
     has_memory: bool = False
     takes_memory: bool = False
+    is_torque: bool = False
+    needs_prior: bool = False
     of_motors: bool = False
     model_term: str = ""
     in_closed_loop: bool = False
     secant: Callable[[FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+    omitted: str = ""
+    sentences: Callable[[Sequence[str], FloatArray, FloatArray], tuple[str, ...]] | None = None
 
 
 SPRING = "spring:"

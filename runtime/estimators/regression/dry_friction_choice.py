@@ -25,8 +25,8 @@ from runtime.estimators.regression.recorded_delay import (
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
+from runtime.recording.recipes.recipe import COMMANDED
 
 DRY, MEMORY, POSITION = "coulomb", "dahl", "position"
 """Names of the columns."""

@@ -27,9 +27,9 @@ from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.segments import interpolate
+from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""

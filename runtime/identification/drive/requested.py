@@ -14,8 +14,8 @@ from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import AUTO, PER_JOINT, Settings
 from runtime.library import Library
 from runtime.recording import Friction, Preparation
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction import default_terms
+from runtime.recording.recipes.recipe import COMMANDED
 
 LATEST = 1.0
 """Largest delay that is stated [s]."""

@@ -13,8 +13,9 @@ from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import AUTO, PER_JOINT, Settings
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
-from runtime.recording.commanded_torque import COMMANDED, without_ends
+from runtime.recording.commanded_torque import without_ends
 from runtime.recording.preprocessing import before_test
+from runtime.recording.recipes.recipe import COMMANDED
 
 
 def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -> list[PreparedLog]:

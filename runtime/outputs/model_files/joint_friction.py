@@ -84,6 +84,7 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
     others = [name for name in terms.columns if not term_of.get(name)]
     if others:
         notes.append(f"friction columns without a counterpart here, omitted: {', '.join(others)}")
+        notes += [COLUMNS[n].omitted for n in others if n in COLUMNS and COLUMNS[n].omitted]
     if values["friction"] != unknown:
         kind = f"as a smooth function of the velocity (tanh(dq / {terms.coulomb_speed:.3g}))"
         if DAHL.name in terms.columns:

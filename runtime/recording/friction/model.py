@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.library import Library
-from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording
 from runtime.recording.settings import (
     COLUMNS,
@@ -209,6 +209,7 @@ def completed(recording: Recording, *terms: Friction) -> Recording:
     names = tuple(name for each in terms for name in each.columns)
     motion = motion_of(recording, names, None)
     terms = tuple(geared(each, recording) for each in terms)
+    _require_signals(motion, terms)
     others = iter(() if recording.columns is None else np.moveaxis(recording.columns, -1, 0))
     parts = [
         COLUMNS[name].function(motion, each) if COLUMNS[name].is_linear else next(others)

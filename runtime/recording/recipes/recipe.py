@@ -123,6 +123,9 @@ class Signal:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
 
 
+MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
+"""Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""
+
 LAWS = ("pd",)
 """Names of the laws."""
 
@@ -305,15 +308,15 @@ class Recipe:
     def torque_source(self) -> str:
         """Origin of the torque: "measured", "commanded" (a law) or "current" (unit A or mA)."""
         if self.law is not None:
-            return "commanded"
+            return COMMANDED
         unit = self.torque.unit if self.torque else ""
         units = (unit,) if isinstance(unit, str) else unit
-        return "current" if {"A", "mA"} & set(units) else "measured"
+        return CURRENT if {"A", "mA"} & set(units) else MEASURED
 
     @property
     def has_unknown_gains(self) -> bool:
         """Whether the torque is a motor current without gain."""
-        return self.torque_source == "current" and getattr(self.torque, "gain", None) is None
+        return self.torque_source == CURRENT and getattr(self.torque, "gain", None) is None
 
     def replace(self, **changes: object) -> "Recipe":
         """The same recipe with some fields exchanged, e.g. another run."""

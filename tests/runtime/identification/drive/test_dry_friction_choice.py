@@ -13,8 +13,9 @@ from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.commanded_torque import COMMANDED, without_ends
+from runtime.recording.commanded_torque import without_ends
 from runtime.recording.friction import DRIVE, JointMotion, columns
+from runtime.recording.recipes.recipe import COMMANDED
 from tests.runtime.servo_logs import STROKE, dry_servo_log
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)

@@ -193,9 +193,10 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "law = " in block:  # beside arrays that are read without a recipe
             kinds.append("law")
             assert load_recipe(path).law is not None
-        elif "leave_out" in block:
-            kinds.append("intervals")
-            assert len(load_recipe(path).leave_out) == 2
+        elif "leave_out" in block or "[extra." in block:
+            recipe = load_recipe(path)
+            kinds.append("signals" if recipe.extra else "intervals")
+            assert len(recipe.leave_out) == 2 or len(recipe.extra["temperature"].columns) == 7
         elif "[controller]" in block:
             kinds.append("controller")
             assert read_controller(path, fr3).rotor.shape == (7,)
@@ -221,7 +222,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
-    recipes = {"recipe", "law", "intervals"}
+    recipes = {"recipe", "law", "intervals", "signals"}
     others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "loop", "rows"}
     assert set(kinds) == recipes | others | {"type", "obstacles"}
 

@@ -150,6 +150,8 @@ COLUMNS = ColumnRegistry(
         "motor_viscous": f"{_ROOM}:MOTOR_VISCOUS",
         "motor_coulomb": f"{_ROOM}:MOTOR_COULOMB",
         "motor_rotor": f"{_ROOM}:MOTOR_ROTOR",
+        "viscous_temperature": "runtime.recording.friction.warming:VISCOUS_TEMPERATURE",
+        "viscous_uptime": "runtime.recording.friction.warming:VISCOUS_UPTIME",
     },
 )
 """All friction columns, in the order of help and messages."""

@@ -152,6 +152,7 @@ COLUMNS = ColumnRegistry(
         "motor_rotor": f"{_ROOM}:MOTOR_ROTOR",
         "viscous_temperature": "runtime.recording.friction.warming:VISCOUS_TEMPERATURE",
         "viscous_uptime": "runtime.recording.friction.warming:VISCOUS_UPTIME",
+        "law_gain": "runtime.recording.friction.law_gain:LAW_GAIN",
     },
 )
 """All friction columns, in the order of help and messages."""

@@ -125,7 +125,11 @@ def test_linear_columns_are_linear(name):
     rng = np.random.default_rng(3)
     q, dq, ddq = rng.normal(size=(3, 20, 2))
     terms = Friction((name,), gear=((1.0, 0.5), (0.5, 1.0)))
-    one, two = (columns(JointMotion(s * dq, s * q, s * ddq), terms) for s in (1.0, 2.0))
+    motions = (
+        JointMotion(*(s * dq, s * q, s * ddq), signals=dict.fromkeys(COLUMNS[name].signals, s * q))
+        for s in (1.0, 2.0)
+    )
+    one, two = (columns(motion, terms) for motion in motions)
     np.testing.assert_allclose(two, one if name == "offset" else 2 * one)
 
 

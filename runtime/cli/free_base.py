@@ -1,7 +1,9 @@
 """`symgen identify` of a robot with a free base."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -11,11 +13,13 @@ from runtime.cli.log_options import fractions_of
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import PriorFile
+from runtime.identification.free_base.drives import COLUMNS, EARLIEST_S, LATEST_S
 from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
 from runtime.identification.free_base.rows import CROSSTALK
+from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
-from runtime.recording.free_base import read_free_base
+from runtime.recording.free_base import FreeBaseRecording, read_free_base
 
 EquationRows = Annotated[
     str | None,
@@ -26,7 +30,10 @@ EquationRows = Annotated[
         "all; default all, and base without torques.",
     ),
 ]
-TAKEN = ("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite")
+TAKEN = (
+    *("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite"),
+    *("friction", "delay", "report"),
+)
 """Parameters of the command that apply to a robot with a free base."""
 WRITTEN = ResultFolder("identify", ("result.json", "identified.urdf"), "free_base")
 
@@ -40,13 +47,35 @@ def require_fixed_base(lib: Library, rows: str | None) -> None:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class WalkOptions:
+    """Options of the command for a robot with a free base, as they are given."""
+
+    rows: str | None
+    cutoff: str | None
+    split: str | None
+    prior: PriorFile | None
+    friction: str | None
+    delay: str | None
+
+    def of_drives(self, recording: FreeBaseRecording) -> tuple[tuple[str, ...], float | None]:
+        """Friction columns and the stated delay of commanded torques."""
+        given = {"--friction": self.friction, "--delay": self.delay}
+        names = [name for name, value in given.items() if value is not None]
+        if names and not recording.is_commanded:
+            raise IdentificationError(
+                f"{names[0]} does not apply to a robot with a free base whose torques are not "
+                f"commanded, and {recording.name} has no tau_command or q_des; leave it out"
+            )
+        words = COLUMNS if self.friction is None else tuple(self.friction.split(","))
+        delay = None if self.delay in {None, AUTO} else _seconds(str(self.delay))
+        return () if words == ("none",) else words, delay
+
+
 def identify_free_base_log(
     lib: Library,
     logs: list[str],
-    rows: str | None,
-    cutoff: str | None,
-    split: str | None,
-    prior: PriorFile | None,
+    options: WalkOptions,
     out: Path | None,
     overwrite: bool,
     given: dict[str, str],
@@ -63,16 +92,19 @@ def identify_free_base_log(
         )
     path = Path(logs[0])
     recording = read_free_base(path)
-    choice = rows or ("base" if recording.tau is None else "all")
+    choice = options.rows or ("base" if recording.tau is None else "all")
+    friction, delay = options.of_drives(recording)
     folder = out or Path("results") / f"{path.stem}-{choice}"
     require_result_folder(folder, WRITTEN, overwrite)
     result = identify_free_base(
         recording,
         lib,
         choice,
-        cutoff_hz=None if cutoff is None else _number(cutoff, "--cutoff"),
-        share=SHARE if split is None else _share(split),
-        prior=prior,
+        cutoff_hz=None if options.cutoff is None else _number(options.cutoff, "--cutoff"),
+        share=SHARE if options.split is None else _share(options.split),
+        prior=options.prior,
+        friction=friction,
+        delay_s=delay,
     )
     facts = write_free_base(result, folder, command_line())
     table = Table("row", title=f"{lib.name}: errors on the last {result.seconds:.3g} s")
@@ -93,21 +125,49 @@ def identify_free_base_log(
             f"sum of vertical forces: error {force['after_percent']:.2f} % of {force['mean']:.1f} "
             f"N, of the URDF {force['before_percent']:.2f} %"
         )
-    for name, value in facts["sensors"].items():
-        if name == "sharing":
-            say(f"sensors: γ = {value:+.3f} while contacts share the load")
-        elif name in CROSSTALK:
-            say(f"sensors: {value:+.3f} N per N·m about {name[-1]} of the link")
-        else:
-            say(f"sensors: offset of {name} {value:+.2f} N")
-    for link in facts["links"]:
-        if link["not_identifiable"]:
-            say(f"link {link['link']}: not identifiable {', '.join(link['not_identifiable'])}")
-    for note in facts["notes"]:
-        say(f"note: {note}")
+    for sentence in _sentences(facts):
+        say(sentence)
     urdf = folder / "identified.urdf"
     say(f"URDF:   {urdf} ({write_urdf(lib, result.pi, urdf)})")
     say(f"result: {folder / 'result.json'}")
+
+
+def _sentences(facts: dict[str, Any]) -> Iterator[str]:
+    """Lines on sensors, drives, links, and notes."""
+    for name, value in facts["sensors"].items():
+        sigma = facts["sensor_sigma"][name]
+        if name == "sharing":
+            yield f"sensors: γ = {value:+.3f} ± {sigma:.3f} while contacts share the load"
+        elif name in CROSSTALK:
+            yield f"sensors: {value:+.3f} ± {sigma:.3f} N per N·m about {name[-1]} of the link"
+        else:
+            yield f"sensors: offset of {name} {value:+.2f} ± {sigma:.2f} N"
+    for name, coefficient in facts["drives"].items():
+        yield f"drives: {name} {_with_sigma(coefficient['value'], coefficient['sigma'])}"
+    for link in facts["links"]:
+        if link["not_identifiable"]:
+            yield f"link {link['link']}: not identifiable {', '.join(link['not_identifiable'])}"
+    for note in facts["notes"]:
+        yield f"note: {note}"
+
+
+def _with_sigma(value: float, sigma: float | None) -> str:
+    """A coefficient and its standard deviation."""
+    return f"{value:.4g} ± {sigma:.2g}" if sigma is not None else "is not identifiable"
+
+
+def _seconds(text: str) -> float:
+    """A stated delay."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = float("nan")
+    if not EARLIEST_S <= seconds <= LATEST_S:
+        raise IdentificationError(
+            f"--delay needs {AUTO} or a number of {EARLIEST_S:g} to {LATEST_S:g} s here, got "
+            f"'{text}'"
+        )
+    return seconds
 
 
 def _share(text: str) -> float:

@@ -19,7 +19,12 @@ from runtime.cli.common import (
     require_result_folder,
     state,
 )
-from runtime.cli.free_base import EquationRows, identify_free_base_log, require_fixed_base
+from runtime.cli.free_base import (
+    EquationRows,
+    WalkOptions,
+    identify_free_base_log,
+    require_fixed_base,
+)
 from runtime.cli.identified_output import Outputs, finish
 from runtime.cli.log_options import (
     ControllerFile,
@@ -139,7 +144,12 @@ def identify_command(
     known = prior_of(prior, lib)
     if lib.manifest.floating:
         identify_free_base_log(
-            lib, logs, rows, cutoff, split, known, out, overwrite, given_options(context)
+            lib,
+            logs,
+            WalkOptions(rows, cutoff, split, known, friction, delay),
+            out,
+            overwrite,
+            given_options(context),
         )
         return
     require_fixed_base(lib, rows)

@@ -46,6 +46,9 @@ NEGATIVE_CAUSE = (
 )
 """Cause of negative friction, and its remedy."""
 
+OF = " of "
+"""Between the name of a column and that of its joint."""
+
 Answer = TypeVar("Answer")
 
 
@@ -95,7 +98,7 @@ def bounds_of(problem: Problem, is_passive: bool) -> Bounds:
     ).ravel()
     lower = -upper
     if is_passive:
-        lower = np.where(_nonnegative(problem.friction_names, columns.shape), 0.0, lower)
+        lower = np.where(_nonnegative(problem.friction_names, train.shape), 0.0, lower)
     return Bounds(lower, upper)
 
 
@@ -146,7 +149,9 @@ def notes_of(
     if not held.flags.any():
         return ()
     names = names or [f"column {k + 1}" for k in range(len(held.phi) // len(joints))]
-    at = [f"{name} of {joint}" for joint in joints for name in names]
+    at = [f"{name}{OF}{joint}" for joint in joints for name in names]
+    if len(names) == len(held.phi) and all(OF in name for name in names):  # of one joint each
+        at = list(names)
     # The upper bound is where the torque is `MOST` times that of the joint. Columns that almost
     # cancel each other have large coefficients of both signs, for which there is no evidence.
     share = MOST * np.abs(held.free) / np.where(bounds.upper > 0, bounds.upper, 1.0)
@@ -199,5 +204,5 @@ def _evidence(statistics: Statistics, first: Array, held: NDArray[np.bool_]) -> 
 def _nonnegative(names: Sequence[str], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Flag of every coefficient that cannot be negative, (n k,)."""
     known = names_where(lambda column: column.is_nonnegative)
-    flags = [name in known for name in names] or [False] * shape[1]
+    flags = [name.split(OF)[0] in known for name in names] or [False] * shape[1]
     return np.tile(flags, shape[0])

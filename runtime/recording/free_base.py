@@ -3,9 +3,13 @@
 An NPZ with one row per instant, SI units:
 
     t (N,), q (N, n); dq, ddq, tau (N, n) where they were measured; joints (n,) names
+    tau_command (N, n) commanded torques instead of tau; or the law of position and velocity that
+    commands them: q_des (N, n), kp, kd (n,) or one number, dq_des, tau_ff (N, n)
     base_pose (N, 7) position and quaternion x, y, z, w, or (N, 4, 4); or
     base_position (N, 3) and base_rpy (N, 3) roll, pitch, yaw
     base_twist, base_acceleration (N, 6) in axes of the base, see `runtime.BaseMotion`
+    imu_gyro, imu_acceleration (N, 3) of an IMU in axes of the base instead, what it reads;
+    imu_position (3,) its place in the frame of the base; then base_rpy needs no base_position
     contact_links (C,) names of moving links; contact_position (C, 3) in their frames
     contact_wrench (N, C, 6) force and moment on the robot at contact_position, NaN where a
     component is not measured; contact_axes "link" or "world"
@@ -52,6 +56,7 @@ class Contacts:
             None where the log states none.
         sensed: (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is
             none; filtered like the forces.
+        is_stated: whether the log states which contacts touch.
     """
 
     links: tuple[str, ...]
@@ -63,6 +68,7 @@ class Contacts:
     crosstalk_sigma: FloatArray | None = None
     cutoff_hz: float | None = None
     sensed: FloatArray | None = None
+    is_stated: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +86,7 @@ class FreeBaseRecording:
         dq, ddq, tau: (N, n), None where they were not measured.
         twist, acceleration: (N, 6) of the base, None where they were not measured.
         unread: names of arrays of the file that are not part of the layout.
+        is_commanded: whether tau is what a control law commanded.
     """
 
     name: str
@@ -95,6 +102,7 @@ class FreeBaseRecording:
     twist: FloatArray | None = None
     acceleration: FloatArray | None = None
     unread: tuple[str, ...] = ()
+    is_commanded: bool = False
 
 
 _KEYS = (
@@ -102,7 +110,11 @@ _KEYS = (
     *("base_twist", "base_acceleration", "contact_links", "contact_position", "contact_wrench"),
     *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_force_z_sharing"),
     *("contact_force_z_crosstalk", "contact_force_z_cutoff", "contact_flags", "contact_kind"),
+    *("tau_command", "q_des", "dq_des", "tau_ff", "kp", "kd"),
+    *("imu_gyro", "imu_acceleration", "imu_position"),
 )
+GRAVITY = 9.81
+"""Gravity in what an accelerometer reads [m/s²]."""
 _FEWEST_ROWS = 8
 """Fewest instants of a recording."""
 
@@ -133,7 +145,7 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
     if unknown:
         raise RecordingError(
             f"{name} has the array {unknown[0]}, expected those of a robot with a free base: "
-            f"{', '.join(_KEYS[6:])}; rename it"
+            f"{', '.join(key for key in _KEYS if key.startswith(('base_', 'contact_')))}; rename it"
         )
     t = numbers_of(arrays, "t", name, ("N",))
     count = len(t)
@@ -155,6 +167,12 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         raise RecordingError(
             f"{name} names {len(names)} joints, but q has {shape[1]} columns; name every column"
         )
+    dq = optional("dq", *shape)
+    command = _commanded(arrays, name, q, dq)
+    twist, acceleration = optional("base_twist", count, 6), optional("base_acceleration", count, 6)
+    if "imu_gyro" in arrays or "imu_acceleration" in arrays:
+        twist, acceleration = _from_imu(arrays, name, t, rotation)
+        position = np.zeros_like(position)
     return FreeBaseRecording(
         name=name,
         t=t,
@@ -163,13 +181,65 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         rotation=rotation,
         position=position,
         contacts=contacts_of(arrays, name, count),
-        dq=optional("dq", *shape),
+        dq=dq,
         ddq=optional("ddq", *shape),
-        tau=optional("tau", *shape),
-        twist=optional("base_twist", count, 6),
-        acceleration=optional("base_acceleration", count, 6),
+        tau=optional("tau", *shape) if command is None else command,
+        twist=twist,
+        acceleration=acceleration,
         unread=tuple(sorted(set(arrays) - set(_KEYS))),
+        is_commanded=command is not None,
     )
+
+
+def _commanded(
+    arrays: dict[str, NDArray], name: str, q: FloatArray, dq: FloatArray | None
+) -> FloatArray | None:
+    """Commanded torque (N, n) of an array or of a control law; None for none."""
+    given = [key for key in ("tau", "tau_command", "q_des") if key in arrays]
+    if len(given) > 1:
+        raise RecordingError(
+            f"{name} has {given[0]} and {given[1]}; keep tau where torques were measured, else "
+            "tau_command or q_des of the control law"
+        )
+    if "tau_command" in arrays:
+        return numbers_of(arrays, "tau_command", name, q.shape)
+    if "q_des" not in arrays:
+        return None
+    if dq is None:
+        raise RecordingError(f"{name}: the control law of q_des needs dq; give tau_command instead")
+
+    def gain(key: str) -> FloatArray:
+        size = () if np.size(arrays.get(key, np.zeros(2))) == 1 else (q.shape[1],)
+        return np.broadcast_to(numbers_of(arrays, key, name, size), q.shape[1:])
+
+    def wanted(key: str) -> FloatArray:
+        return numbers_of(arrays, key, name, q.shape) if key in arrays else np.zeros_like(q)
+
+    error = numbers_of(arrays, "q_des", name, q.shape) - q
+    return gain("kp") * error + gain("kd") * (wanted("dq_des") - dq) + wanted("tau_ff")
+
+
+def _from_imu(
+    arrays: dict[str, NDArray], name: str, t: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Twist and acceleration, (N, 6) each, by f = v̇ + ω̇ × p + ω × (ω × p) − Rᵀ g at v = 0.
+
+    The equations depend on v̇ + ω × v alone, so that v may be any velocity.
+    """
+    if any(key in arrays for key in ("base_twist", "base_acceleration", "base_position")):
+        raise RecordingError(
+            f"{name} has readings of an IMU beside base_position, base_twist or base_acceleration; "
+            "keep either"
+        )
+    omega = numbers_of(arrays, "imu_gyro", name, (len(t), 3))
+    felt = numbers_of(arrays, "imu_acceleration", name, (len(t), 3))
+    place = np.zeros(3)
+    if "imu_position" in arrays:
+        place = numbers_of(arrays, "imu_position", name, (3,))
+    alpha = np.gradient(omega, t, axis=0)
+    fall = np.einsum("nji,j->ni", rotation, [0.0, 0.0, -GRAVITY])
+    linear = felt + fall - np.cross(alpha, place) - np.cross(omega, np.cross(omega, place))
+    return np.hstack([np.zeros_like(omega), omega]), np.hstack([linear, alpha])
 
 
 UNKNOWN = np.nan
@@ -214,35 +284,17 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
         _require_lifted_unloaded(wrench[..., :3], flags != 0, name)
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
-    sigma = _of_sensors(
-        arrays,
-        "contact_force_z_sigma",
-        name,
-        (size,),
-        "numbers of at least 0 [N] and contact_force_z beside them",
-    )
-    sharing = _of_sensors(
-        arrays,
-        "contact_force_z_sharing",
-        name,
-        (),
-        "a number of at least 0 and contact_force_z beside it",
-    )
-    crosstalk = _of_sensors(
-        arrays,
-        "contact_force_z_crosstalk",
-        name,
-        (2,),
-        "two numbers of at least 0 [1/m] and contact_force_z beside them",
-    )
-    cutoff = _of_sensors(
-        arrays,
-        "contact_force_z_cutoff",
-        name,
-        (),
-        "a number above 0 [Hz] and contact_force_z beside it",
-        zero=False,
-    )
+
+    def of_sensors(
+        key: str, shape: tuple[int, ...], wanted: str, zero: bool = True
+    ) -> FloatArray | None:
+        return _of_sensors(arrays, f"contact_force_z_{key}", name, shape, wanted, zero)
+
+    beside = "contact_force_z beside"
+    sigma = of_sensors("sigma", (size,), f"numbers of at least 0 [N] and {beside} them")
+    sharing = of_sensors("sharing", (), f"a number of at least 0 and {beside} it")
+    crosstalk = of_sensors("crosstalk", (2,), f"two numbers of at least 0 [1/m] and {beside} them")
+    cutoff = of_sensors("cutoff", (), f"a number above 0 [Hz] and {beside} it", zero=False)
     return Contacts(
         links,
         position,
@@ -253,6 +305,7 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
         crosstalk,
         None if cutoff is None else cutoff.item(),
         sensed,
+        "contact_flags" in arrays,
     )
 
 
@@ -272,7 +325,7 @@ def _of_sensors(
     name: str,
     shape: tuple[int, ...],
     wanted: str,
-    zero: bool = True,
+    zero: bool,
 ) -> FloatArray | None:
     """Property of the sensors of the vertical forces; None where the log does not state it."""
     if key not in arrays:
@@ -311,6 +364,8 @@ def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArr
     Returns (N, 3, 3) [m].
     """
     missing = [key for key in _EULER if key not in arrays]
+    if "imu_acceleration" in arrays and "base_rpy" not in missing and "base_pose" not in arrays:
+        return _rotation(arrays, name, count), np.zeros((count, 3))
     if "base_pose" not in arrays:
         if missing:
             raise RecordingError(

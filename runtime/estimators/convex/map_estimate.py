@@ -108,7 +108,7 @@ def fit_map(
     notes += notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return Fit(
         pi=minimum.pi,
-        phi=phi.reshape(train.columns.shape[1:]),
+        phi=phi.reshape(train.shape),
         lam=lib.lam_from_pi(minimum.pi),
         status=_status(minimum),
         iterations=minimum.steps,

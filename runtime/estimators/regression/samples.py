@@ -73,6 +73,11 @@ class Samples:
         return len(self.q)
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of φ: (n, k), or (1, k) where rows mix joints."""
+        return friction.shape_of(self.columns, self.coupling)
+
+    @property
     def ddq(self) -> Array:
         """Accelerations (N, n)."""
         if self.acceleration is None:
@@ -201,7 +206,7 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
-        rest = rest + samples.friction(phi.reshape(samples.columns.shape[1:]))
+        rest = rest + samples.friction(phi.reshape(samples.shape))
     return rest
 
 

@@ -5,11 +5,14 @@ so that what the log does not determine keeps the values of the URDF, and says s
 """
 
 import json
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from runtime.common.files import replacing
 from runtime.common.threads import one_blas_thread
@@ -24,7 +27,15 @@ from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,
 )
-from runtime.identification.free_base.noise import VerticalForce, noise_of, rms, vertical_force
+from runtime.identification.free_base.contact_states import with_contact_states
+from runtime.identification.free_base.drives import COLUMNS, LATEST_S, drives_of, problem_of
+from runtime.identification.free_base.noise import (
+    RowNoise,
+    VerticalForce,
+    noise_of,
+    rms,
+    vertical_force,
+)
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
     require_clock,
@@ -32,7 +43,14 @@ from runtime.identification.free_base.plausibility import (
     require_joint_units,
     require_prior_of_bodies,
 )
-from runtime.identification.free_base.rows import FreeBaseRows, error_names, rows_of, sensor_prior
+from runtime.identification.free_base.rows import (
+    DELAY,
+    Drives,
+    FreeBaseRows,
+    error_names,
+    rows_of,
+    sensor_prior,
+)
 from runtime.library import Array, Library
 from runtime.library.parameters import (
     MASS,
@@ -44,10 +62,13 @@ from runtime.library.parameters import (
     mass,
 )
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.preprocessing.free_base_motion import motion_of
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+from runtime.recording.settings import Friction
 
 SHARE = 0.6
 """Share of the log that is trained on."""
+ROWS_PER_PERIOD = 5.0
+"""Rows per period of the cut-off of a commanded log."""
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
 
@@ -74,6 +95,8 @@ class FreeBaseIdentification:
             before the prior of the URDF.
         sensors: errors of the sensors of vertical forces: offsets by link [N], γ as `sharing`, and
             crosstalk [1/m].
+        sensor_sigma: their standard deviations.
+        drives: friction, armature and delay of commanded torques by name, with σ.
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -95,6 +118,8 @@ class FreeBaseIdentification:
     offset_mass: float
     sensors: dict[str, float]
     vertical: VerticalForce | None
+    sensor_sigma: dict[str, float]
+    drives: dict[str, tuple[float, float]]
 
     @property
     def mass(self) -> tuple[float, float]:
@@ -124,8 +149,13 @@ def identify_free_base(
     share: float = SHARE,
     prior: PriorFile | None = None,
     trim_s: float = 0.0,
+    friction: tuple[str, ...] = COLUMNS,
+    delay_s: float | None = None,
 ) -> FreeBaseIdentification:
-    """Identify π of a robot with a free base."""
+    """Identify π of a robot with a free base.
+
+    Friction columns and delay are those of commanded torques; the delay is estimated unless stated.
+    """
     if not lib.manifest.floating:
         raise IdentificationError(
             f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
@@ -137,49 +167,147 @@ def identify_free_base(
         )
     require_prior_of_bodies(prior)
     require_clock(recording)
-    motion = motion_of(recording, lib.joint_names, cutoff_hz)
-    require_joint_units(lib, motion, recording.name)
-    inside = np.flatnonzero(
-        (motion.t >= motion.t[0] + trim_s) & (motion.t <= motion.t[-1] - trim_s)
+    data = _prepared(recording, lib, rows, _Cut(cutoff_hz, share, trim_s), friction, delay_s, prior)
+    motion, drives, trained, tested = data.motion, data.drives, data.trained, data.tested
+    sensed = sensor_prior(motion.contacts, trained.samples.shape)
+    noise = None
+    if drives is None:
+        span = float(data.train.t[-1] - data.train.t[0])
+        noise = noise_of(lib, trained, sensed, cutoff_hz, span)
+        fitted = trained.samples if noise is None else noise.weighted(trained.samples)
+        floor = None if noise is None else noise.floor
+        problem = Problem(
+            lib=lib,
+            train=fitted,
+            validation=tested.samples,
+            weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
+            start=lib.lam0,
+            noise_floor=floor,
+            friction_prior=sensed,
+        )
+    else:
+        problem = problem_of(lib, trained, tested, drives, sensed, error_names(motion.contacts))
+    fit = fit_by(problem, "map", None, prior)
+    root, shares, deviations = _posterior(problem, fit, prior)
+    names, shown = _shown(tested, drives)
+    measured = tested.samples.tau
+    level = rms(shown(measured))
+    by_columns = tested.samples.columns @ fit.phi[0]
+    after = rms(shown(tested.samples.rigid(lib, fit.pi) + by_columns - measured))
+    sensor_names = error_names(motion.contacts)
+    size = len(sensor_names)
+    sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
+    spread = None if sensed is None else sensed.sigma[0, :size]
+    offset = motion.contacts.offset_sigma
+    # An offset b of ΣF_z changes the total mass by b / g.
+    weight = float(np.linalg.norm(lib.gravity))
+    return FreeBaseIdentification(
+        lib=lib,
+        pi=fit.pi,
+        root=root,
+        share=shares,
+        rows=rows,
+        row_names=names,
+        rms=level,
+        before=rms(shown(tested.samples.rigid(lib, lib.pi0) - measured)),
+        after=after,
+        n_train=len(data.train),
+        n_test=len(data.test),
+        n_eff=float(fit.n_eff or len(data.train)),
+        seconds=float(data.test.t[-1] - data.test.t[0]),
+        status=fit.status,
+        notes=(
+            *fit.notes,
+            *_notes(lib, recording, data, noise),
+            *notes_on_errors(level, after, sensors, spread, bool(recording.joint_names)),
+        ),
+        offset_mass=0.0 if offset is None else float(np.linalg.norm(offset) / weight),
+        sensors=sensors,
+        vertical=vertical_force(lib, data.test, fit.pi, fit.phi[:, :size]),
+        sensor_sigma=dict(zip(sensor_names, deviations[:size].tolist(), strict=True)),
+        drives={} if drives is None else _drives(lib, drives, fit.phi[0, size:], deviations[size:]),
     )
-    border = motion.t[0] + share * (motion.t[-1] - motion.t[0])
-    first, second = inside[motion.t[inside] < border], inside[motion.t[inside] >= border]
-    if min(len(first), len(second)) < 1:
-        raise IdentificationError("no row is left for training or test; record for longer")
+
+
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    """Low-pass [Hz], share of the training, and time that is left out at either end [s]."""
+
+    cutoff_hz: float | None
+    share: float
+    trim_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prepared:
+    """Motion and equations of both parts, with sentences on the contacts."""
+
+    motion: FreeBaseMotion
+    drives: Drives | None
+    train: FreeBaseMotion
+    test: FreeBaseMotion
+    trained: FreeBaseRows
+    tested: FreeBaseRows
+    notes: tuple[str, ...]
+
+
+def _prepared(
+    recording: FreeBaseRecording,
+    lib: Library,
+    rows: str,
+    cut: _Cut,
+    friction: tuple[str, ...],
+    delay_s: float | None,
+    prior: PriorFile | None,
+) -> _Prepared:
+    """Equations of a log that agree with the robot."""
+    drives: Drives | None = None
+    notes: tuple[str, ...] = ()
+    if recording.is_commanded:
+        recording, notes = with_contact_states(recording, lib)
+        ends = LATEST_S if cut.cutoff_hz is None else max(LATEST_S, 1.0 / cut.cutoff_hz)
+        cut = replace(cut, trim_s=max(cut.trim_s, ends))
+
+        def trained_part(motion: FreeBaseMotion) -> NDArray[np.int64]:
+            return _parts(motion, cut)[0]
+
+        terms = Friction(friction)
+        drives = drives_of(recording, lib, rows, terms, delay_s, cut.cutoff_hz, trained_part, prior)
+    late, columns = (0.0, None) if drives is None else (drives.delay_s, drives.terms)
+    motion = motion_of(recording, lib.joint_names, cut.cutoff_hz, late, columns)
+    require_joint_units(lib, motion, recording.name)
+    first, second = _parts(motion, cut)
+    if drives is not None and cut.cutoff_hz is not None:
+        # More rows than these of a low-pass contain nothing new.
+        period = 1.0 / (cut.cutoff_hz * float(np.median(np.diff(motion.t))))
+        step = max(1, int(period / ROWS_PER_PERIOD))
+        first, second = first[::step], second[::step]
     train, test = motion.rows(first), motion.rows(second)
-    trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
-    require_forces_on_robot(lib, trained, recording.name)
+    trained, tested = (rows_of(lib, part, rows, drives) for part in (train, test))
+    if drives is None:
+        require_forces_on_robot(lib, trained, recording.name)
     require_contact_conventions(lib, train, recording.name)
     require_torque_sign(lib, train, recording.name)
-    unknowns = len(lib.base_columns)
-    sensed = sensor_prior(motion.contacts, trained.samples.columns.shape[1:])
-    noise = noise_of(lib, trained, sensed, cutoff_hz, float(train.t[-1] - train.t[0]))
-    fitted = trained.samples if noise is None else noise.weighted(trained.samples)
-    floor = None if noise is None else noise.floor
-    problem = Problem(
-        lib=lib,
-        train=fitted,
-        validation=tested.samples,
-        weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
-        start=lib.lam0,
-        noise_floor=floor,
-        friction_prior=sensed,
-    )
-    fit = fit_by(problem, "map", None, prior)
-    root, shares = _posterior(problem, fit, prior)
-    notes = []
-    if floor is not None:
-        independent = trained.samples.tau.size / floor.inflation
+    return _Prepared(motion, drives, train, test, trained, tested, notes)
+
+
+def _notes(
+    lib: Library, recording: FreeBaseRecording, data: _Prepared, noise: RowNoise | None
+) -> tuple[str, ...]:
+    """Sentences on the equations and the contacts."""
+    motion, trained, notes = data.motion, data.trained, list(data.notes)
+    if noise is not None:
+        independent = trained.samples.tau.size / noise.floor.inflation
         notes.append(
-            f"{independent:.0f} independent equations for {unknowns} base parameters: most of the "
-            "result is the prior, and the residual of the URDF counts as noise, without its mean "
-            "and errors of sensors"
+            f"{independent:.0f} independent equations for {len(lib.base_columns)} base parameters: "
+            "most of the result is the prior, and the residual of the URDF counts as noise, "
+            "without its mean and errors of sensors"
         )
-    sigma, offset_mass = motion.contacts.offset_sigma, 0.0
-    if sigma is not None:
-        # An offset b of ΣF_z changes the total mass by b / g.
-        offset_mass = float(np.linalg.norm(sigma) / np.linalg.norm(lib.gravity))
-    elif motion.tau is None and np.isnan(motion.contacts.wrench).any():
+    if (
+        motion.contacts.offset_sigma is None
+        and motion.tau is None
+        and np.isnan(motion.contacts.wrench).any()
+    ):
         notes.append(
             "contact forces are taken as free of offsets: an offset of a force sensor changes the "
             "total mass by as much, and its interval does not contain it; state their standard "
@@ -197,38 +325,35 @@ def identify_free_base(
             f"arrays that are not read: {', '.join(recording.unread)}; expected names are listed "
             "in docs/howto/free-base.md"
         )
-    names, measured = _shown(tested)
-    level = rms(measured)
-    # The test part may have another number of equations than φ has rows; its first row counts.
-    by_sensors = tested.samples.columns @ fit.phi[0]
-    after = rms(tested.samples.rigid(lib, fit.pi) + by_sensors - measured)
-    sensors = dict(zip(error_names(motion.contacts), fit.phi[0].tolist(), strict=True))
-    spread = None if sensed is None else sensed.sigma[0]
-    notes += notes_on_errors(level, after, sensors, spread, bool(recording.joint_names))
-    return FreeBaseIdentification(
-        lib=lib,
-        pi=fit.pi,
-        root=root,
-        share=shares,
-        rows=rows,
-        row_names=names,
-        rms=level,
-        before=rms(tested.samples.rigid(lib, lib.pi0) - measured),
-        after=after,
-        n_train=len(train),
-        n_test=len(test),
-        n_eff=float(fit.n_eff or len(train)),
-        seconds=float(test.t[-1] - test.t[0]),
-        status=fit.status,
-        notes=(*fit.notes, *notes),
-        offset_mass=offset_mass,
-        sensors=sensors,
-        vertical=vertical_force(lib, test, fit.pi, fit.phi),
-    )
+    return tuple(notes)
 
 
-def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array]:
-    """Root of the covariance and share of the prior, as `estimators.uncertainty` computes them."""
+def _parts(motion: FreeBaseMotion, cut: _Cut) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Instants of the training and of the test."""
+    first, last = motion.t[0] + cut.trim_s, motion.t[-1] - cut.trim_s
+    inside = np.flatnonzero((motion.t >= first) & (motion.t <= last))
+    border = motion.t[0] + cut.share * (motion.t[-1] - motion.t[0])
+    first, second = inside[motion.t[inside] < border], inside[motion.t[inside] >= border]
+    if min(len(first), len(second)) < 1:
+        raise IdentificationError("no row is left for training or test; record for longer")
+    return first, second
+
+
+def _drives(
+    lib: Library, drives: Drives, phi: Array, sigma: Array
+) -> dict[str, tuple[float, float]]:
+    """Coefficients of the drives with σ; the delay is the whole one."""
+    pairs = zip(phi.tolist(), sigma.tolist(), strict=True)
+    named = dict(zip(drives.names(lib.joint_names), pairs, strict=True))
+    late, spread = named.get(DELAY, (0.0, 0.0))  # a stated delay is exact
+    return {**named, DELAY: (drives.delay_s + late, spread)}
+
+
+def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array, Array]:
+    """Root of the covariance, share of the prior, and σ of φ.
+
+    With U φ = t − O π of the elimination, φ has the covariance of its own rows, and that of π.
+    """
     lib, (_, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
         raise IdentificationError("expected statistics of the fit; use the method map")
@@ -237,20 +362,30 @@ def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Arr
     if problem.friction_prior is not None:
         known = problem.friction_prior.statistics(statistics, level)
         statistics = statistics.merged(known)
-    data, _ = reduce(statistics, problem.train.equations)
+    data, eliminated = reduce(statistics, problem.train.equations)
     rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
     kappa = prior.kappa if prior and prior.kappa else CAD
     spread = spread_of(bodies_of(lib), fit.pi, rows, kappa)
     reference, _ = vague_posterior(lib, prior_of(lib, lib.pi0), rows, target)
-    return np.column_stack([spread.root, fit.pi - reference]), spread.share
+    root = np.column_stack([spread.root, fit.pi - reference])
+    rank = len(eliminated.matrix)
+    sigma = np.full(eliminated.lengths.size, np.inf)  # of a column that the data do not determine
+    if rank:
+        parts = np.column_stack([np.sqrt(level) * np.eye(rank), eliminated.over_pi @ root])
+        lengths = np.linalg.norm(solve_triangular(eliminated.matrix, parts), axis=1)
+        sigma[eliminated.order[:rank]] = lengths / eliminated.lengths[eliminated.order[:rank]]
+    return root, spread.share, sigma
 
 
-def _shown(tested: FreeBaseRows) -> tuple[tuple[str, ...], Array]:
-    """Names and right side of the rows whose errors are stated."""
+def _shown(
+    tested: FreeBaseRows, drives: Drives | None
+) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of the rows whose errors are stated, and the map to them."""
     left = tested.samples.equations
-    if left == len(tested.names):
-        return tested.names, tested.samples.tau
-    return tuple(f"equation {k + 1}" for k in range(left)), tested.samples.tau
+    if drives is not None:
+        return tested.names, tested.over_rows
+    names = tested.names if left == len(tested.names) else None
+    return names or tuple(f"equation {k + 1}" for k in range(left)), np.asarray
 
 
 def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:
@@ -292,6 +427,11 @@ def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, A
             "after_percent": 100 * vertical.after / abs(vertical.weight),
         },
         "sensors": result.sensors,
+        "sensor_sigma": result.sensor_sigma,
+        "drives": {
+            name: {"value": value, "sigma": deviation if np.isfinite(deviation) else None}
+            for name, (value, deviation) in result.drives.items()
+        },
         "links": _links(result),
         "pi": result.pi.tolist(),
         "sigma": np.linalg.norm(result.root, axis=1).tolist(),

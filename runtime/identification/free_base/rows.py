@@ -16,6 +16,12 @@ much sensors of one type read of the moments m_c, which `contact_moments` predic
 
     m_c = R_cᵀ s_c (m − Σ_k (p_k − p) × s_k f),   s_c = F_c / ΣF
 
+Rows of a commanded torque have the friction and armature of every joint and the delay δ as further
+columns, F φ + δ τ̇, and are multiplied by L⁻¹ of the covariance Σ = L Lᵀ of their noise first, so
+that those that the null space mixes are independent and of equal noise:
+
+    N(t)ᵀ L⁻¹ (Y π + [0; F φ + δ τ̇] − [0; τ]) = e,   N(t)ᵀ L⁻¹ Jᵀ = 0
+
 f and m are force and moment on the base about its origin p, predicted by the URDF from the motion.
 Forces, and the moment that remains, are shared by the contacts like the vertical forces. Where one
 contact carries the robot this is exact; the sum over contacts of equal axes always is.
@@ -27,14 +33,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.friction_bounds import OF
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import Contacts
-from runtime.recording.friction.coupled_motors import Coupling
+from runtime.recording.friction import Coupling, spread
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
+from runtime.recording.settings import Friction
 
+DELAY = "delay of the commands"
+"""Name of the coefficient δ [s]."""
 VERTICAL = 2
 """Place of the vertical force within a wrench."""
 SMALLEST_OFFSET = 1e-6
@@ -45,8 +55,8 @@ CROSSTALK = ("crosstalk_x", "crosstalk_y")
 """Names of c."""
 _FORCE = slice(0, 3)
 _MOMENT = slice(3, FREEDOM)
-ROWS = ("all", "base", "joints")
-"""Choices of rows."""
+CHOSEN = {"all": slice(None), "base": slice(0, FREEDOM), "joints": slice(FREEDOM, None)}
+"""Choice of rows → which."""
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
 _BLOCK = 512
@@ -82,7 +92,7 @@ def error_names(contacts: Contacts) -> tuple[str, ...]:
 
 
 def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
-    """Gaussian prior of the coefficients of `reading_errors`, in the first row of φ."""
+    """Gaussian prior of the coefficients of `reading_errors`, which are first in φ."""
     known: list[float] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.
@@ -93,9 +103,9 @@ def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | 
         known += contacts.crosstalk_sigma[contacts.crosstalk_sigma > 0].tolist()
     if not known:
         return None
-    spread = np.full(shape, np.inf)
-    spread[0] = known
-    return FrictionPrior(np.zeros(shape), spread)
+    sigma = np.full(shape, np.inf)
+    sigma[0, : len(known)] = known
+    return FrictionPrior(np.zeros(shape), sigma)
 
 
 def _shares(force: Array, unloaded: float) -> Array:
@@ -125,6 +135,39 @@ def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Arra
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Drives:
+    """What lies between commanded torques and those at the links.
+
+    Attributes:
+        terms: friction columns of the joints.
+        covariance: (6 + n, 6 + n) of the noise of the rows [N², …]; None before it is known.
+        delay_s: by which the commands act later [s].
+        is_delay_unknown: whether the delay has a column.
+    """
+
+    terms: Friction
+    covariance: Array | None = None
+    delay_s: float = 0.0
+    is_delay_unknown: bool = False
+
+    def names(self, joints: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the coefficients, joint by joint, the delay last."""
+        late = (DELAY,) if self.is_delay_unknown else ()
+        return (*(f"{c}{OF}{joint}" for joint in joints for c in self.terms.columns), *late)
+
+    def columns(self, motion: FreeBaseMotion) -> Array:
+        """Torques per unit of the coefficients, (N, n, K)."""
+        if motion.friction is None:
+            raise IdentificationError(
+                "expected friction columns, got none; give terms to motion_of"
+            )
+        values = spread(motion.friction, None)
+        if self.is_delay_unknown and motion.tau_rate is not None:
+            values = np.concatenate([values, motion.tau_rate[:, :, None]], axis=2)
+        return values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseRows:
     """Equations of some instants.
 
@@ -133,13 +176,19 @@ class FreeBaseRows:
         basis: (N, k, m) N of the k chosen rows; identity where every wrench was measured.
         names: of the k chosen rows.
         known: (N, k) right side before the multiplication; contact wrenches that were measured
-            and torques.
+            and torques, over `root`.
+        root: (k, k) L, what the rows were divided by.
     """
 
     samples: Samples
     basis: Array
     names: tuple[str, ...]
     known: Array
+    root: Array
+
+    def over_rows(self, values: Array) -> Array:
+        """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""
+        return np.asarray(np.einsum("nkm,nm->nk", self.basis, values) @ self.root.T)
 
     @property
     def left(self) -> NDArray[np.int64]:
@@ -147,16 +196,14 @@ class FreeBaseRows:
         return np.asarray(self.basis.any(axis=1).sum(axis=1))
 
 
-def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
-    """Equations of a motion."""
-    if choice not in ROWS:
-        raise IdentificationError(f"expected --rows {'|'.join(ROWS)}, got '{choice}'")
-    kept = {
-        "base": np.arange(FREEDOM),
-        "joints": np.arange(FREEDOM, lib.n_rows),
-        "all": np.arange(lib.n_rows),
-    }[choice]
-    count = len(motion)
+def rows_of(
+    lib: Library, motion: FreeBaseMotion, choice: str, drives: Drives | None = None
+) -> FreeBaseRows:
+    """Equations of a motion, with the columns of the drives of commanded torques."""
+    if choice not in CHOSEN:
+        raise IdentificationError(f"expected --rows {'|'.join(CHOSEN)}, got '{choice}'")
+    kept = np.arange(lib.n_rows)[CHOSEN[choice]]
+    count, root = len(motion), np.asarray(np.eye(len(kept)))
     right = np.zeros((count, lib.n_rows))
     if motion.tau is not None:
         right[:, FREEDOM:] = motion.tau
@@ -178,9 +225,17 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
     )  # fmt: skip
     errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(lib, motion)
     names = tuple(lib.row_names[k] for k in kept)
+    if drives is not None:
+        torques = drives.columns(motion)
+        torques = np.concatenate([np.zeros((count, FREEDOM, torques.shape[2])), torques], axis=1)
+        errors = np.concatenate([errors, torques[:, kept]], axis=2)
+        if drives.covariance is not None:
+            root = np.asarray(np.linalg.cholesky(drives.covariance[np.ix_(kept, kept)]))
+        over = np.linalg.inv(root)  # of some tens of rows, whose σ are within a few decades
+        jacobian, known, y, errors = jacobian @ over.T, known @ over.T, over @ y, over @ errors
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
-        return FreeBaseRows(_samples(y, known, errors), basis, names, known)
+        return FreeBaseRows(_samples(y, known, errors), basis, names, known, root)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
         more = ", or torques and --rows all" if choice == "base" else ""
@@ -191,17 +246,17 @@ def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
         )
     back = np.swapaxes(basis, 1, 2)
     left = np.einsum("nmk,nk->nm", back, known)
-    return FreeBaseRows(_samples(back @ y, left, back @ errors), basis, names, known)
+    if not left.any():
+        raise IdentificationError(
+            "no measured force or torque is left in the equations, so that nothing determines the "
+            "scale of the masses; give contact_wrench or contact_force_z, or torques and --rows all"
+        )
+    return FreeBaseRows(_samples(back @ y, left, back @ errors), basis, names, known, root)
 
 
-def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
-    """Jacobians of the contact points in the axes of their wrenches."""
-    contacts, count = motion.contacts, len(motion)
-    if not contacts.links:
-        return np.zeros((count, 0, lib.n_rows))
-    poses = lib.link_poses(motion.q)
-    parts = []
-    for link, position in zip(contacts.links, contacts.position, strict=True):
+def contact_poses(lib: Library, q: Array, contacts: Contacts) -> list[Array]:
+    """Poses of the links in contact, (N, 4, 4) each; q (N, 6 + n)."""
+    for link in contacts.links:
         if link not in lib.link_names:
             fixed = {body["name"]: body["onto"] for body in lib.manifest.lumped}
             onto = f"; it is fixed to '{fixed[link]}'" if link in fixed else ""
@@ -209,8 +264,20 @@ def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
                 f"contact_links names '{link}', expected links of '{lib.name}' that move: "
                 f"{', '.join(lib.link_names)}{onto}; name that link, with contact_position"
             )
+    poses = lib.link_poses(q)
+    return [poses[:, lib.link_names.index(link)] for link in contacts.links]
+
+
+def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
+    """Jacobians of the contact points in the axes of their wrenches."""
+    contacts, count = motion.contacts, len(motion)
+    if not contacts.links:
+        return np.zeros((count, 0, lib.n_rows))
+    parts = []
+    poses = contact_poses(lib, motion.q, contacts)
+    for link, position, pose in zip(contacts.links, contacts.position, poses, strict=True):
         j = np.array(lib.frame_jacobian(motion.q, link))
-        turn = poses[:, lib.link_names.index(link), :3, :3]
+        turn = pose[:, :3, :3]
         lever = turn @ position
         j[:, :3] += np.cross(j[:, 3:], lever[:, :, None], axisa=1, axisb=1, axisc=1)
         if contacts.axes == "link":
@@ -221,11 +288,11 @@ def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
 
 
 def _samples(base: Array, right: Array, errors: Array) -> Samples:
-    """Samples of m equations with columns of sensors, one coefficient each for all equations."""
+    """Samples of m equations with columns that have one coefficient for all equations."""
     empty, count = np.zeros(right.shape), errors.shape[2]
     coupling = None
     if count:
-        coupling = Coupling(np.zeros((1, 1)), (False,) * count, (True,) * count)
+        coupling = Coupling(np.zeros((1, 1)), (False,) * count, (True,) * count, has_one_row=True)
     return Samples(empty, empty, None, np.ascontiguousarray(right), np.ascontiguousarray(errors),
                    coupling=coupling, base=np.ascontiguousarray(base))  # fmt: skip
 

@@ -7,6 +7,7 @@ from runtime.recording.friction.coupled_motors import (
     coupling_of_terms,
     directions,
     geared,
+    shape_of,
     spread,
 )
 from runtime.recording.friction.model import (
@@ -54,6 +55,7 @@ __all__ = [
     "motion_of",
     "names_where",
     "renewed_rotor",
+    "shape_of",
     "signals_for",
     "spread",
     "spring_names",

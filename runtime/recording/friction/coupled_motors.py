@@ -40,11 +40,13 @@ class Coupling:
         directions: R̂, (n, n).
         of_motors: (k,) whether each column belongs to motors.
         shared: (k,) whether each column has one coefficient for all joints, in the first row of φ.
+        has_one_row: whether all are shared and φ is (1, k): rows that mix joints.
     """
 
     directions: FloatArray
     of_motors: tuple[bool, ...]
     shared: tuple[bool, ...]
+    has_one_row: bool = False
 
     def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
         """Torques of one column on the joints: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ.
@@ -64,6 +66,8 @@ class Coupling:
 
     def sizes(self, rms: FloatArray) -> FloatArray:
         """RMS by coefficient from RMS by joint and column, (n, k): a shared column has one."""
+        if self.has_one_row:
+            return np.asarray(np.linalg.norm(rms, axis=0, keepdims=True))
         sizes = rms.copy()
         for c in np.flatnonzero(self.shared):
             sizes[:, c] = 0.0
@@ -81,7 +85,7 @@ class Coupling:
             (n, k).
         """
         motors = weighted @ self.directions.T
-        slope = np.zeros(columns.shape[1:])
+        slope = np.zeros(shape_of(columns, self))
         for c, of_motor in enumerate(self.of_motors):
             each = np.einsum("ij,ij->j", columns[..., c], motors if of_motor else weighted)
             if self.shared[c]:
@@ -89,6 +93,20 @@ class Coupling:
             else:
                 slope[:, c] = each
         return slope
+
+
+def shape_of(columns: FloatArray, coupling: Coupling | None) -> tuple[int, int]:
+    """Shape of φ: (n, k), or (1, k) where rows mix joints.
+
+    Args:
+        columns: (…, n, k).
+        coupling: of motors and joints; None without columns of motors.
+
+    Returns:
+        Two numbers.
+    """
+    one = coupling is not None and coupling.has_one_row
+    return 1 if one else columns.shape[-2], columns.shape[-1]
 
 
 def coupling_of(recording: Recording) -> Coupling | None:
@@ -175,8 +193,10 @@ def spread(columns: FloatArray, coupling: Coupling | None) -> FloatArray:
         coupling: of motors and joints; None without columns of motors.
 
     Returns:
-        (N, n, n k).
+        (N, n, n k); (N, n, k) where φ has one row.
     """
+    if coupling is not None and coupling.has_one_row:
+        return columns
     count, n, k = columns.shape
     rows = np.zeros((count, n, n * k))
     for j in range(n):

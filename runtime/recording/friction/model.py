@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.library import Library
-from runtime.recording.friction.coupled_motors import Coupling, directions, geared
+from runtime.recording.friction.coupled_motors import (
+    Coupling,
+    directions,
+    geared,
+    shape_of,
+)
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording
 from runtime.recording.settings import (
@@ -127,7 +132,7 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
 
     Args:
         columns: C (N, n, k).
-        phi: (n, k) [N·m per unit of the column].
+        phi: (n, k), see `shape_of` [N·m per unit of the column].
         coupling: of motors and joints; None without columns of motors.
 
     Returns:
@@ -137,10 +142,11 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
         RecordingError: φ does not have one row per joint and one entry per column.
     """
     columns, phi = np.asarray(columns), np.asarray(phi)
-    if columns.shape[-2:] != phi.shape:
-        raise RecordingError(
-            f"expected φ of shape {columns.shape[-2:]} (joints, columns), got {phi.shape}"
-        )
+    shape = shape_of(columns, coupling)
+    if shape != phi.shape:
+        raise RecordingError(f"expected φ of shape {shape} (joints, columns), got {phi.shape}")
+    if coupling is not None and coupling.has_one_row:
+        return np.asarray(columns @ phi[0])
     total = np.zeros(columns.shape[:-1])
     for k in range(phi.shape[1]):  # ten times faster than einsum over the short axis
         if coupling is None:

@@ -27,9 +27,12 @@ from scipy.spatial.transform import Rotation
 from runtime.errors import RecordingError
 from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
+from runtime.recording.friction import COLUMNS, JointMotion
+from runtime.recording.friction import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
-from runtime.recording.preprocessing.segments import differentiate, holes, resample
+from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
 from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.settings import Friction
 
 _FAR = 0.1
 """Distance to the convention, relative to the statement, from which others are tried."""
@@ -143,6 +146,8 @@ class FreeBaseMotion:
         tau: (N, n) [N·m, N]; None where torques were not measured.
         contacts: contacts at these instants.
         rotation: (N, 3, 3) R of the base in the world.
+        tau_rate: (N, n) derivative of commanded torques, behind the same low-pass; None for others.
+        friction: (N, n, k) friction columns, those that are not linear behind that low-pass, too.
     """
 
     t: FloatArray
@@ -152,6 +157,8 @@ class FreeBaseMotion:
     tau: FloatArray | None
     contacts: Contacts
     rotation: FloatArray
+    tau_rate: FloatArray | None = None
+    friction: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -170,38 +177,40 @@ class FreeBaseMotion:
                 sensed=None if self.contacts.sensed is None else self.contacts.sensed[taken],
             ),
             self.rotation[taken],
+            None if self.tau_rate is None else self.tau_rate[taken],
+            None if self.friction is None else self.friction[taken],
         )
 
 
 def motion_of(
-    recording: FreeBaseRecording, joints: tuple[str, ...], cutoff_hz: float | None = None
+    recording: FreeBaseRecording,
+    joints: tuple[str, ...],
+    cutoff_hz: float | None = None,
+    delay_s: float = 0.0,
+    terms: Friction | None = None,
 ) -> FreeBaseMotion:
-    """Filter and differentiate a recording."""
-    places = _places(recording, joints)
-    count = len(recording.t)
-    wrench = recording.contacts.wrench.reshape(count, -1)
-    blocks: dict[str, FloatArray] = {
-        "position": recording.position,
-        "rotation": recording.rotation.reshape(count, 9),
-        "q": unwrap(recording.q[:, places])[0],
-    }
-    for key, columns in (("dq", places), ("ddq", places), ("twist", None), ("acceleration", None)):
-        values = getattr(recording, key)
-        if values is not None:
-            blocks[key] = values if columns is None else values[:, columns]
-    width = sum(block.shape[1] for block in blocks.values())
-    blocks["wrench"] = np.where(np.isnan(wrench), 0.0, wrench)
-    if recording.contacts.sensed is not None:
-        blocks["sensed"] = recording.contacts.sensed
-    if recording.tau is not None:
-        blocks["tau"] = recording.tau[:, places]
+    """Filter and differentiate a recording, whose torque acts `delay_s` later.
+
+    Friction columns that are not linear pass the low-pass like the torques, since the filtered sign
+    of a speed is not the sign of the filtered speed.
+    """
+    places = places_of(recording, joints)
+    blocks, width = _signals(recording, places, delay_s)
+    wrench = recording.contacts.wrench.reshape(len(recording.t), -1)
     whole = Recording(recording.t, np.hstack(list(blocks.values())), name=recording.name)
     whole, unknown = _on_uniform_clock(whole, np.isnan(wrench))
-    signals = _with_lag(recording.contacts, whole, width, len(places) * (recording.tau is not None))
+    torques = sum(blocks[key].shape[1] for key in ("tau", "tau_rate") if key in blocks)
+    signals = _with_lag(recording.contacts, whole, width, torques)
     motion = Recording(whole.t, signals[:, :width], name=recording.name)
     forces, inside = signals[:, width:], np.arange(len(whole))
     if cutoff_hz is not None:
         motion = low_pass(motion, cutoff_hz)
+    if terms is not None:
+        dry = _dry_friction(motion, blocks, len(places), terms)
+        blocks["friction"] = np.zeros((len(whole), dry.shape[1]))
+        blocks["friction"][np.searchsorted(whole.t, motion.t)] = dry
+        forces = np.hstack([forces, blocks["friction"]])
+    if cutoff_hz is not None:
         forces, inside = _low_pass_of_forces(whole.t, forces, unknown, cutoff_hz)
     motion = differentiate(motion, from_position=True)
     kept = np.intersect1d(inside, np.searchsorted(whole.t, motion.t))
@@ -256,7 +265,64 @@ def motion_of(
             sensed=of(x, "sensed") if "sensed" in blocks else None,
         ),
         turned.as_matrix(),
+        of(x, "tau_rate") if "tau_rate" in blocks else None,
+        _friction(of(x, "friction"), dq, ddq, terms) if terms is not None else None,
     )
+
+
+def _dry_friction(
+    motion: Recording, blocks: dict[str, FloatArray], joints: int, terms: Friction
+) -> FloatArray:
+    """Friction columns of a filtered motion that are not linear, (N, n k)."""
+    first = sum(blocks[key].shape[1] for key in ("position", "rotation"))
+    q = motion.q[:, first : first + joints]
+    dq = np.gradient(q, motion.t, axis=0)
+    if "dq" in blocks:
+        dq = motion.q[:, first + joints : first + 2 * joints]
+    names = tuple(name for name in terms.columns if not COLUMNS[name].is_linear)
+    values = friction_columns(JointMotion(dq, q), replace(terms, columns=names))
+    return values.reshape(len(motion), joints * len(names))
+
+
+def _friction(filtered: FloatArray, dq: FloatArray, ddq: FloatArray, terms: Friction) -> FloatArray:
+    """Friction columns, (N, n, k): linear ones of the filtered motion, others as filtered."""
+    motion = JointMotion(dq, ddq=ddq)
+    dry = sum(not COLUMNS[name].is_linear for name in terms.columns)
+    others = iter(np.moveaxis(filtered.reshape(*dq.shape, dry), -1, 0))
+    parts = [
+        COLUMNS[name].function(motion, terms) if COLUMNS[name].is_linear else next(others)
+        for name in terms.columns
+    ]
+    return np.stack(parts, axis=-1) if parts else np.zeros((*dq.shape, 0))
+
+
+def _signals(
+    recording: FreeBaseRecording, places: list[int], delay_s: float
+) -> tuple[dict[str, FloatArray], int]:
+    """Signals by name, those of the motion first, and the number of columns of these."""
+    count = len(recording.t)
+    wrench = recording.contacts.wrench.reshape(count, -1)
+    blocks: dict[str, FloatArray] = {
+        "position": recording.position,
+        "rotation": recording.rotation.reshape(count, 9),
+        "q": unwrap(recording.q[:, places])[0],
+    }
+    for key, columns in (("dq", places), ("ddq", places), ("twist", None), ("acceleration", None)):
+        values = getattr(recording, key)
+        if values is not None:
+            blocks[key] = values if columns is None else values[:, columns]
+    width = sum(block.shape[1] for block in blocks.values())
+    blocks["wrench"] = np.where(np.isnan(wrench), 0.0, wrench)
+    if recording.contacts.sensed is not None:
+        blocks["sensed"] = recording.contacts.sensed
+    if recording.tau is not None:
+        blocks["tau"] = recording.tau[:, places]
+        if delay_s:
+            t = recording.t
+            blocks["tau"] = interpolate(t - delay_s, t, blocks["tau"])
+    if recording.is_commanded:
+        blocks["tau_rate"] = np.gradient(blocks["tau"], recording.t, axis=0)
+    return blocks, width
 
 
 def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> FloatArray:
@@ -324,7 +390,8 @@ def _vee(matrix: FloatArray) -> FloatArray:
     return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
 
 
-def _places(recording: FreeBaseRecording, joints: tuple[str, ...]) -> list[int]:
+def places_of(recording: FreeBaseRecording, joints: tuple[str, ...]) -> list[int]:
+    """Columns of a recording in the order of the robot's joints."""
     names = recording.joint_names
     if not names:
         if recording.q.shape[1] != len(joints):

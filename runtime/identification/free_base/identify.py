@@ -18,6 +18,7 @@ from runtime.common.files import replacing
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
+from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
@@ -170,6 +171,7 @@ def identify_free_base(
     data = _prepared(recording, lib, rows, _Cut(cutoff_hz, share, trim_s), friction, delay_s, prior)
     motion, drives, trained, tested = data.motion, data.drives, data.trained, data.tested
     sensed = sensor_prior(motion.contacts, trained.samples.shape)
+    sensor_columns = tuple(f"error{OF}{name}" for name in error_names(motion.contacts))
     noise = None
     if drives is None:
         span = float(data.train.t[-1] - data.train.t[0])
@@ -182,11 +184,12 @@ def identify_free_base(
             validation=tested.samples,
             weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
             start=lib.lam0,
+            column_names=sensor_columns,
             noise_floor=floor,
             friction_prior=sensed,
         )
     else:
-        problem = problem_of(lib, trained, tested, drives, sensed, error_names(motion.contacts))
+        problem = problem_of(lib, trained, tested, drives, sensed, sensor_columns)
     fit = fit_by(problem, "map", None, prior)
     root, shares, deviations = _posterior(problem, fit, prior)
     names, shown = _shown(tested, drives)

@@ -44,7 +44,7 @@ def require_of_speed(names: tuple[str, ...]) -> None:
 
 def _is_of_speed(name: str) -> bool:
     record = COLUMNS[name]
-    if record.is_inertial or record.of_motors:
+    if record.is_inertial or record.of_motors or record.signals:
         return False
     try:
         record.function(JointMotion(_PROBE), Friction())

@@ -37,7 +37,7 @@ from runtime.library.manifest import torque_units
 from runtime.library.parameters import link_columns
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.recording import Recording
-from runtime.recording.preprocessing import segments
+from runtime.recording.preprocessing.segments import rate_of
 from runtime.recording.settings import COLUMNS
 
 GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
@@ -88,11 +88,7 @@ def hypotheses(
     changing = [not COLUMNS[name].is_constant for name in model.terms.columns]
     dry = samples.friction(model.phi * changing) if model.phi.size else friction
     tau = rigid + friction
-    slope = np.zeros_like(tau)
-    for part in segments(t):
-        if part.stop - part.start > 2:
-            slope[part] = np.gradient(tau[part], t[part], axis=0)
-    yield Hypothesis("clock", "", -slope[:, :, None], 1e3, "ms")
+    yield Hypothesis("clock", "", -rate_of(t, tau)[:, :, None], 1e3, "ms")
     units = torque_units(lib.manifest)
     for j, name in enumerate(lib.joint_names):
         only = np.zeros((count, n, 1))

@@ -46,7 +46,7 @@ from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.recording.friction import COLUMNS, JointMotion, columns, has_memory, signals_for
-from runtime.recording.preprocessing.segments import segments
+from runtime.recording.preprocessing.segments import rate_of, segments
 from runtime.recording.recipes.recipe import ControlLaw
 
 ROUGH_ROWS = 600
@@ -111,13 +111,7 @@ def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Ar
 
     Returns (N, n, 1) [N·m/s].
     """
-    predicted = result.predict_samples(samples)
-    t = result.train.t
-    rate = np.zeros_like(predicted)
-    for part in segments(t):
-        if part.stop - part.start > 1:
-            rate[part] = np.gradient(predicted[part], t[part], axis=0)
-    rate *= sign_of_delay(result.train)
+    rate = rate_of(result.train.t, result.predict_samples(samples)) * sign_of_delay(result.train)
     if not per_joint:
         return rate[:, :, None]
     return rate[:, :, None] * np.eye(rate.shape[1])

@@ -31,6 +31,15 @@ def segments(t: FloatArray) -> list[slice]:
     return _between(holes(t))
 
 
+def rate_of(t: FloatArray, values: FloatArray) -> FloatArray:
+    """Derivative of values (N, n) by t within every part, 0 in parts of one row."""
+    rate = np.zeros_like(values)
+    for part in segments(t):
+        if part.stop - part.start > 1:
+            rate[part] = np.gradient(values[part], t[part], axis=0)
+    return rate
+
+
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Runs of True as (first, one past the last)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))

@@ -17,9 +17,8 @@ from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.outputs.model_files.joint_friction import joint_friction
-from runtime.recording import Preparation, Recording, read_recording
+from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
-from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import is_filtered, prepare
 
 ALIKE = "the log is prepared as the log of identify; --cutoff and --rate change that"
@@ -80,7 +79,7 @@ def evaluate_command(
     saved = read_result(result, with_learned=True)
     lib = open_robot(robot or saved.robot, yes)
     notes = list(require_model(saved, lib, result))
-    recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+    recording = saved.log_of(log, lib, recipe, run)
     require_plausible(recording, lib)
     terms = saved.friction
     preparation = preparation_of(recording, cutoff, rate)

@@ -19,7 +19,7 @@ from runtime.identification.saved_result import SavedResult, read_result, requir
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files import write_urdf
 from runtime.outputs.report import write_report
-from runtime.recording import Preparation, read_recording
+from runtime.recording import Preparation
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html")
 _STALE = ("posterior.npz", "statistics.npz")
@@ -61,7 +61,7 @@ def friction_command(
     saved = read_result(result)
     lib = open_robot(robot or saved.robot, yes)
     notes = require_model(saved, lib, result)
-    recording = read_recording(log, recipe, run, lib.joint_names)
+    recording = saved.log_of(log, lib, recipe, run)
     preparation = preparation_of(recording, cutoff, rate)
     if preparation is None and recording.preparation == Preparation():
         preparation = saved.preparation

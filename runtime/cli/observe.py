@@ -35,9 +35,8 @@ from runtime.monitoring.observation import (
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
 from runtime.outputs.report.log_figure import draw_external_torque
-from runtime.recording import Recording, read_recording
+from runtime.recording import Recording
 from runtime.recording.consistency import require_plausible
-from runtime.recording.coupled_joints import independent_joints
 
 _WRITTEN = ResultFolder(
     "observe",
@@ -125,10 +124,10 @@ def observe_command(
     lib = open_robot(robot or saved.robot, yes)
     notes = list(require_model(saved, lib, model))
     known = model_of(saved, lib)
-    data = _read(lib, known, log, recipe, run)
+    data = _read(lib, known, saved.log_of(log, lib, recipe, run))
     root, note = _root(model, saved, lib)
     held_out = read_held_out(model, known)
-    free_motion = [_read(lib, known, each, None, None) for each in calibrate or ()]
+    free_motion = [_read(lib, known, saved.log_of(each, lib, recipe)) for each in calibrate or ()]
     # The observer that is calibrated is chosen on the same motion, so that no contact decides.
     chosen_on = free_motion[0] if free_motion else data
     detector = detector_for(lib, known, chosen_on, held_out, rate, within, root)
@@ -138,7 +137,9 @@ def observe_command(
         tails = tails_of(signals, detector.settings.rate_hz)
         detector = calibrated(detector, tails)
     seen = observation_of(lib, detector, signals_of(lib, detector, data))
-    check = None if free is None else verified(lib, detector, _read(lib, known, free, None, None))
+    check = None
+    if free is not None:
+        check = verified(lib, detector, _read(lib, known, saved.log_of(free, lib, recipe)))
     bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if mcap else None
     texts, left_out = _in_c(lib, detector, seen)
     if bag is not None:
@@ -159,14 +160,11 @@ def observe_command(
         _show(facts, folder)
 
 
-def _read(
-    lib: Library, model: MonitoredModel, log: str, recipe: str | None, run: str | None
-) -> Recording:
-    recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+def _read(lib: Library, model: MonitoredModel, recording: Recording) -> Recording:
     require_plausible(recording, lib)
     if recording.tau is None:
         raise IdentificationError(
-            f"expected torque in the log '{log}', and there is none; record tau"
+            f"expected torque in the log '{recording.name}', and there is none; record tau"
         )
     return prepared_for(recording, model)
 

@@ -23,9 +23,8 @@ from runtime.monitoring.drift import ALPHA, Change, Verdict, verdict_of
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.trends import append_history, read_history
-from runtime.recording import Preparation, Recording, read_recording
+from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
-from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import prepare
 from runtime.recording.reader import locate, mean_of_column
 
@@ -118,7 +117,7 @@ def watch_command(
 
 def _read(lib: Library, saved: SavedResult, log: str, recipe: str | None) -> Recording:
     """The log, prepared as that of the result unless its recipe states a preparation."""
-    recording = independent_joints(read_recording(log, recipe, None, lib.joint_names), lib)
+    recording = saved.log_of(log, lib, recipe)
     require_plausible(recording, lib)
     steps = recording.preparation
     if steps == Preparation():

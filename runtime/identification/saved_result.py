@@ -18,8 +18,11 @@ from runtime.estimators.problem import Learned
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
-from runtime.recording import Friction, Preparation
+from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
+from runtime.recording.unit_conversion import scaled
 
 LARGEST_VALUE = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
@@ -64,6 +67,7 @@ class SavedResult(Framed):
         model: model of the parameters; None in files that lack it.
         facts: the whole content of the file.
         learned: friction beyond φ, where the method learned one.
+        gains: of the motor currents of its log; None where the log held torques.
     """
 
     robot: str
@@ -78,6 +82,14 @@ class SavedResult(Framed):
     model: ModelOfResult | None
     facts: dict[str, Any] = field(default_factory=dict)
     learned: Learned | None = None
+    gains: CurrentGains | None = None
+
+    def log_of(
+        self, log: str, lib: Library, recipe: str | None = None, run: str | None = None
+    ) -> Recording:
+        """Another log of the robot, motor currents as torques by the gains of the result."""
+        recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+        return recording if self.gains is None else scaled(recording, self.gains)
 
     def _repr_html_(self) -> str:
         """Torque errors and bodies of the links, as tables for notebooks."""
@@ -179,6 +191,7 @@ def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
             model=None if facts["model"] is None else _model(facts["model"]),
             facts=facts,
             learned=_learned(facts["method"], net),
+            gains=_gains(facts["current_gains"], n),
         )
         links = n if saved.model is None else len(saved.model.kinds)
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
@@ -203,6 +216,16 @@ def _learned(method: str, facts: Any) -> Learned | None:
     if read is None:
         raise ValueError
     return read(facts)
+
+
+def _gains(facts: Any, joints: int) -> CurrentGains | None:
+    """Gains of motor currents; None where the log held torques."""
+    if not facts:
+        return None
+    gains = CurrentGains.from_facts(facts, "the result")
+    if gains.gain.shape != (joints,) or not (np.abs(gains.gain) < LARGEST_VALUE).all():
+        raise ValueError
+    return gains
 
 
 def _preparation(facts: dict[str, Any]) -> Preparation:

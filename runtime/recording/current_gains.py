@@ -57,6 +57,25 @@ class CurrentGains:
             for j, name in enumerate(self.channels)
         ]
 
+    @classmethod
+    def from_facts(cls, facts: list[dict[str, Any]], scale: str) -> "CurrentGains":
+        """The gains that `facts` describe; the file does not hold σ of the common factor."""
+
+        def column(key: str) -> FloatArray:
+            return np.array([np.nan if each[key] is None else each[key] for each in facts], float)
+
+        channels = tuple(str(each["channel"]) for each in facts)
+        return cls(
+            channels=channels,
+            gain=column("gain"),
+            sigma=column("sigma"),
+            ratio_sigma=column("ratio_sigma"),
+            reference=channels.index(facts[0]["ratio_to"]),
+            verdicts=tuple(str(each["verdict"]) for each in facts),
+            scale=scale,
+            common_sigma=np.nan,
+        )
+
     def sentences(self) -> tuple[str, ...]:
         """What the gains leave undetermined, for notes and reports."""
         percent = 100 * self.common_sigma

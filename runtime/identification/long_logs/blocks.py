@@ -18,7 +18,7 @@ from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
 from runtime.recording.formats.tables import Spool
 from runtime.recording.preprocessing import prepare
-from runtime.recording.recording import SIGNALS, FloatArray
+from runtime.recording.recording import ALL, FloatArray
 from runtime.recording.streamed import RawRows
 
 BLOCK = 65536
@@ -150,7 +150,7 @@ class Blocks:
         return 1 if rate is None else max(1, round(0.5 / self.half_step / rate))
 
 
-_ARRAYS = ("t", *SIGNALS, "columns")
+_ARRAYS = ("t", *ALL)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

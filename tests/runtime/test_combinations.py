@@ -1,0 +1,78 @@
+"""Every kind of log with every feature: it works, or is refused for the reason of the table."""
+
+from pathlib import Path
+
+import pytest
+
+from runtime.library import Library, load
+from symgen.make.pipeline import build
+from symgen.make.request import BuildRequest
+from tests.robots import DATA, ONE_LEVEL
+from tests.runtime import combinations
+from tests.runtime.combinations import AFTERWARDS, FEATURES, KINDS, REASONS
+from tests.runtime.conftest import Command
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "combinations.md"
+
+
+def stated() -> dict[tuple[str, str], str]:
+    """(feature, kind of log) → cell of the page."""
+    rows = [
+        [cell.strip() for cell in line.strip("|\n").split("|")]
+        for line in PAGE.read_text(encoding="utf-8").splitlines()
+        if line.startswith("|")
+    ]
+    head, lines = rows[0], rows[2:]
+    return {
+        (line[0], name): cell
+        for line in lines
+        for name, cell in zip(head[1:], line[1:], strict=True)
+    }
+
+
+@pytest.fixture(scope="module")
+def pair(root: Path) -> Library:
+    """Two mirrored arms of two joints."""
+    return load(build(BuildRequest("pair", combinations.PAIR), root, levels=ONE_LEVEL).folder)
+
+
+@pytest.fixture(scope="module")
+def logs(pair: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the logs of all kinds, and of the results."""
+    folder = tmp_path_factory.mktemp("logs")
+    combinations.write_logs(pair, folder)
+    urdf = (DATA / "hopper.urdf").read_text()
+    combinations.write_walk(urdf, ("left_foot", "right_thigh"), folder)
+    return folder
+
+
+@pytest.fixture
+def tmp_path(logs: Path) -> Path:
+    """The one folder of all cells: the first result of a kind serves what follows."""
+    return logs
+
+
+@pytest.mark.parametrize("feature", [*FEATURES, *AFTERWARDS])
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_cell(
+    kind: combinations.Kind,
+    feature: str,
+    pair: Library,
+    hopper: Library,
+    logs: Path,
+    command: Command,
+) -> None:
+    """Property: the answer of the command is that of the page."""
+    lib = pair if kind.robot == "pair" else hopper
+    before, words = combinations.words_of(kind, feature, lib.folder)
+    if before and not (logs / kind.name.replace(" ", "-")).exists():
+        assert command(*before).code == 0
+    ran = command(*words)
+    assert combinations.cell_of(ran.code, ran.err) == stated()[feature, kind.name], ran.err
+
+
+def test_reasons_are_few() -> None:
+    """Property: every letter of the page has a reason, every reason is used, ten at most."""
+    cells = set(stated().values()) - {"yes"}
+    assert cells == set(REASONS)
+    assert len(cells) <= 10

@@ -288,9 +288,10 @@ def test_the_command(lib, made, tmp_path, command: Command):
     assert facts["torque_error_percent"]["after_overall"] < 0.5
     assert any("balance of momentum" in line for line in facts["recording"]["history"])
     assert any("uses momenta and no accelerations" in line for line in facts["warnings"])
-    ran = command("identify", "log.csv", *said, "--regressor", "auto")
-    assert ran.code == 2
-    assert "give --regressor acceleration, momentum or energy" in ran.err
+    ran = command("identify", "log.csv", *said, "--regressor", "auto", "--out", "two")
+    assert ran.code == 0, ran.err  # the form is that of the first log
+    sessions = json.loads((tmp_path / "two" / "result.json").read_text())["sessions"]
+    assert len(sessions["names"]) == 2
     ran = command("compare", *said, "--regressor", "energy", "--methods", "pc-ols,nn")
     assert ran.code == 0, ran.err
     rows = json.loads((tmp_path / "results" / "log-compare" / "compare.json").read_text())["rows"]

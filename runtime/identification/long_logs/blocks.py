@@ -18,7 +18,7 @@ from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
 from runtime.recording.formats.tables import Spool
 from runtime.recording.preprocessing import prepare
-from runtime.recording.recording import ALL, FloatArray
+from runtime.recording.recording import ARRAYS, FloatArray
 from runtime.recording.streamed import RawRows
 
 BLOCK = 65536
@@ -150,7 +150,7 @@ class Blocks:
         return 1 if rate is None else max(1, round(0.5 / self.half_step / rate))
 
 
-_ARRAYS = ("t", *ALL)
+_ARRAYS = ("t", *ARRAYS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +181,8 @@ def _stored(rows: Recording, spool: Spool) -> _Kept:
         values = getattr(rows, key)
         if values is not None:
             spool.append(values)
-    first = rows.take([0], "").replace(history=rows.history)
+    # The columns of prepared rows hold what further signals were for.
+    first = rows.take([0], "").replace(history=rows.history, signals={})
     return _Kept(first, start, len(rows))
 
 

@@ -342,4 +342,5 @@ def _windows(part: StreamedPart, name: str) -> Recording:
         return None if values[0] is None else np.concatenate(values)
 
     signals = {key: joined(key) for key in ("t", *ARRAYS)}
-    return head.replace(**signals, name=f"{head.name}/{name}").noted(sentence)
+    whole = head.replace(**signals, signals={}, name=f"{head.name}/{name}")
+    return whole.noted(sentence)

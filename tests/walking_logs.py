@@ -326,6 +326,8 @@ class _Legs:
                 state[np.array(self.joints[c]) + 1] += np.linalg.solve(j, error[:size])
             if worst < 1e-9:
                 break
+        else:
+            raise ValueError("the feet are out of reach; lower the speed of the gait")
         pinocchio.forwardKinematics(model, data, state, rates, second)
         pinocchio.computeJointJacobians(model, data, state)
         pinocchio.updateFramePlacements(model, data)

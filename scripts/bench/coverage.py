@@ -39,7 +39,7 @@ SPLIT = Split((0.0, 0.7), (0.7, 0.75), (0.75, 1.0))
 RHO = 0.9  # correlation of coloured noise at 100 Hz: a time constant of 0.1 s
 GAIN, DELAY = 0.02, 0.003  # relative standard deviation of wrong gains, and delay of the torque, s
 FILTERED = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)
-DISTRUST = ("do not trust", "too narrow")  # parts of an advice that state a broken assumption
+ALARM = ("do not trust", "too narrow")  # parts of an advice that state a broken assumption
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def coverage(lib: Library, designs: list[Trajectory], case: str, count: int, mor
         wrong = result.beta - lib.base_matrix @ pair.pi
         base.append(np.abs(wrong) < NORMAL_95 * u.beta_sigma)
         determined.append([v == "identified" for v in u.beta_verdicts])
-        named.append(any(words in u.advice() for words in DISTRUST))
+        named.append(any(words in u.advice() for words in ALARM))
         band.append(_band(result))
         if trial < count:
             payload.append(_payload(pair, result, preparation))
@@ -244,7 +244,6 @@ def _late(tau: Array, _: Array) -> Array:
     return np.stack([np.interp(rows - LATE, rows, column) for column in tau.T], axis=1)
 
 
-ALARM = ("do not trust", "too narrow")
 FAULTS = (
     Case("none", ALARM, _usual),
     Case(f"none, {COLOURED.label}", ALARM, _usual, log=COLOURED),

@@ -58,6 +58,9 @@ class Setting:
         return Problem(self.lib, self.train, few, self.weights, start)
 
 
+Door = Callable[[Setting], Callable[[], float]]
+
+
 def setting(lib: Library) -> Setting:
     """The example trajectory of the FR3."""
     try:
@@ -114,9 +117,7 @@ def statistics(s: Setting, least: float = LEAST) -> Callable[[], float]:
 
     Exact torque leaves no residual, so that its rows are eliminated: `statistics_of_exact`.
     """
-    rng = np.random.default_rng(0)
-    q, dq, ddq, tau = s.train.q, s.train.dq, s.train.ddq, s.train.tau
-    noisy = Samples(q, dq, ddq, tau + NOISE * rng.normal(size=tau.shape), s.train.columns)
+    noisy = _noisy(s)
     return repeated(lambda: compress(s.lib, noisy, s.weights), len(noisy), least)
 
 
@@ -219,42 +220,32 @@ def numpy_statistics(s: Setting) -> Callable[[], float]:
     return repeated(lambda: numpy_identify.gram(s.lib, s.train, s.weights), len(s.train))
 
 
-def numpy_adam_full(s: Setting) -> Callable[[], float]:
-    """From the Gram matrix."""
-    return _steps(numpy_identify.adam_full(s.lib, s.problem().start, s.train, s.weights), 500)
+def _numpy_steps(method: Callable[..., Callable[[int], object]], count: int, *more: int) -> Door:
+    """Steps of a descent, `count` at a time."""
+
+    def prepared(s: Setting) -> Callable[[], float]:
+        run = method(s.lib, s.problem().start, s.train, s.weights, *more)
+        return repeated(lambda: run(count), count)
+
+    return prepared
 
 
-def numpy_adam_batch(s: Setting) -> Callable[[], float]:
-    """From a stored Y_b."""
-    return _steps(
-        numpy_identify.adam_batch(s.lib, s.problem().start, s.train, s.weights, BATCH), 200
-    )
+def _numpy_cost(which: int) -> Door:
+    """Gram matrix and its eigenvalues, or their forward differences in every coefficient."""
+
+    def prepared(s: Setting) -> Callable[[], float]:
+        t = s.trajectory
+        shape = (s.lib, t.home, t.coefficients.shape[1], t.duration)
+        work = numpy_identify.log_condition(*shape)[which]
+        return repeated(lambda: work(t.coefficients))
+
+    return prepared
 
 
-def numpy_levenberg(s: Setting) -> Callable[[], float]:
-    """From the Cholesky factor of the Gram matrix."""
-    return _steps(numpy_identify.levenberg(s.lib, s.problem().start, s.train, s.weights), 20)
-
-
-def _steps(run: Callable[[int], object], count: int) -> Callable[[], float]:
-    return repeated(lambda: run(count), count)
-
-
-def numpy_excitation_value(s: Setting) -> Callable[[], float]:
-    """Gram matrix and its eigenvalues."""
-    return _numpy_cost(s, 0)
-
-
-def numpy_excitation_gradient(s: Setting) -> Callable[[], float]:
-    """By forward differences in every coefficient."""
-    return _numpy_cost(s, 1)
-
-
-def _numpy_cost(s: Setting, which: int) -> Callable[[], float]:
-    t = s.trajectory
-    work = numpy_identify.log_condition(s.lib, t.home, t.coefficients.shape[1], t.duration)[which]
-    return repeated(lambda: work(t.coefficients))
-
+numpy_adam_full = _numpy_steps(numpy_identify.adam_full, 500)
+numpy_adam_batch = _numpy_steps(numpy_identify.adam_batch, 200, BATCH)
+numpy_levenberg = _numpy_steps(numpy_identify.levenberg, 20)
+numpy_excitation_value, numpy_excitation_gradient = _numpy_cost(0), _numpy_cost(1)
 
 FALL = 1e-6  # loss at which a descent counts as converged: a thousandth of the initial torque error
 SAMPLES = 20_000  # number of samples of a whole identification
@@ -296,9 +287,9 @@ def log_cholesky(s: Setting) -> Callable[[], float]:
 
 def identified(s: Setting) -> Callable[[], float]:
     """`posterior.fit_map` from samples: weights, compression, correlation, solution."""
-    train = _noisy(s)
-    times = -(-SAMPLES // len(train))
-    long = Samples(*(np.concatenate([a] * times)[:SAMPLES] for a in _arrays(train)))
+    noisy = _noisy(s)
+    arrays = (noisy.q, noisy.dq, noisy.ddq, noisy.tau, noisy.columns)
+    long = Samples(*(np.resize(each, (SAMPLES, *each.shape[1:])) for each in arrays))
     start = s.problem()
 
     def once() -> float:
@@ -321,7 +312,3 @@ def _convex(s: Setting) -> tuple[Reduced, object, float]:
 def _noisy(s: Setting) -> Samples:
     rng = np.random.default_rng(0)
     return replace(s.train, tau=s.train.tau + NOISE * rng.normal(size=s.train.tau.shape))
-
-
-def _arrays(samples: Samples) -> tuple[np.ndarray, ...]:
-    return samples.q, samples.dq, samples.ddq, samples.tau, samples.columns

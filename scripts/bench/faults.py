@@ -10,6 +10,7 @@ import dataclasses
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -149,13 +150,7 @@ def defaults(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Error]:
         root = Path(folder)
         wall = on_a_wall(models, root)
         ur10, xarm7 = models / "universal_robots/ur10_robot.urdf", models / "xarm7/xarm7.urdf"
-
-        def first(motion_seed: int | None) -> Arm:
-            return cobot(load("ur5e"), ur10, motion_seed=motion_seed)
-
-        def second(motion_seed: int | None) -> Arm:
-            return wall_arm(wall, xarm7, motion_seed=motion_seed)
-
+        first, second = partial(cobot, load("ur5e"), ur10), partial(wall_arm, wall, xarm7)
         return [
             *_errors("cobot", first, 1 + OTHER_MOTION, methods, root),
             *_errors("arm on a wall", second, 2 + OTHER_MOTION, methods, root),
@@ -164,13 +159,13 @@ def defaults(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Error]:
 
 def _errors(
     robot: str,
-    arm_of: Callable[[int | None], Arm],
+    arm_of: Callable[..., Arm],
     other: int,
     methods: tuple[str, ...],
     root: Path,
 ) -> Iterator[Error]:
     """Every setting on one robot."""
-    arm, unseen = arm_of(None), arm_of(other)
+    arm, unseen = arm_of(), arm_of(motion_seed=other)
     lib = arm.lib
     train, test = (_recording(each, arm, root) for each in (arm, unseen))
     default = choose_default_friction(train, lib, allowed=usable_columns(["map"])).terms

@@ -4,9 +4,6 @@ The units are virtual FR3s with friction, delay and sensor biases. Their links d
 those of a type, which is 20 % off the URDF. The test is a third motion of the same unit.
 """
 
-import os
-import subprocess
-import sys
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bench.front import SHORT, cpu_seconds
+from bench.front import SHORT, cpu_seconds, python
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction
 from runtime.estimators.prior_file import PriorFile, read_prior
@@ -189,14 +186,6 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
             )
             write_statistics(known, unit / FILE)
         words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "toml"]
-        paths = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
         start, before = time.perf_counter(), cpu_seconds()
-        subprocess.run(
-            [sys.executable, "-m", "runtime", *words],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": paths},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        python("-m", "runtime", *words, folder=folder).check_returncode()
         return cpu_seconds() - before, time.perf_counter() - start

@@ -3,6 +3,8 @@
 import argparse
 import json
 import os
+import resource
+import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -147,10 +149,36 @@ def tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
+def python(
+    *words: object, folder: Path | None = None, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run an interpreter that finds this checkout, with further variables of the environment."""
+    paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": paths} | variables
+    command = [sys.executable, *map(str, words)]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def ratio_text(value: float | None) -> str:
+    """How many times longer a peer takes; empty without one."""
+    return "" if value is None else f"{value:.{1 if value < 10 else 0}f}×"
+
+
 def cpu_seconds() -> float:
     """CPU time of this process and of those that it has waited for [s]."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
+
+
+def peak_memory() -> int:
+    """Bytes of the peak resident set of this process."""
+    status = Path("/proc/self/status")
+    if not status.exists():  # macOS; on Linux getrusage starts at the peak of the parent
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    lines = status.read_text().splitlines()
+    return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
 
 
 def shared(needs: str = "models") -> Path:

@@ -14,8 +14,8 @@ import numpy as np
 from bench import doors
 from bench.batch import make_batch
 from bench.compiled import burst, find, interleave, limits, processor, ratio
-from bench.doors import Setting
-from bench.front import BenchError, Sheet
+from bench.doors import Door
+from bench.front import BenchError, Sheet, ratio_text
 from bench.ours import Ours
 from runtime.common.threads import one_blas_thread
 from runtime.library import Library
@@ -28,8 +28,8 @@ class Entry:
 
     label: str  # of it in tables
     needs: str  # C function of the level, without robot and level
-    ours: Callable[[Setting], Callable[[], float]]  # makes what returns s per unit
-    numpy: Callable[[Setting], Callable[[], float]] | None = None
+    ours: Door  # makes what returns s per unit
+    numpy: Door | None = None
     document: float | None = None  # seconds in the document, None where it states none
     once: bool = False  # too long for rounds: measured once, NumPy not at all
 
@@ -92,8 +92,8 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
         (
             row.label,
             _time(row.seconds),
-            *(_time(row.numpy), _times(row.numpy_ratio)),
-            *(_time(row.document), _times(row.document_ratio)),
+            *(_time(row.numpy), ratio_text(row.numpy_ratio)),
+            *(_time(row.document), ratio_text(row.document_ratio)),
         )
         for row in rows
     ]
@@ -115,7 +115,7 @@ def _refusal(entry: Entry, lib: Library, has: Callable[[str], bool], trials: boo
     return "not requested (--no-trials)" if entry.once and not trials else None
 
 
-def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
+def _measured(entry: Entry, setting: doors.Setting, rounds: int) -> Row:
     ours = entry.ours(setting)
     numpy, times = None, None
     if entry.once:
@@ -148,10 +148,6 @@ def _time(seconds: float | None) -> str:
         if seconds >= scale:
             return f"{seconds / scale:.3g} {unit}" if seconds < 1e3 else f"{seconds:.0f} s"
     return f"{seconds * 1e9:.3g} ns"
-
-
-def _times(value: float | None) -> str:
-    return "" if value is None else f"{value:.{1 if value < 10 else 0}f}×"
 
 
 TILES = 512  # samples whose Y_b stays in the second cache

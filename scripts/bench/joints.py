@@ -16,7 +16,7 @@ from bench.arms import Arm, build_arm, every_arm
 from bench.batch import make_batch
 from bench.compiled import Compiler, burst, find, interleave, limits, processor, ratio
 from bench.front import BenchError, Sheet
-from bench.kernels import fitting
+from bench.kernels import LABELS, fitting
 from bench.ours import Ours
 from runtime.library import Array
 
@@ -150,16 +150,15 @@ def growth(rows: tuple[Row, ...]) -> str:
         f"operations take {b.ns / a.ns:.1f} times as long"
         for a, b in ((arms[0], arms[-1]), worst)
     ]
-    return f"growth of {_LABELS[rows[0].kernel]}: {steps[0]}; at worst {steps[1]}"
+    return f"growth of {LABELS[rows[0].kernel]}: {steps[0]}; at worst {steps[1]}"
 
 
 _HEAD = ("kernel", "robot, joints", "ops", "ns", "ps per op", "limit", "code, KiB", "Pinocchio C++")
-_LABELS = {"base_inverse_dynamics": "τ (base parameters)", "base_regressor": "Y_b"}
 
 
 def _cells(row: Row) -> tuple[str, ...]:
     return (
-        _LABELS[row.kernel],
+        LABELS[row.kernel],
         row.robot,
         str(row.operations),
         f"{row.ns:.1f}",

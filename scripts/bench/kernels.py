@@ -9,23 +9,23 @@ import numpy as np
 from bench import peers
 from bench.batch import Batch, Symbolic, make_batch, symbolic
 from bench.compiled import burst, cycle, find, interleave, limits, processor, ratio
-from bench.front import BenchError, Sheet
+from bench.front import BenchError, Sheet, ratio_text
 from bench.ours import LANES, LAYOUTS, Contender, Ours
 from bench.pinocchio_cpp import pinocchio_cpp
 from runtime.library import Array, Library
 
-KERNELS = (
-    "base_inverse_dynamics",
-    "inverse_dynamics",
-    "torque",
-    "base_regressor",
-    "regressor",
-    "torque_jacobian",
-    "mass_matrix",
-    "forward_dynamics",
-    "end_effector",
-    "loss_gradient",
-)
+LABELS = {
+    "base_inverse_dynamics": "τ (base parameters)",
+    "inverse_dynamics": "τ (π)",
+    "torque": "τ (λ)",
+    "base_regressor": "Y_b",
+    "regressor": "Y",
+    "torque_jacobian": "∂τ/∂λ",
+    "mass_matrix": "M",
+    "forward_dynamics": "forward dynamics",
+    "end_effector": "end effector",
+    "loss_gradient": "loss and gradient",
+}
 AT_EVERY_LEVEL = ("base_inverse_dynamics", "base_regressor")
 WITH_STORED = ("base_inverse_dynamics",)
 """Kernels that are also timed with stored sines and cosines."""
@@ -91,7 +91,7 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Sheet:
     if samples < LANES or samples % LANES:
         raise BenchError(f"tiles hold {LANES} samples: expected a multiple of it, got {samples}")
     batch = make_batch(lib, samples)
-    names = tuple(name for name in KERNELS if name in lib.manifest.kernels)
+    names = tuple(name for name in LABELS if name in lib.manifest.kernels)
     facts = symbolic(lib, names)
     compiler = find(("cc", "gcc", "clang"))
     levels = tuple(level for level in ORDER[ORDER.index(lib.level) :] if level in lib.levels)
@@ -270,18 +270,6 @@ def _bars(rows: tuple[Row, ...]) -> tuple[Bar, ...]:
     return tuple(result)
 
 
-LABELS = {
-    "base_inverse_dynamics": "τ (base parameters)",
-    "inverse_dynamics": "τ (π)",
-    "torque": "τ (λ)",
-    "base_regressor": "Y_b",
-    "regressor": "Y",
-    "torque_jacobian": "∂τ/∂λ",
-    "mass_matrix": "M",
-    "forward_dynamics": "forward dynamics",
-    "end_effector": "end effector",
-    "loss_gradient": "loss and gradient",
-}
 CAPTION = (
     "One thread, data in cache; the best of each of {rounds} interleaved rounds, medians over the "
     "rounds, ratios within a round. tiles: arrays of tiles of 8 samples in place, sine and cosine "
@@ -311,14 +299,10 @@ def _lines(rows: tuple[Row, ...], labels: list[str]) -> list[tuple[str, ...]]:
                 f"{pair[False].ns:.1f}" if False in pair else "",
                 f"{100 * row.share:.0f} %",
                 f"{pair[True].ns:.1f}" if True in pair else "",
-                *(_times(row.peers.get(each)) for each in labels),
+                *(ratio_text(row.peers[x].ratio if x in row.peers else None) for x in labels),
             )
         )
     return lines
-
-
-def _times(item: Against | None) -> str:
-    return "" if item is None else f"{item.ratio:.{1 if item.ratio < 10 else 0}f}×"
 
 
 def _notes(report: dict[str, Any]) -> list[str]:

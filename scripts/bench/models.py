@@ -4,10 +4,7 @@ The robots and how to build them are those of the tests (`tests.robots`), so is 
 """
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -17,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.arms import branching, serial
-from bench.front import Sheet
+from bench.front import Sheet, python
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
@@ -72,14 +69,7 @@ def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
             known = {"robot": name, "urdf": made.folder / f"{name}.urdf"}
             line = words.format(**known, link=joints[-1]["link"]).split()
             start = time.perf_counter()
-            ran = subprocess.run(
-                [sys.executable, "-m", *line],
-                cwd=home,
-                capture_output=True,
-                text=True,
-                check=False,
-                env={**os.environ, "PYTHONPATH": str(DATA.parents[1])},
-            )
+            ran = python("-m", *line, folder=Path(home))
             error = "" if ran.returncode in fine else ran.stderr.strip()[-500:] or "failed"
             yield words, time.perf_counter() - start, error
 

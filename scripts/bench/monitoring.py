@@ -13,23 +13,24 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
 from bench.fleet import FILTERED, joined
-from runtime import Identification, Recording, choose_default_friction
+from runtime import Recording, choose_default_friction
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import SavedPosterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
-from runtime.library import Array, Library
+from runtime.library import Library
 from runtime.monitoring.calibration import calibrated, tails_of
 from runtime.monitoring.drift import Verdict, verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
-from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.model import MonitoredModel, model_of
+from runtime.monitoring.noise import HeldOutResidual, read_held_out
 from runtime.monitoring.observation import (
     Detector,
     detector_for,
@@ -51,18 +52,32 @@ OF_ARM = Friction(("viscous", "coulomb", "offset"))
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
-    """A result that was written and read again."""
+class Known:
+    """A result that was written and read again, as the commands of monitoring read it."""
 
     saved: SavedResult
     posterior: SavedPosterior
+    model: MonitoredModel
+    held_out: HeldOutResidual
 
 
-def saved_of(lib: Library, result: Identification, folder: Path) -> Saved:
-    """Write a result and read it with its posterior."""
-    write_result(result, folder, "scripts/monitoring_table")
-    saved = read_result(folder)
-    return Saved(saved, read_posterior(folder, saved, lib))
+def known_of(lib: Library, log: Recording, terms: Friction | None = None, **how: Any) -> Known:
+    """Identify a log, with the default friction model and all rows where no terms are given."""
+    if terms is None:
+        terms = choose_default_friction(log, lib, FILTERED).terms
+        how = {"preparation": FILTERED, "refit": True}
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_result(fit(log, lib, friction=terms, **how), folder, "scripts/monitoring_table")
+        saved = read_result(folder)
+        model = model_of(saved, lib)
+        posterior = read_posterior(folder, saved, lib)
+        return Known(saved, posterior, model, read_held_out(folder, model))
+
+
+def lines_of(done: Path) -> Iterator[list[Any]]:
+    """Lines of a file of finished work; none where it does not exist yet."""
+    return map(json.loads, done.read_text().splitlines() if done.exists() else [])
 
 
 def draws_coverage(
@@ -74,10 +89,7 @@ def draws_coverage(
         rng = np.random.default_rng([4, trial])
         pi = perturbed(lib, lib.pi0, SPREAD, rng)
         plant = Plant(pi, viscous=VISCOUS, coulomb=COULOMB, torque_noise=NOISE)
-        log = ideal(lib, designs[0], plant, rng=rng)
-        result = fit(log, lib, friction=TERMS)
-        with TemporaryDirectory() as folder:
-            known = saved_of(lib, result, Path(folder))
+        known = known_of(lib, ideal(lib, designs[0], plant, rng=rng), TERMS)
         drawn = draw_models(lib, known.saved, known.posterior, draws, rng)
         consistent.append(float((lib.relative_eigenvalues(drawn.pi) > 0).mean()))
         other: Recording = ideal(lib, designs[1], plant).take(slice(None, None, 10), "thinned")
@@ -129,14 +141,11 @@ int main(void)
 def seconds_per_sample(lib: Library, design: Trajectory) -> float:
     """CPU time of one update, the median of `RUNS` runs [s]."""
     log = record(lib, design, seed=0).recording
-    result = fit(log, lib, preparation=FILTERED, friction=OF_ARM)
+    known = known_of(lib, log, OF_ARM, preparation=FILTERED)
+    data = prepared_for(log.take(slice(0, SAMPLES), "part"), known.model)
+    detector = detector_for(lib, known.model, data, known.held_out, stated(1.0))
     with TemporaryDirectory() as name:
         folder = Path(name)
-        known = saved_of(lib, result, folder)
-        model = model_of(known.saved, lib)
-        data = prepared_for(log.take(slice(0, SAMPLES), "part"), model)
-        held_out = read_held_out(folder, model)
-        detector = detector_for(lib, model, data, held_out, stated(1.0))
         texts = observer_c(lib, detector, np.zeros(lib.n_joints))
         for file, text in {**texts, "driver.c": DRIVER}.items():
             (folder / file).write_text(text)
@@ -179,12 +188,9 @@ def seen_by_observer(
     lib: Library, designs: tuple[Trajectory, ...], logs: int, pushed_logs: int, done: Path
 ) -> Seen:
     """Count alarms and pushes on motions that were not in the training."""
-    lines = done.read_text().splitlines() if done.exists() else []
-    known = {line[0]: line[1:] for line in map(json.loads, lines)}
-    if any(k not in known for k in range(logs)):
-        for k, row in _watched(
-            lib, designs, [k for k in range(logs) if k not in known], pushed_logs
-        ):
+    known = {line[0]: line[1:] for line in lines_of(done)}
+    if wanted := [k for k in range(logs) if k not in known]:
+        for k, row in _watched(lib, designs, wanted, pushed_logs):
             known[k] = row
             with done.open("a") as file:
                 file.write(json.dumps([k, *row]) + "\n")
@@ -206,20 +212,16 @@ def _watched(
     for k in range(1, TRAINING):
         motion = designs[1] if k == 1 else drawn_motion(lib, designs, FIRST_SEED + k)
         log = joined(log, record(lib, motion, seed=FIRST_SEED + k).recording, 0.5)
-    terms = choose_default_friction(log, lib, FILTERED).terms
-    result = fit(log, lib, preparation=FILTERED, friction=terms, refit=True)
-    with TemporaryDirectory() as folder:
-        known = saved_of(lib, result, Path(folder))
-        model = model_of(known.saved, lib)
-        held_out = read_held_out(Path(folder), model)
-    root = known.posterior.root(lib)
+    known = known_of(lib, log)
+    model, root = known.model, known.posterior.root(lib)
 
     def free(k: int) -> Recording:
         return prepared_for(record(lib, drawn_motion(lib, designs, k), seed=k + 1).recording, model)
 
     first = free(CALIBRATION_SEED)
     plain = [
-        detector_for(lib, model, first, held_out, stated(rate), WITHIN_S, root) for rate in STATED
+        detector_for(lib, model, first, known.held_out, stated(rate), WITHIN_S, root)
+        for rate in STATED
     ]
     # One observer for all rates: a rate changes the levels alone.
     one = plain[STATED.index(AT)]
@@ -277,43 +279,21 @@ WEEKS_SEED, PAUSE_S = 1000, 0.5
 """Seed of the training log, and the pause between its two motions, s."""
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
-    """The model that is watched."""
-
-    saved: SavedResult  # the result
-    root: Array  # root of the covariance of [β; φ]
-    sigma: Array  # RMS residual of its test part, (n,) [N·m]
-
-
-def watched(lib: Library, designs: tuple[Trajectory, ...]) -> Watched:
-    """Identify the virtual FR3 from both weekly motions, with the default friction model."""
-    one, two = (
-        record(lib, design, seed=WEEKS_SEED + k).recording for k, design in enumerate(designs)
-    )
-    log = joined(one, two, PAUSE_S)
-    terms = choose_default_friction(log, lib, FILTERED).terms
-    result = fit(log, lib, preparation=FILTERED, friction=terms, refit=True)
-    with TemporaryDirectory() as folder:
-        known = saved_of(lib, result, Path(folder))
-        sigma = read_held_out(Path(folder), model_of(known.saved, lib)).rest.std(axis=0)
-    return Watched(known.saved, known.posterior.root(lib), sigma)
-
-
 def weeks(
     lib: Library, designs: tuple[Trajectory, ...], counts: dict[float, int], done: Path
 ) -> dict[tuple[float, str], tuple[int, int, int]]:
     """Verdicts on weekly logs of the virtual FR3 with and without a change."""
-    lines = done.read_text().splitlines() if done.exists() else []
-    known = {tuple(line[:3]): line[3:] for line in map(json.loads, lines)}
-    model = watched(lib, designs)
+    known = {tuple(line[:3]): line[3:] for line in lines_of(done)}
+    one, two = (record(lib, each, seed=WEEKS_SEED + k).recording for k, each in enumerate(designs))
+    model = known_of(lib, joined(one, two, PAUSE_S))
+    root, sigma = model.posterior.root(lib), model.held_out.rest.std(axis=0)
     wanted = list(_wanted(counts))
     for level, change, week in wanted:
         if (level, change, week) in known:
             continue
         log, joint = changed_log(lib, designs, change, level, week)
         prepared = prepare(log, FILTERED, model.saved.friction, lib=lib)
-        verdict = verdict_of(lib, model.saved, model.root, model.sigma, prepared)
+        verdict = verdict_of(lib, model.saved, root, sigma, prepared)
         known[level, change, week] = [verdict.changed, _is_right(verdict, change, joint)]
         with done.open("a") as file:
             best = [verdict.best.group, verdict.best.where, verdict.p_value]

@@ -8,6 +8,7 @@ import ctypes
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -67,57 +68,51 @@ class Ours:
         entry = ctypes.cast(self._dll[symbol], ctypes.c_void_p)
         timer = self._timers[f"time_{name}_{suffix}"]
         timer.restype = ctypes.c_double
-        if layout == "batch":
-            return _sample_major(kernel, batch, timer, entry)
-        return _tile_major(kernel, batch, timer, entry, layout == "stored")
+        prepared = _sample_major if layout == "batch" else partial(_tile_major, layout == "stored")
+        count, arrays, words, answer = prepared(kernel, batch)
+
+        def run(calls: int, _kept: tuple[Array, ...] = arrays) -> float:  # words are addresses
+            took = timer(entry, ctypes.c_long(calls), ctypes.c_long(count), *words)
+            return float(took) / batch.size
+
+        return Contender(batch.size, run, answer)
 
 
-def _sample_major(
-    kernel: KernelFacts, batch: Batch, timer: Callable[..., float], entry: ctypes.c_void_p
-) -> Contender:
+Prepared = tuple[int, tuple[Array, ...], list[object], Callable[[], Array]]
+"""Samples or tiles, arrays, arguments that point to them, and what reads the last output."""
+
+
+def _sample_major(kernel: KernelFacts, batch: Batch) -> Prepared:
     inputs = [batch.named(a.name) for a in kernel.inputs]
     outputs = [_aligned(1 if a.summed else batch.size, a.size) for a in kernel.outputs]
     words: list[object] = []
     for a, x in zip(kernel.inputs, inputs, strict=True):
         words += [ctypes.c_void_p(x.ctypes.data), ctypes.c_long(a.size if x.ndim == 2 else 0)]
     words += [ctypes.c_void_p(out.ctypes.data) for out in outputs]
-    kept = (*inputs, *outputs)  # the timer holds only their addresses
-
-    def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
-        took = timer(entry, ctypes.c_long(calls), ctypes.c_long(batch.size), *words)
-        return float(took) / batch.size
-
-    return Contender(batch.size, run, lambda: outputs[-1])
+    return batch.size, (*inputs, *outputs), words, lambda: outputs[-1]
 
 
-def _tile_major(
-    kernel: KernelFacts,
-    batch: Batch,
-    timer: Callable[..., float],
-    entry: ctypes.c_void_p,
-    stored: bool,
-) -> Contender:
+def _tile_major(stored: bool, kernel: KernelFacts, batch: Batch) -> Prepared:
     tiles = batch.size // LANES
     given = [batch.named(a.name) for a in kernel.inputs]
     inputs = [_as_tiles(x) if x.ndim == 2 else x for x in given]
     outputs = [_aligned(tiles, a.size * LANES) for a in kernel.outputs]
     for out in outputs:
         out[:] = 0.0  # rows that are zero by structure are never written
-    sc = _as_tiles(np.stack([np.sin(batch.q), np.cos(batch.q)], axis=2).reshape(batch.size, -1))
-    words = [
-        ctypes.c_void_p(sc.ctypes.data if stored else None),
-        *(ctypes.c_void_p(x.ctypes.data) for x in (*inputs, *outputs)),
-    ]
-    kept = (sc, *inputs, *outputs)
-
-    def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
-        took = timer(entry, ctypes.c_long(calls), ctypes.c_long(tiles), *words)
-        return float(took) / batch.size
+    sc = _as_tiles(_sines(batch))
+    arrays = (sc, *inputs, *outputs)
+    words: list[object] = [ctypes.c_void_p(x.ctypes.data) for x in arrays]
+    if not stored:
+        words[0] = ctypes.c_void_p(None)
 
     def answer() -> Array:
         return outputs[-1].reshape(tiles, -1, LANES).transpose(0, 2, 1).reshape(batch.size, -1)
 
-    return Contender(batch.size, run, answer)
+    return tiles, arrays, words, answer
+
+
+def _sines(batch: Batch) -> Array:
+    return np.stack([np.sin(batch.q), np.cos(batch.q)], axis=2).reshape(batch.size, -1)
 
 
 def _as_tiles(x: Array) -> Array:
@@ -203,8 +198,7 @@ def single_contender(lib: Library, compiler: Compiler, batch: Batch) -> Contende
     timer.restype = ctypes.c_double
     lanes, n = size // 4, lib.n_joints
     tiles = batch.size // lanes
-    sc = np.stack([np.sin(batch.q), np.cos(batch.q)], axis=2).reshape(batch.size, -1)
-    inputs = [_single_tiles(x, lanes) for x in (sc, batch.q, batch.dq, batch.ddq)]
+    inputs = [_single_tiles(x, lanes) for x in (_sines(batch), batch.q, batch.dq, batch.ddq)]
     beta = np.ascontiguousarray(batch.beta, dtype=np.float32)
     tau = np.zeros((tiles, n, lanes), dtype=np.float32)
     pointers = [ctypes.c_void_p(x.ctypes.data) for x in (beta, *inputs, tau)]

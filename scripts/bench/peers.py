@@ -39,18 +39,27 @@ class Peer:
     contenders: dict[str, Contender]
 
 
+def repeated(one: Callable[[], object], samples: int, times: int = 1) -> Callable[[int], float]:
+    """Times a Python call that is repeated `times` times for a batch of `samples`."""
+
+    def run(calls: int) -> float:
+        start = time.perf_counter_ns()
+        for _ in range(calls * times):
+            one()
+        return (time.perf_counter_ns() - start) / (calls * samples)
+
+    return run
+
+
 def one_by_one(batch: Batch, one: Callable[..., object], *arrays: Array) -> Callable[[int], float]:
     """Times a Python call per sample, the loop included."""
     rows = list(zip(*(list(x) for x in arrays), strict=True))
 
-    def run(calls: int) -> float:
-        start = time.perf_counter_ns()
-        for _ in range(calls):
-            for row in rows:
-                one(*row)
-        return (time.perf_counter_ns() - start) / (calls * batch.size)
+    def every() -> None:
+        for row in rows:
+            one(*row)
 
-    return run
+    return repeated(every, batch.size)
 
 
 def pinocchio_model(lib: Library) -> tuple[Any, list[int]]:
@@ -164,18 +173,11 @@ def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -
         for k, x in enumerate(outputs):
             buffer.set_res(k, x.data)
 
-        kept = (buffer, inputs)  # the trigger holds only addresses
-
-        def run(calls: int, _kept: object = kept) -> float:
-            start = time.perf_counter_ns()
-            for _ in range(calls * batch.size):
-                trigger()
-            return (time.perf_counter_ns() - start) / (calls * batch.size)
-
-        def last() -> Array:
+        # The trigger holds only addresses.
+        def last(_kept: object = (buffer, inputs)) -> Array:
             return outputs[-1]
 
-        return Contender("Function", run, last)
+        return Contender("Function", repeated(trigger, batch.size, batch.size), last)
 
     contenders = {name: contender(f, names) for name, (f, names) in functions.items()}
     return Peer(f"casadi {version('casadi')}", contenders)
@@ -189,47 +191,30 @@ def numpy_stored(lib: Library, batch: Batch) -> Peer:
     base = np.ascontiguousarray(flat[:, lib.base_columns])
     by_link = np.ascontiguousarray(flat.reshape(-1, n, 10).transpose(1, 0, 2))
     blocks = lib.pi_jacobian(batch.lam)
-    kept: dict[str, Array] = {}
 
-    def torque() -> None:
-        kept["torque"] = flat @ batch.pi
-
-    def base_torque() -> None:
-        kept["torque"] = base @ batch.beta
-
-    def jacobian() -> None:
-        kept["jacobian"] = by_link @ blocks
-
-    def loss() -> None:
+    def loss() -> Array:
         r = flat @ batch.pi - batch.tau.ravel()
-        kept["gradient"] = flat.T @ (np.tile(batch.weight, batch.size) * r)
+        return flat.T @ (np.tile(batch.weight, batch.size) * r)
 
     def contender(
-        algorithm: str, whole: Callable[[], None], last: Callable[[], Array] | None
+        algorithm: str, whole: Callable[[], Array], last: Callable[[Array], Array] | None
     ) -> Contender:
-        def run(calls: int) -> float:
-            start = time.perf_counter_ns()
-            for _ in range(calls):
-                whole()
-            return (time.perf_counter_ns() - start) / (calls * batch.size)
+        of_last = None if last is None else lambda: last(whole())
+        return Contender(algorithm, repeated(whole, batch.size), of_last)
 
-        return Contender(algorithm, run, last)
-
-    product = contender("stored Y @ π", torque, lambda: kept["torque"][-n:])
-    return Peer(
-        f"numpy {np.__version__}",
-        {
-            "inverse_dynamics": product,
-            "base_inverse_dynamics": contender(
-                "stored Y_b @ β", base_torque, lambda: kept["torque"][-n:]
-            ),
-            "torque": product,
-            "torque_jacobian": contender(
-                "stored Y @ ∂π/∂λ", jacobian, lambda: kept["jacobian"][:, -n:].transpose(1, 0, 2)
-            ),
-            "loss_gradient": contender("stored Yᵀ W (Y @ π − τ)", loss, None),
-        },
-    )
+    product = contender("stored Y @ π", lambda: flat @ batch.pi, lambda tau: tau[-n:])
+    contenders = {
+        "inverse_dynamics": product,
+        "base_inverse_dynamics": contender(
+            "stored Y_b @ β", lambda: base @ batch.beta, lambda tau: tau[-n:]
+        ),
+        "torque": product,
+        "torque_jacobian": contender(
+            "stored Y @ ∂π/∂λ", lambda: by_link @ blocks, lambda j: j[:, -n:].transpose(1, 0, 2)
+        ),
+        "loss_gradient": contender("stored Yᵀ W (Y @ π − τ)", loss, None),
+    }
+    return Peer(f"numpy {np.__version__}", contenders)
 
 
 def oracle(lib: Library, batch: Batch) -> dict[str, Array]:

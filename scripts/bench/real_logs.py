@@ -6,8 +6,6 @@ themselves; a warning without a fact is counted as false. Models come by the com
 
 import json
 import shutil
-import subprocess
-import sys
 import sysconfig
 import tempfile
 import tomllib
@@ -15,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bench.front import ROOT, Sheet, sheet_of
+from bench.front import ROOT, Sheet, python, sheet_of
 from runtime.inspection import INFO, inspect_log
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
@@ -279,10 +277,9 @@ def _lwr4(shared: Path, root: Path, builds: Path) -> tuple:
 
 def _run(*words: object) -> None:
     """Run a command; findings end `inspect` with 1, which is no failure."""
-    command = [sys.executable, "-m", "runtime", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = python("-m", "runtime", *words)
     if done.returncode > 1:
-        raise RuntimeError(f"{' '.join(command)} failed: {done.stderr}")
+        raise RuntimeError(f"{' '.join(done.args)} failed: {done.stderr}")
 
 
 def _facts(folder: Path) -> dict:

@@ -7,7 +7,6 @@ runs the same compiler and notes when each call began and ended; nothing else is
 import json
 import os
 import shlex
-import subprocess
 import sys
 import tempfile
 import time
@@ -19,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import arms
-from bench.front import ROOT, BenchError, Sheet, cpu_seconds, sheet_of
+from bench.front import BenchError, Sheet, cpu_seconds, python, sheet_of
 from runtime.common.compiler import compiler_version, find_compiler
 from runtime.library import load
 
@@ -61,9 +60,8 @@ def _size(joints: int, shape: tuple[int, ...], folder: Path) -> tuple:
     name = f"size{joints}" if shape else f"serial{joints}"
     path = folder / f"{name}.urdf"
     path.write_text(urdf, encoding="utf-8")
-    environment = os.environ | {"CCACHE_DISABLE": "1"}
-    command = [sys.executable, "-c", _RUN, name, str(path), str(folder)]
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    run = python("-c", _RUN, name, path, folder, CCACHE_DISABLE="1")
+    run.check_returncode()
     cpu, memory = json.loads(run.stdout)
     lib = load(folder / name, threads=1)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, SAMPLES, joints))
@@ -171,13 +169,10 @@ def one_build(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) 
         lines = log.read_text(encoding="utf-8").splitlines()
         size = (out / robot / f"lib{robot}.so").stat().st_size
     calls = [json.loads(line) for line in lines]
-    units = sorted(
-        (
-            Unit(Path(command[command.index("-o") + 1]).stem, begin - start, end - begin)
-            for begin, end, command in calls
-            if "-c" in command
-        ),
-        key=lambda unit: unit.start,
+    units = tuple(
+        Unit(Path(command[command.index("-o") + 1]).stem, begin - start, end - begin)
+        for begin, end, command in sorted(calls)
+        if "-c" in command
     )
     links = [end - begin for begin, end, command in calls if "-shared" in command]
     first = units[0].start
@@ -191,18 +186,16 @@ def one_build(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) 
         total=total,
         again=again,
         bytes=size,
-        units=tuple(units),
+        units=units,
     )
 
 
 def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
-    path = os.pathsep.join((str(ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
-    environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
-    command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
-    command += [word for level in levels for word in ("--level", level)]
+    words = [word for level in levels for word in ("--level", level)]
     start = time.perf_counter()
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    command = ("-m", "symgen", "build", "--robot", robot, "--out", out, *words)
+    run = python(*command, CC=shlex.join(compiler))
     if run.returncode != 0:
         raise BenchError(f"the build of '{robot}' failed: {run.stderr.strip()[-2000:]}")
     return time.perf_counter() - start

@@ -6,19 +6,16 @@ memory is that of the identification alone.
 """
 
 import json
-import os
-import resource
-import subprocess
-import sys
 import time
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.front import Sheet
+from bench.front import ROOT, Sheet, peak_memory, python
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs.blocks import blocks_of
@@ -26,10 +23,8 @@ from runtime.identification.long_logs.identify import identify_streamed
 from runtime.library import Library, load
 from runtime.recording import Friction, Preparation, open_streamed
 
-_ROOT = Path(__file__).resolve().parents[2]
 RATE, NOISE = 1000.0, 0.05
 BLOCK = 65536
-MAC = sys.platform == "darwin"  # counts bytes where others count KiB
 PREPARATION = Preparation(
     filter="butterworth", cutoff_hz=10.0, max_gap_s=3e-3, rate_hz=100.0, rest_speed=0.02
 )
@@ -106,14 +101,7 @@ def measure(robot: str, kind: str, size: int, folder: Path) -> dict[str, Any]:
     path = folder / f"log.{kind}"
     WRITERS[kind](lib, rows, path)
     code = f"from bench.stream import child; child({robot!r}, {str(path)!r})"
-    paths = {"PYTHONPATH": f"{_ROOT}:{_ROOT / 'scripts'}"}
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | paths,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    run = python("-c", code, PYTHONPATH=f"{ROOT}:{ROOT / 'scripts'}")
     path.unlink()
     if run.returncode:
         raise RuntimeError(run.stderr[-2000:])
@@ -128,7 +116,7 @@ def child(robot: str, path: str) -> None:
     result = identify_streamed(log, lib, preparation=PREPARATION, friction=FRICTION)
     dict(log.source)  # waits until the file is hashed
     wall = time.perf_counter() - start
-    rss = _peak()
+    rss = peak_memory()
     start = time.process_time()
     log = open_streamed(path)
     blocks = blocks_of(log, lib, PREPARATION, FRICTION)
@@ -146,6 +134,7 @@ def child(robot: str, path: str) -> None:
     streamed = result.streamed
     if streamed is None:
         raise RuntimeError("the log was not streamed")
+    bare = replace(samples, columns=np.zeros((*samples.q.shape, 0)))
     with_friction = _speed(lib, samples)
     facts = {
         "mega_rows": log.rows / 1e6,
@@ -153,7 +142,7 @@ def child(robot: str, path: str) -> None:
         "read": read,
         "prepare": prepare,
         "samples": count,
-        "plain": _speed(lib, _bare(samples)) / 1e6,
+        "plain": _speed(lib, bare) / 1e6,
         "friction": with_friction / 1e6,
         "compress": streamed.samples["train"] / with_friction,
         "wall": wall,
@@ -162,18 +151,6 @@ def child(robot: str, path: str) -> None:
         "after": streamed.after.overall,
     }
     print(json.dumps(facts))
-
-
-def _peak() -> int:
-    """Bytes of the peak resident set of this process.
-
-    From /proc where it exists: the value of getrusage starts at the peak of the parent process.
-    """
-    status = Path("/proc/self/status")
-    if status.exists():
-        line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
-        return int(line.split()[1]) * 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if MAC else 1024)
 
 
 def _speed(lib: Library, samples: Samples) -> float:
@@ -186,11 +163,6 @@ def _speed(lib: Library, samples: Samples) -> float:
             compress(lib, samples, weights, threads=1)
         best = min(best, time.process_time() - start)
     return repeats * len(samples) / best
-
-
-def _bare(samples: Samples) -> Samples:
-    columns = np.zeros((*samples.q.shape, 0))
-    return Samples(samples.q, samples.dq, samples.ddq, samples.tau, columns)
 
 
 COLUMNS = {

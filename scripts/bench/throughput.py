@@ -7,19 +7,16 @@ of some milliseconds, because a shared machine only adds to times.
 """
 
 import importlib.util
-import os
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from bench import ours
 from bench.batch import make_batch
 from bench.compiled import find
-from bench.front import Sheet
+from bench.front import Sheet, python
 from bench.ours import Contender, Ours
 from runtime.common.threads import cores
 from runtime.library import Library
@@ -55,12 +52,8 @@ class Rate:
 
     work: str  # what was run
     precision: str  # "double" or "single"
-    rate: float  # torques of all joints per second; NaN where it was not measured
+    rate: float | None  # torques of all joints per second; None where it was not measured
     remark: str = ""  # source or reason
-
-    def facts(self) -> dict[str, object]:
-        """JSON-ready values."""
-        return asdict(self) | {"rate": self.rate if self.rate == self.rate else None}
 
 
 def measure(lib: Library, seconds: float) -> list[Rate]:
@@ -105,17 +98,15 @@ def _rate(contenders: list[Contender], seconds: float) -> float:
 
 
 def _frax(precision: str, seconds: float) -> Rate:
-    """Rate of frax at its better batch; NaN and the reason where it cannot run."""
+    """Rate of frax at its better batch; the reason where it cannot run."""
     if importlib.util.find_spec("frax") is None:
-        return Rate(FRAX, precision, float("nan"), "not installed: pip install frax")
+        return Rate(FRAX, precision, None, "not installed: pip install frax")
     best, size = 0.0, 0
     for batch in BATCHES:
-        words = [sys.executable, "-c", _CHILD, precision, str(batch), str(seconds)]
-        environment = os.environ | {"JAX_PLATFORMS": "cpu"}
-        run = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        run = python("-c", _CHILD, precision, batch, seconds, JAX_PLATFORMS="cpu")
         if run.returncode:
             last = (run.stderr.strip().splitlines() or ["no message"])[-1]
-            return Rate(FRAX, precision, float("nan"), f"failed: {last[:80]}")
+            return Rate(FRAX, precision, None, f"failed: {last[:80]}")
         if (rate := float(run.stdout.split()[-1])) > best:
             best, size = rate, batch
     return Rate(FRAX, precision, best, f"Panda, batches of {size}")
@@ -125,8 +116,7 @@ def sheet(rows: list[Rate]) -> Sheet:
     """One line per program."""
     head = ("program", "precision", "million torques per second", "remark")
     lines = [
-        (r.work, r.precision, f"{r.rate / 1e6:.3g}" if r.rate == r.rate else "–", r.remark)
+        (r.work, r.precision, "–" if r.rate is None else f"{r.rate / 1e6:.3g}", r.remark)
         for r in rows
     ]
-    facts = [row.facts() for row in rows]
-    return Sheet("bench_throughput", head, lines, facts, "Torques per second on all cores")
+    return Sheet("bench_throughput", head, lines, rows, "Torques per second on all cores")

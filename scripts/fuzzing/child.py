@@ -23,6 +23,7 @@ from typing import Any, NoReturn
 
 from runtime.errors import RuntimeFault
 from runtime.library import load
+from scripts.bench.front import peak_memory
 from scripts.fuzzing.damage import CANARY, Damaged, drawn
 from scripts.fuzzing.doors import DOORS, OUT, Door
 from symgen.errors import SymgenError
@@ -111,7 +112,7 @@ def main() -> None:
                 door.seal(folder)
             held, start = _resident(), time.process_time()
             outcome = _read(partial(door.read, path, lib), watch)
-            seconds, grown = time.process_time() - start, _peak() - held
+            seconds, grown = time.process_time() - start, peak_memory() - held
             if grown > RESIDENT and outcome in {"read", "refused"}:
                 outcome = f"takes {grown / 1e6:.0f} MB"
             left = sorted(_files(folder, door) ^ before) + _remains(root, folder, outcome)
@@ -201,14 +202,7 @@ def _limit_memory(most: int) -> None:
 def _resident() -> int:
     """Resident bytes now; the peak is counted from here on."""
     Path("/proc/self/clear_refs").write_text("5")
-    return _peak()
-
-
-def _peak() -> int:
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("VmHWM:"):
-            return 1024 * int(line.split()[1])
-    return 0
+    return peak_memory()
 
 
 def _files(folder: Path, door: Door) -> set[str]:

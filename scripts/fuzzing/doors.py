@@ -96,15 +96,13 @@ def _streamed(path: Path, _: Library) -> None:
     log.instants(range(0, log.rows, 50), 20)
 
 
-def _inspected_log(path: Path, lib: Library) -> None:
+def _headless(path: Path, lib: Library, recipe: Path | None = None) -> None:
     with contextlib.suppress(typer.Exit):
-        recipe = _out(path) / "recipe.toml"
         inspect_command(str(path), robot=str(lib.folder), recipe_out=recipe)
 
 
-def _headless(path: Path, lib: Library) -> None:
-    with contextlib.suppress(typer.Exit):
-        inspect_command(str(path), robot=str(lib.folder))
+def _inspected_log(path: Path, lib: Library) -> None:
+    _headless(path, lib, _out(path) / "recipe.toml")
 
 
 def _chain(path: Path, _: Library) -> None:

@@ -191,7 +191,7 @@ def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
             model=None if facts["model"] is None else _model(facts["model"]),
             facts=facts,
             learned=_learned(facts["method"], net),
-            gains=_gains(facts["current_gains"], n),
+            gains=_gains(facts.get("current_gains"), n),
         )
         links = n if saved.model is None else len(saved.model.kinds)
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)

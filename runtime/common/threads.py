@@ -3,6 +3,7 @@
 import functools
 import os
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -12,6 +13,8 @@ __all__ = [
     "one_blas_thread",
 ]
 
+_INSIDE: ContextVar[bool] = ContextVar("one_blas_thread", default=False)
+"""Whether a call of this context has limited the threads already."""
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -26,12 +29,19 @@ def cores() -> int:
 def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with one BLAS thread; with a hundred columns further threads only wait.
 
-    On a busy machine of two cores the second thread made identification ten times slower.
+    On a busy machine of two cores the second thread made identification ten times slower. Finding
+    the libraries of the process takes 2 ms, so that only the outermost call does.
     """
 
     @functools.wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        with threadpool_limits(limits=1, user_api="blas"):
+        if _INSIDE.get():
             return function(*args, **kwargs)
+        token = _INSIDE.set(True)
+        try:
+            with threadpool_limits(limits=1, user_api="blas"):
+                return function(*args, **kwargs)
+        finally:
+            _INSIDE.reset(token)
 
     return limited

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -35,6 +34,7 @@ from runtime.cli.log_options import (
     FrictionNames,
     Logs,
     Method,
+    OutFolder,
     Parts,
     PayloadOf,
     Preset,
@@ -85,10 +85,7 @@ def identify_command(
     robot: Robot = "fr3",
     yes: Yes = False,
     method: Method = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."),
-    ] = None,
+    out: OutFolder = None,
     preset: Preset = None,
     prior: Prior = None,
     recipe: Recipe = None,
@@ -178,10 +175,8 @@ def identify_command(
     folder = out or Path("results") / f"{Path(logs[0]).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, overwrite)
     settings = replace(settings, inputs=inputs_of([chosen], lib, controller=controller) or None)
-    preset_record = PRESETS.get(str(preset or "full")) if METHODS[chosen].takes_preset else None
-    total = preset_record.rule.max_iterations if preset_record else None
     with counting(state()) as bar:
-        watch = ShownProgress(bar, chosen, lib.name, total)
+        watch = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, preset))
         opened = (
             _named(runs, lib, recipe, payload_of or (), bool(stream))
             if several
@@ -189,6 +184,12 @@ def identify_command(
         )
         result = identify(opened, lib, settings, watch=watch)
     finish(result, folder, Outputs(report, save_statistics))
+
+
+def _most_iterations(method: str, preset: str | None) -> int | None:
+    """Largest number of iterations of a method with presets; None for other methods."""
+    record = PRESETS.get(str(preset or "full")) if METHODS[method].takes_preset else None
+    return record.rule.max_iterations if record else None
 
 
 def _opened(

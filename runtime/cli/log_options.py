@@ -41,6 +41,12 @@ Method = Annotated[
         help=f"Estimator: {', '.join(METHODS)}; default map, with --preset adam.",
     ),
 ]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
+    ),
+]
 Preset = Annotated[
     str | None,
     typer.Option(

@@ -31,7 +31,6 @@ from runtime.cli.log_options import (
     Regressor,
     Run,
     Stream,
-    cutoff_of,
     inputs_of,
     split_of,
 )
@@ -118,7 +117,7 @@ def compare_command(
     wanted = Settings(
         friction=friction,
         coulomb_speed=coulomb_speed,
-        cutoff=cutoff_of(cutoff),
+        cutoff=cutoff,
         rate=rate,
         regressor=regressor,
         split=split_of(split),

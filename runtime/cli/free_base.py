@@ -16,7 +16,7 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.identification.free_base.drives import COLUMNS, EARLIEST_S, LATEST_S
 from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
 from runtime.identification.free_base.rows import CROSSTALK
-from runtime.identification.settings import AUTO
+from runtime.identification.settings import AUTO, NO_FRICTION
 from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording.free_base import FreeBaseRecording, read_free_base
@@ -69,7 +69,7 @@ class WalkOptions:
             )
         words = COLUMNS if self.friction is None else tuple(self.friction.split(","))
         delay = None if self.delay in {None, AUTO} else _seconds(str(self.delay))
-        return () if words == ("none",) else words, delay
+        return () if words == (NO_FRICTION,) else words, delay
 
 
 def identify_free_base_log(

@@ -50,7 +50,6 @@ from runtime.cli.log_options import (
     Symmetric,
     Tie,
     WithReport,
-    cutoff_of,
     inputs_of,
     prior_of,
     runs_of,
@@ -61,8 +60,7 @@ from runtime.common.terminal import say
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.identification.identify import Source, identify
-from runtime.identification.long_logs.identify import require_streamable
+from runtime.identification.identify import SEVERAL_STREAMED, Source, identify
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings
 from runtime.identification.several_logs.joint_fit import NamedLog, read_carried
@@ -156,7 +154,7 @@ def identify_command(
         prior=known,
         friction=friction,
         coulomb_speed=coulomb_speed,
-        cutoff=cutoff_of(cutoff),
+        cutoff=cutoff,
         rate=rate,
         regressor=regressor,
         delay=delay,
@@ -212,13 +210,9 @@ def _opened(
 def needs_samples(settings: Settings) -> bool:
     """Whether a method or option needs the samples of the whole log, or is better with them."""
     options = settings.inputs, settings.encoder_bias, settings.symmetric, settings.robust
-    if any(options) or settings.friction == AUTO:
-        return True
-    try:
-        require_streamable(chosen_method(settings.method, settings.preset, None), settings.preset)
-    except IdentificationError:
-        return True
-    return False
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    needs = METHODS[method].needs_samples(settings.preset)
+    return needs or any(options) or settings.friction == AUTO
 
 
 def _named(
@@ -230,9 +224,7 @@ def _named(
 ) -> list[NamedLog]:
     """Several logs with their names and known payloads."""
     if stream:
-        raise IdentificationError(
-            "several logs are read as a whole, but --stream is given; leave it out"
-        )
+        raise IdentificationError(SEVERAL_STREAMED)
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     same = len({log for log, _ in runs}) == 1
     return [

@@ -220,20 +220,8 @@ SaveStatistics = Annotated[
     ),
 ]
 WithReport = Annotated[
-    bool, typer.Option(help="Write report.html; its figures cost a tenth of a second.")
+    bool, typer.Option(help="Write report.html; its figures cost most of a second.")
 ]
-
-
-def cutoff_of(text: str | None) -> float | str | None:
-    """Value of --cutoff: a number, or auto."""
-    if text is None or text == AUTO:
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise IdentificationError(
-            f"--cutoff needs a frequency in Hz or auto, got '{text}'"
-        ) from None
 
 
 def split_of(text: str | None) -> Split | None:

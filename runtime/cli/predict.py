@@ -11,7 +11,7 @@ import typer
 from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, counting, open_robot, state
-from runtime.cli.log_options import Cutoff, Rate, Recipe, Run, cutoff_of
+from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
 from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,
@@ -246,9 +246,7 @@ def _moved(
         t = sample_times(motion.duration, log_rate or RATE)
         recording = planned_recording(motion, t, lib, Path(source).stem)
         return motion_samples_of(recording, lib, None, terms or _friction(options.friction))
-    wanted = Settings(
-        friction=options.friction, cutoff=cutoff_of(options.cutoff), rate=options.rate
-    )
+    wanted = Settings(friction=options.friction, cutoff=options.cutoff, rate=options.rate)
     with counting(state()) as bar:
         log = read_recording(source, options.recipe, options.run, lib.joint_names)
         data = prepared_log(log, lib, wanted, watch=ShownProgress(bar, "predict", lib.name))

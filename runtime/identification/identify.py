@@ -26,7 +26,12 @@ from runtime.identification.drive.result import DriveFit
 from runtime.identification.drive.symmetry import identify_drives, with_sides
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs.identify import identify_streamed, require_streamable
-from runtime.identification.prepared_log import PreparedLog, prepared_log, usable_columns
+from runtime.identification.prepared_log import (
+    PreparedLog,
+    prepared_log,
+    usable_columns,
+    without_memory,
+)
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings, settings_from
 from runtime.identification.several_logs.drives import delay_notes, with_delays, with_drives
@@ -36,7 +41,6 @@ from runtime.identification.single_log import identify_recording
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording import Recording, StreamedRecording
-from runtime.recording.friction import has_memory
 from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
@@ -56,6 +60,7 @@ ONE_LOG = {
 }
 """Logs → sentences that refuse a controller, and encoder biases with mirrored joints."""
 
+SEVERAL_STREAMED = "several logs are read as a whole, but --stream is given; leave it out"
 Source = Recording | StreamedRecording | NamedLog
 """A log: in memory, in its file, or with its name and known payload."""
 
@@ -130,7 +135,7 @@ def _of_one(
     usable = usable_columns([method])
     if settings.delay is not None or settings.encoder_bias:
         # The result states Coulomb friction per drive.
-        usable = tuple(name for name in usable if not has_memory([name]))
+        usable = without_memory(usable)
     data = prepared_log(log, lib, settings, usable, watch)
     if data.streamed is not None:
         result = _streamed(data.streamed, data, lib, settings, watch)
@@ -227,9 +232,7 @@ def _named(logs: Sequence[Source]) -> list[NamedLog]:
     named: list[NamedLog] = []
     for log in logs:
         if isinstance(log, StreamedRecording):
-            raise IdentificationError(
-                "several logs are read as a whole, but --stream is given; leave it out"
-            )
+            raise IdentificationError(SEVERAL_STREAMED)
         each = log if isinstance(log, NamedLog) else NamedLog(log.name, log)
         name = each.name
         while name in {other.name for other in named}:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from runtime.errors import IdentificationError
 from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
@@ -19,7 +18,7 @@ from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs.blocks import head_of
-from runtime.identification.settings import AUTO, CHOSEN, Settings, friction_of
+from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
 from runtime.identification.torque_columns import without_torque_columns
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
@@ -95,10 +94,9 @@ def prepared_log(
         recording, prepared, notes = _prepared(recording, lib, settings, terms, watch)
     if recording.has_unknown_gains:  # the steps are stated
         recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
-    if streamed is not None and recording.gains is not None:  # those of the first rows
-        streamed = replace(streamed, gains=recording.gains)
     if streamed is not None:
-        usable = tuple(name for name in usable if not has_memory([name]))
+        streamed = replace(streamed, gains=recording.gains)  # those of the first rows
+        usable = without_memory(usable)
     if recording.columns is not None:
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
     steps = prepared, parts
@@ -141,7 +139,7 @@ def _prepared(
     chooses = settings.regressor == AUTO
     regressor = None if chooses else settings.regressor
     is_free = settings.cutoff == AUTO
-    cutoff = _ANY_HZ if is_free else settings.cutoff
+    cutoff = _ANY_HZ if is_free else cutoff_of(settings.cutoff)
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
     if is_free:
         watch.step("choosing a cut-off")
@@ -183,9 +181,14 @@ def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in USABLE if all(name in limit for limit in limits))
 
 
+def without_memory(columns: Sequence[str]) -> tuple[str, ...]:
+    """Columns that depend on the present motion alone."""
+    return tuple(name for name in columns if not has_memory([name]))
+
+
 def preparation_of(
     recording: Recording,
-    cutoff: float | str | None,
+    cutoff: float | None,
     rate: float | None,
     regressor: str | None = None,
 ) -> Preparation | None:
@@ -196,19 +199,10 @@ def preparation_of(
     if regressor is not None:
         base = replace(base, regressor=regressor)
     if cutoff is not None:
-        base = replace(base, filter="butterworth", cutoff_hz=_hz(cutoff))
+        base = replace(base, filter="butterworth", cutoff_hz=cutoff)
         if base.max_gap_s is None:
             base = replace(base, max_gap_s=3.0 / recording.rate_hz)
     return replace(base, rate_hz=rate) if rate is not None else base
-
-
-def _hz(cutoff: float | str) -> float:
-    try:
-        return float(cutoff)
-    except ValueError:
-        raise IdentificationError(
-            f"--cutoff needs a frequency in Hz or auto, got '{cutoff}'"
-        ) from None
 
 
 def _at_rest(recording: Recording, settings: Settings, parts: Split | None) -> PreparedLog | None:

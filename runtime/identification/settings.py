@@ -95,6 +95,9 @@ class Settings:
     robust: bool = False
     friction_prior: FrictionPrior | None = None
 
+    def __post_init__(self) -> None:
+        cutoff_of(self.cutoff)  # refused here, before a log is read
+
     def require_default(self, names: tuple[str, ...], task: str) -> None:
         """Refuse fields that a task cannot use.
 
@@ -114,8 +117,20 @@ class Settings:
             )
 
 
+def cutoff_of(stated: float | str | None) -> float | None:
+    """Cut-off [Hz]; None where none is stated or it is chosen from the log."""
+    if stated is None or stated == AUTO:
+        return None
+    try:
+        return float(stated)
+    except ValueError:
+        raise IdentificationError(
+            f"--cutoff needs a frequency in Hz or auto, got '{stated}'"
+        ) from None
+
+
 NAMES = tuple(each.name for each in fields(Settings))
-CHOSEN = (*("cutoff", "rate", "regressor", "delay", "encoder_bias", "symmetric", "tie"),)
+CHOSEN = ("cutoff", "rate", "regressor", "delay", "encoder_bias", "symmetric", "tie")
 """Fields that `identify` turns into a preparation or unknowns before a fit."""
 
 

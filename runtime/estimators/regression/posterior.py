@@ -69,7 +69,7 @@ class Posterior:
     @property
     def determined(self) -> int:
         """Number of directions in which the rows carry ten times the information of the prior."""
-        return int(np.sum((1 / np.sqrt(1 + self.sizes**2)) ** 2 < DETERMINED))
+        return int(np.sum(1 / (1 + self.sizes**2) < DETERMINED))
 
     def share_of(self, matrix: Array) -> Array:
         """Posterior over prior variance of linear combinations (m, p) of the unknowns, (m,)."""

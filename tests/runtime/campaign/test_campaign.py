@@ -3,19 +3,22 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from runtime import read_recording, write_recording
+from runtime import load, read_recording, write_recording
+from runtime.campaign import campaign
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
-from runtime.campaign.gate import released
+from runtime.campaign.estimation import ArmModel
+from runtime.campaign.gate import EMPTY_CELL, released
 from runtime.campaign.rehearsal import rehearsed
-from runtime.campaign.target import target_of
+from runtime.campaign.target import base_covariance, target_of
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Design, Information, Safety, Trajectory, design
 from runtime.excitation.limits.obstacles import Obstacle
 from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
@@ -122,8 +125,54 @@ def test_the_gate_refuses_a_faulty_log(fr3: Library, tmp_path: Path) -> None:
     refused = released(fr3, motion, None, (1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0))
     assert "last log on fr3_joint3 is 9 times the band" in refused.reasons[0]
     assert released(fr3, motion, None).is_released
+    assert released(fr3, motion, None, (2.9,) * 7).is_released
+    assert not released(fr3, motion, None, (1.0, 3.2, 1.0, 1.0, 1.0, 1.0, 1.0)).is_released
     refused = released(fr3, replace(motion, duration=1.0), None)
     assert "% of the limit of acceleration" in " ".join(refused.reasons)
+
+
+def test_the_gate_counts_the_cell(fr3: Library) -> None:
+    """Property: the same motion is refused where an obstacle stands at the tip."""
+    design = read_trajectory(MOTION, fr3)
+    motion = replace(design, coefficients=0.1 * design.coefficients)
+    tip = fr3.tip_motion(fr3.home[None], np.zeros((1, 7)))[0][0]
+    ball = Safety(obstacles=(Obstacle("ball", tuple(tip), radius=0.05),))
+    refused = released(fr3, motion, None, safety=ball)
+    assert [reason.rsplit(" ", 1)[1] for reason in refused.reasons] == ["obstacle"]
+
+
+def test_a_further_motion_counts_the_earlier_logs(
+    tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: a target is reached after two motions at the earliest; the second is designed
+    with the information of the first one's log, (B C Bᵀ)⁻¹ of its posterior, and with room
+    to its limits.
+    """
+    lib = load(tiny)
+    plan = Plan("v=100Nm", duration=2.5, later_duration=2.0, stages=(100.0,), rehearses=False)
+    designs: list[tuple[Trajectory, Information]] = []
+
+    def designed(lib: Library, **settings: Any) -> Design:
+        result = design(lib, **settings | {"budget": 1.0})
+        designs.append((result.trajectory, settings["information"]))
+        return result
+
+    monkeypatch.setattr(campaign, "design", designed)
+    models: list[ArmModel] = []
+    robot = VirtualDriver(lib, truth_seed=2)
+    outcome = run_campaign(
+        robot, plan, target_of(plan.target), tmp_path / "campaign", on_model=models.append
+    )
+    assert (outcome.is_reached, outcome.motions, len(designs)) == (True, 2, 2)
+    assert designs[0][1].earlier is None
+    earlier = designs[1][1].earlier
+    assert earlier is not None
+    spread = base_covariance(models[0].result)
+    # The floor of the inverse, 1e-12 of the trace, on directions that the data fix to rounding.
+    np.testing.assert_allclose(earlier @ spread, np.eye(len(spread)), atol=1e-6)
+    for motion, _ in designs:
+        used = [use.bound for use in certificate_of(lib, motion, EMPTY_CELL).uses]
+        assert max(used) <= 0.9
 
 
 def test_a_rehearsal_names_a_planted_fault(fr3: Library) -> None:

@@ -12,6 +12,7 @@ from scipy.stats import chi2, kstest
 from runtime.estimators.convex import bodies_of
 from runtime.library import Library
 from runtime.library.parameters import links, mass
+from runtime.monitoring import posterior_draws
 from runtime.monitoring.posterior_draws import draw_models
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
@@ -19,12 +20,17 @@ from tests.runtime.monitoring.conftest import Monitored
 COUNT = 400
 
 
-def test_without_data_the_draws_are_those_of_wishart(lib: Library, monitored: Monitored) -> None:
+@pytest.mark.parametrize(("step", "count"), [(0.25, 12), (0.6, 40)])
+def test_without_data_the_draws_are_those_of_wishart(
+    lib: Library, monitored: Monitored, monkeypatch: pytest.MonkeyPatch, step: float, count: int
+) -> None:
     """Oracle: exp(−κ tr P0⁻¹P) det Pᵏ is Wishart's density with 2κ + 5 degrees of freedom.
 
     2κ tr(P0⁻¹ P) of every link is χ² with 4 (2κ + 5) degrees of freedom: Kolmogorov–Smirnov over
-    all links at the probability 0.001.
+    all links at the probability 0.001. Of long steps, whose energies err, trajectories are refused.
     """
+    monkeypatch.setattr(posterior_draws, "STEP", step)
+    monkeypatch.setattr(posterior_draws, "TRAJECTORIES", count)
     known = monitored.posterior.information
     statistics = dataclasses.replace(
         known.statistics,
@@ -42,13 +48,15 @@ def test_without_data_the_draws_are_those_of_wishart(lib: Library, monitored: Mo
     traces = np.einsum("kij,nkji->nk", inverse, P)
     law = chi2(4 * (2 * known.kappa + 5))
     assert kstest(2 * known.kappa * traces.ravel(), law.cdf).pvalue > 1e-3
-    assert draws.effective > 0.5 * COUNT
+    assert draws.effective > 0.5 * COUNT or draws.acceptance < 0.97
 
 
 def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored) -> None:
     """Oracle: information 10⁴ times that of the prior leaves a normal law of known covariance.
 
-    400 draws determine a standard deviation to 3.5 %; four of these for each of 64 values.
+    The first friction coefficient depends on the first base parameter, to which an error of
+    the estimate of twice its σ is added: friction follows it. 400 draws determine a standard
+    deviation to 3.5 %, four of these for each of 64 values, and this correlation to 0.005.
     """
     known = monitored.posterior.information
     bodies, n_base = bodies_of(lib), len(lib.base_matrix)
@@ -57,6 +65,9 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
     factor = np.zeros_like(known.statistics.factor)
     factor[:n_base, :n_base] = np.linalg.cholesky(np.linalg.inv(covariance)).T
     factor[n_base:, n_base:] = 10.0 * np.eye(len(factor) - n_base)
+    first = np.sqrt(covariance[0, 0])
+    factor[n_base, 0] = 4 / 3 / first  # φ₁ = 5 ∓ 0.1 · 4/3 per σ of β₁, ± 0.1
+    error = np.linalg.lstsq(lib.base_matrix, 2 * first * np.eye(n_base)[0], rcond=None)[0]
     phi = np.full_like(monitored.saved.phi, 5.0)
     truth = np.concatenate([lib.base_matrix @ known.centre, phi.ravel()])
     statistics = dataclasses.replace(known.statistics, factor=factor, target=factor @ truth)
@@ -64,13 +75,17 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
         monitored.posterior,
         information=dataclasses.replace(known, statistics=statistics, density=1.0),
         pi=known.centre,
-        pi_root=np.zeros((lib.pi0.size, lib.pi0.size)),
+        pi_root=np.column_stack([np.zeros((lib.pi0.size, lib.pi0.size)), error]),
     )
     saved = dataclasses.replace(monitored.saved, pi=known.centre, phi=phi)
     draws = draw_models(lib, saved, sharp, COUNT, np.random.default_rng(1))
     assert (lib.relative_eigenvalues(draws.pi) > 0).all()
     values = np.hstack([draws.pi @ lib.base_matrix.T, draws.phi.reshape(COUNT, -1)])
     sigma = np.sqrt([*np.diag(covariance), *np.full(phi.size, 0.01)])
+    sigma[0] *= np.sqrt(5)
+    sigma[n_base] *= np.sqrt(1 + 5 * (4 / 3) ** 2)
+    correlation = np.corrcoef(values[:, 0], values[:, n_base])[0, 1]
+    assert correlation == pytest.approx(-1 / np.sqrt(1 + 9 / 80), abs=0.02)
     np.testing.assert_allclose(values.std(axis=0), sigma, rtol=4 * 0.035)
     assert (np.abs(values.mean(axis=0) - truth) < 4.5 * sigma / np.sqrt(COUNT)).all()
 

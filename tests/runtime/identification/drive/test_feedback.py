@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.identification.drive import estimate
+from runtime.estimators.convex import CAD
+from runtime.identification.drive import estimate, feedback
 from runtime.identification.drive.estimate import identify_drive
-from runtime.identification.drive.feedback import FEEDBACK, response
+from runtime.identification.drive.feedback import FEEDBACK, linearised, response
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.recording import Preparation, read_recording
+from runtime.recording.recipes.recipe import ControlLaw
 
 STEP, LOGGED, SECONDS = 1e-3, 5, 20.0
 KP, KD, EPSILON = 20.0, 1.0, 0.02
@@ -111,3 +113,34 @@ def test_noise_in_the_loop_gives_no_bias(
         means[name] = np.mean(errors, axis=0)
     assert np.abs(means["corrected"]).max() < 1.06
     assert means["least squares"][0] > 1.5
+
+
+def test_stretches_of_a_long_log_hold_its_information(
+    pendulum: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: σ from a quarter of the rows, in stretches, is in the mean that of all rows.
+
+    The motion of a stretch differs from that of the log; without the rows between the stretches σ
+    would be twice as large.
+    """
+    logs = noisy_loops(pendulum, 1, noise=0.35)
+    np.savez(tmp_path / "log.npz", kp=[KP], kd=[KD], **logs)  # type: ignore[arg-type]
+    recording = read_recording(tmp_path / "log.npz")
+    settings = Settings(preparation=Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.3))
+    request = DriveRequest(delay=True)
+    result = identify_drive(recording, pendulum, settings, request)
+    sigmas = []
+    for most in (feedback.MOST_ROWS, len(result.train) // 4):
+        monkeypatch.setattr(feedback, "MOST_ROWS", most)
+        step = linearised(result, request, bias=np.zeros(1), kappa=CAD)
+        sigmas.append(np.append(step.sigma, step.phi_sigma))
+    ratio = np.exp(np.mean(np.log(sigmas[1] / sigmas[0])))
+    assert ratio == pytest.approx(1.0, rel=0.3)
+
+
+def test_gains_of_a_motor_act_on_the_joint_with_the_square_of_the_gear() -> None:
+    """Oracle: τ = r τ_m, θ = r q, τ_m = kp (θ_des − θ) − kd dθ, hence τ = r² (kp (q_des − q) …)."""
+    law = ControlLaw("pd", q_des="q_des", kp=2.0, kd=(0.5, 0.25), gear=(10.0, 20.0))
+    gains = feedback._gains(law, 2)
+    assert gains is not None
+    assert [each.tolist() for each in gains] == [[200.0, 800.0], [50.0, 100.0]]

@@ -1,0 +1,106 @@
+"""nonlinear_bounds on laws whose largest value is known in closed form."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.nonlinear_limits import IntervalBounds, SampledMotion
+from runtime.excitation.proof import nonlinear_bounds
+from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
+from runtime.library import Library
+from tests.runtime.excitation.proof.spiked import Spiked
+
+DURATION = 2.0
+
+
+@dataclass(frozen=True)
+class Travel:
+    """g = s q₁: the largest value is that of the joint; |g''| ≤ sup |ddq₁|."""
+
+    sign: float = 1.0
+    precision: tuple[float, float] = (1e-10, 1e-10)
+    kind: ClassVar[str] = "travel"
+    orders: ClassVar[int] = 1
+    labels: ClassVar[tuple[str, ...]] = ("first joint",)
+    even: ClassVar[bool] = True
+
+    def values(self, motion: np.ndarray) -> np.ndarray:
+        return self.sign * motion[0][:, :1]
+
+    def rise(self, bounds: IntervalBounds) -> np.ndarray:
+        return bounds.bend(bounds.motion[2][:, :1])
+
+
+@dataclass(frozen=True)
+class Wave(Travel):
+    """g = cos(k (q₁ − c)) at one crest, −1 elsewhere."""
+
+    waves: float = 0.0
+    crest: float = 0.0
+
+    def along(self, sampled: SampledMotion) -> tuple[np.ndarray, np.ndarray]:
+        angle = np.clip(self.waves * (sampled.motion[0][:, :1] - self.crest), -np.pi, np.pi)
+        return np.cos(angle), -self.waves * np.sin(angle) * sampled.motion[1][:, :1]
+
+
+def swing(lib: Library) -> Trajectory:
+    """The first joint goes to one side and back: its largest distance is that at half time."""
+    a = np.zeros((lib.n_joints, 1))
+    a[0] = 0.2
+    return Trajectory(lib.home, a, DURATION)
+
+
+def at(lib: Library, motion: Trajectory, time: float) -> float:
+    return float(motion.at(lib, np.array([time]))[0][0, 0])
+
+
+def test_a_divided_interval_counts_both_of_its_ends(lib: Library) -> None:
+    """Property: the largest value at the end of the last interval, where half a motion ends."""
+    motion = swing(lib)
+    half = at(lib, motion, DURATION / 2)
+    travel = Travel(np.sign(half - lib.home[0]))
+    (bound,) = constraint_bounds(lib, [travel], motion)
+    assert bound.intervals > MotionGrid(motion).count // 2  # it was divided
+    # Above it by the tolerance and rounding at most, and never below it.
+    assert 0 <= bound.bound - abs(half) * np.sign(half) * travel.sign < 3e-10
+
+
+@pytest.mark.parametrize("most", [1, nonlinear_bounds.MOST_INTERVALS])
+def test_what_is_not_decided_keeps_a_proven_bound(
+    lib: Library, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    """Adversary: a bump between two samples, with and without the intervals that would show it."""
+    monkeypatch.setattr(nonlinear_bounds, "MOST_INTERVALS", most)
+    height, middle = 1e-6, (round(0.3 * DURATION / 1e-3) + 0.5) * 1e-3 / DURATION
+    a = np.zeros((lib.n_joints, 2))
+    a[0] = -1e-9, height
+    motion = Trajectory(lib.home, a, DURATION, Spiked(middle, 0.45e-3 / DURATION))
+    true = at(lib, motion, middle * DURATION)
+    samples = motion.at(lib, np.arange(2001) * 1e-3)[0][:, 0]
+    assert samples.max() < true - height / 2
+    (bound,) = constraint_bounds(lib, [Travel()], motion)
+    assert bound.is_proven
+    assert bound.bound >= true - 1e-15  # the rounding of q
+
+
+def test_a_measured_bend_is_counted_with_its_safety(
+    lib: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: the crest of a wave of 24 samples, between two of them.
+
+    The change of the slope over an interval is below δ sup |g''| there, by (ωδ)²/24; without the
+    safety the bound is below the crest by (ωδ)²/48 of its height above the samples.
+    """
+    monkeypatch.setattr(Library, "bounds_motions", False)
+    motion: Trajectory = swing(lib)
+    step = MotionGrid(motion).step
+    q, dq, *_ = motion.at(lib, (np.arange(500) + 0.5) * step)
+    fastest = np.argmax(np.abs(dq[:, 0]))
+    wave = Wave(waves=2 * np.pi / (24 * step * abs(dq[fastest, 0])), crest=q[fastest, 0])
+    (bound,) = constraint_bounds(lib, [wave], motion)
+    assert not bound.is_proven
+    assert bound.bound >= 1.0
+    assert bound.bound < 1.0 + 2 * (2 * np.pi / 24) ** 2 / 8

@@ -80,7 +80,7 @@ def test_every_fence_is_of_a_kind_that_is_tested():
     """Property: no block of README and docs escapes the tests below."""
     for page in PAGES:
         kinds = re.findall(r"^```(\w*)\n", page.read_text(encoding="utf-8"), re.MULTILINE)
-        known = {"bash", "console", "toml", "python", "c", "text"}
+        known = {"bash", "console", "toml", "python", "c", "cpp", "text"}
         assert set(kinds) - {""} <= known, name_of(page)
 
 
@@ -144,6 +144,22 @@ def test_c_block_compiles_and_runs(desk):
         assert len(torque) == 7
         assert torque[0] == 0.0  # vertical axis: gravity has no moment about it
         assert abs(torque[1]) > 1.0
+
+
+def test_cpp_block_compiles_and_runs(desk, fr3):
+    """Oracle: the weight of a unit mass at link 7 on joint 2 of the FR3, from the C code."""
+    if shutil.which("g++") is None:
+        pytest.skip("SKIPPED LOUDLY: no C++ compiler called g++ on this machine")
+    folder = desk / "generated/fr3"
+    q, pi = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0]), np.zeros(70)
+    pi[[10, 60]] = 1.0
+    weight = fr3.inverse_dynamics(q, 0 * q, 0 * q, pi)[1]
+    for block in shown("cpp"):
+        source = desk / "main.cpp"
+        source.write_text(block, encoding="utf-8")
+        flags = ("-std=c++11", "-Wall", "-Wextra", "-Werror", "-O0")
+        run(["g++", *flags, f"-I{folder}", str(source), "-o", "main"], desk)
+        assert float(run([str(desk / "main")], desk)) == pytest.approx(weight, abs=1e-3)
 
 
 def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model b89732bc845066082b8185579f175301ee42d6f5d3d051a73615202690aba0cc.
+ * Model 8c8de311f71e6fc97463d786589b724aaf59c35383354ee55f825faa8db0879f.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "b89732bc845066082b8185579f175301ee42d6f5d3d051a73615202690aba0cc";
+    return "8c8de311f71e6fc97463d786589b724aaf59c35383354ee55f825faa8db0879f";
 }
 
 #if defined(__x86_64__)

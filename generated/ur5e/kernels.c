@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 27de009338d0208633e253164185154f4ae8e0a0a062bd1dd9e095def1e220df.
+ * Model 2f33e7add2bec5ffcd786feb05e9ac8ddc08da7bcfd4b4964353d2e89006420a.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "27de009338d0208633e253164185154f4ae8e0a0a062bd1dd9e095def1e220df";
+    return "2f33e7add2bec5ffcd786feb05e9ac8ddc08da7bcfd4b4964353d2e89006420a";
 }
 
 #if defined(__x86_64__)

@@ -16,6 +16,7 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.cuda import cuda_context
 from symgen.emit.forms import forms_of
 from symgen.emit.programs import programs
 from symgen.emit.sample import LONG, parts_of, reference_code
@@ -127,6 +128,9 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    if any(kernel.name == "base_regressor" for kernel in kernels):
+        cuda = cuda_context(name, kernels, forms)
+        files[f"{name}.cuh"] = render("cuda.cuh.jinja2", context | cuda)
     for extra in extras:
         for included in extra.includes:
             files[included] = (_TEMPLATES / included).read_text(encoding="utf-8")

@@ -12,6 +12,7 @@ export names that other robots export as well.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -25,6 +26,44 @@ LONG = 2400
 """Statements above which a body is split; arms of seven joints stay whole."""
 PART = 600
 """Statements of a part: compilers take about as long per statement as in short functions."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """How a body spells its numbers.
+
+    Attributes:
+        type: type of values and constants.
+        literal: text of a constant, `{}` in the place of its digits.
+        suffix: what functions of <math.h> end in.
+        turn: function that stores sine and cosine of its first argument in the two others; "" for
+            separate calls.
+    """
+
+    type: str = "double"
+    literal: str = "{}"
+    suffix: str = ""
+    turn: str = ""
+
+    @cached_property
+    def expressions(self) -> dict[int, str]:
+        """CasADi operation → expression in these numbers."""
+        texts = {}
+        for op, text in EXPRESSIONS.items():
+            of_type = text.replace("(double)", f"({self.type})")
+            named = _FUNCTION.sub(rf"\g<0>{self.suffix}", of_type)
+            texts[op] = _DIGITS.sub(lambda digits: self.literal.format(digits[0]), named)
+        return texts
+
+    def constant(self, value: float) -> str:
+        """Text of a constant, negative ones in parentheses."""
+        text = self.literal.format(c_constant(value).strip("()"))
+        return f"({text})" if text.startswith("-") else text
+
+
+_FUNCTION = re.compile(r"\b[a-z]\w*(?=\()")
+_DIGITS = re.compile(r"\b\d\.\d\b")
+DOUBLE = Numbers()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +94,7 @@ class Parts:
     stored: int
 
 
-def c_body(kernel: Kernel) -> list[str]:
+def c_body(kernel: Kernel, numbers: Numbers = DOUBLE) -> list[str]:
     """C statements of one kernel: constants, outputs by index.
 
     A value that is read once and has a short text stands where it is read, in parentheses; each of
@@ -64,21 +103,29 @@ def c_body(kernel: Kernel) -> list[str]:
     reads = _reads(kernel)
     text: dict[int, str] = {}
     lines: list[str] = []
+    turned = dict[str, int]()  # angle → instruction of its sine or cosine
     for k, (op, inputs, outputs, constant) in enumerate(kernel.instructions):
         if op == ca.OP_INPUT:
             text[outputs[0]] = f"{kernel.inputs[inputs[0]].name}[{inputs[1]}]"
         elif op == ca.OP_CONST:
-            text[outputs[0]] = c_constant(constant)
+            text[outputs[0]] = numbers.constant(constant)
         elif op == ca.OP_OUTPUT:
             value = _bare(text[inputs[0]])
             lines.append(f"{kernel.outputs[outputs[0]].name}[{outputs[1]}] = {value};")
+        elif numbers.turn and op in {ca.OP_SIN, ca.OP_COS}:
+            angle = text[inputs[0]]
+            if angle not in turned:
+                turned[angle] = k
+                lines.append(f"{numbers.type} s{k}, c{k};")
+                lines.append(f"{numbers.turn}({_bare(angle)}, s{k}, c{k});")
+            text[outputs[0]] = f"{'s' if op == ca.OP_SIN else 'c'}{turned[angle]}"
         elif op in EXPRESSIONS:
-            value = EXPRESSIONS[op].format(*(text[i] for i in inputs))
+            value = numbers.expressions[op].format(*(text[i] for i in inputs))
             if reads[k] == 1 and len(value) <= SHORT:
                 text[outputs[0]] = f"({value})"
             else:
                 text[outputs[0]] = f"t{k}"
-                lines.append(f"const double t{k} = {value};")
+                lines.append(f"const {numbers.type} t{k} = {value};")
         else:
             raise BuildError(
                 f"kernel '{kernel.name}' uses the CasADi instruction {op}, for which the emitter "

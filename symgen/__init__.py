@@ -1,7 +1,7 @@
 """C code of the rigid-body model of a robot arm: URDF → chain → kernels → generated/<robot>/.
 
 Build time only (casadi, pinocchio, jinja2); the `runtime` package never imports it.
-The rooms from the ground up: `errors`, `documents`, `ros`, `kernel`, `chain`, `mechanics`,
+The rooms from the ground up: `errors`, `ros`, `kernel`, `chain`, `sources`, `mechanics`,
 `collision`, `catalogue`, `emit`, `inspect`, `make`, `cli`, `console`; `robots` and `templates`
 hold data.
 """

@@ -20,7 +20,7 @@ from runtime.recording import load_recipe
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.make import read_mechanism
 from symgen.make.config import read_config
-from symgen.make.sources import Source, read_source
+from symgen.sources import Source, read_source
 from tests.markdown import blocks, run_all
 from tests.robots import DATA
 

@@ -50,8 +50,8 @@ from symgen.cli.make import read_mechanism
 from symgen.inspect import inspect_file, repaired
 from symgen.make.config import read_config, read_masses
 from symgen.make.request import request_from_folder
-from symgen.make.sources import Source, read_source, urdf_text
 from symgen.ros import Limits, Packages, expanded
+from symgen.sources import Source, read_source, urdf_text
 
 Furnish = Callable[[Path, Library], None]
 Reader = Callable[[Path, Library], Any]

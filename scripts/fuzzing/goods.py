@@ -28,7 +28,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.simulation import Controller, settings_of, write_controller
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MECHANISM, MJCF, PRIOR, RECIPE, XACRO
-from tests.symgen.make.test_sdf import LOOP
+from tests.symgen.sources.test_sdf import LOOP
 
 OPTIONS = {
     "identify": {

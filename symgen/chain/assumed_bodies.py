@@ -7,7 +7,7 @@ nothing.
 """
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -20,7 +20,7 @@ GIVEN = "given mass"
 PLACEHOLDER = "placeholder"
 """Origin of a body whose mass is not stated anywhere."""
 MASSLESS = "no mass"
-"""Origin of the speck that stands for a link without mass whose joint takes part in a coupling."""
+"""Origin of the speck that stands for a link without mass."""
 MASSLESS_KG = 1e-9
 """Mass of a speck, kg: a millionth of a gram, far below the rounding of any torque."""
 PLACEHOLDER_MASS = 1.0
@@ -52,7 +52,8 @@ def assume_bodies(
 
     Where no moving link has one and no mass is stated, every moving link becomes a placeholder. A
     single link without mass among others becomes a speck where its joint takes part in a coupling,
-    as hands of published robots do. Else it stays as it is, and `read_chain` refuses it.
+    as hands of published robots do, or where a link beyond it has mass, as in joints of two axes.
+    Else it stays as it is, and `read_chain` refuses it.
     """
     for link, mass in masses.items():
         require_bare(document, link, "--masses")
@@ -69,11 +70,11 @@ def assume_bodies(
     coupled = dict(followers or {})
     taking_part = {*coupled, *(master for masters in coupled.values() for master in masters)}
     specks = [
-        document.child_link(joint)
-        for joint in moving_joints
-        if joint in taking_part
-        and document.child_link(joint) not in origins
-        and not _has_mass(document, document.child_link(joint))
+        link
+        for joint, link in zip(moving_joints, moving, strict=True)
+        if link not in origins
+        and not _has_mass(document, (link, *_fixed_to(document, link)))
+        and (joint in taking_part or _has_mass(document, document.subtree(link)))
     ]
     for link in specks:
         for node in document.links[link].findall("inertial"):
@@ -82,9 +83,9 @@ def assume_bodies(
     return origins | dict.fromkeys(specks, MASSLESS)
 
 
-def _has_mass(document: Document, link: str) -> bool:
-    """Whether a link, or one that is fixed to it, states a mass above 0."""
-    for body in (link, *_fixed_to(document, link)):
+def _has_mass(document: Document, links: Iterable[str]) -> bool:
+    """Whether one of these links states a mass above 0."""
+    for body in links:
         node = document.links[body].find("inertial/mass")
         if node is not None and numbers(node.get("value", ""), 1, f"link '{body}': mass")[0] > 0:
             return True

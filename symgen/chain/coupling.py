@@ -17,6 +17,8 @@ from symgen.errors import UrdfError
 MatrixRows = tuple[tuple[float, ...], ...]
 Vector = tuple[float, ...]
 
+_FACTORS = (1e-9, 1e9)
+"""Sizes of factors other than 0: products and quotients of others overflow."""
 _SINGULAR = 1e-9
 """Reciprocal condition below which named independent joints do not determine the others."""
 
@@ -113,7 +115,17 @@ def _require_joints(row: CouplingRow, joints: tuple[str, ...]) -> None:
             f"robot; its moving joints are {listing(joints)}: correct the name, or remove the "
             "coupling"
         )
-    for name in row.of:
+    if not abs(row.offset) <= _FACTORS[1]:
+        raise UrdfError(
+            f"the coupling of joint '{row.joint}' has the offset {row.offset:g}, expected a number "
+            f"of rad or m below {_FACTORS[1]:g}; correct it"
+        )
+    for name, factor in row.of.items():
+        if not (factor == 0 or _FACTORS[0] <= abs(factor) <= _FACTORS[1]):
+            raise UrdfError(
+                f"the coupling of joint '{row.joint}' multiplies '{name}' by {factor:g}, expected "
+                f"0 or a factor from {_FACTORS[0]:g} to {_FACTORS[1]:g}; correct it"
+            )
         if name not in joints:
             raise UrdfError(
                 f"the coupling of joint '{row.joint}' names '{name}', which is not a moving joint "

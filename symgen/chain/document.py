@@ -3,6 +3,7 @@
 Cutting, locking and snapping are left to `normalise`, kinematics and inertias to pinocchio.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, ParseError, indent, tostring
 
@@ -15,6 +16,10 @@ from symgen.errors import UrdfError
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that can be modelled as moving."""
+_FIRST = re.compile(
+    r"\ufeff?(?:\s+|<\?.*?\?>|<!--.*?-->|<![A-Za-z][^>\[]*(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)",
+    re.DOTALL,
+)
 MOST_LINKS = 500
 """Most links of a URDF: look-ups and comparisons take a time that grows with their square."""
 
@@ -161,6 +166,15 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
     if values.shape != (count,) or not np.isfinite(values).all():
         raise UrdfError(f"{what} needs {count} finite number(s), got '{text}'")
     return values
+
+
+def first_element(text: str) -> str:
+    """Name of the first element of an XML text, which need not be well-formed; empty for none.
+
+    Comments, instructions and a DOCTYPE before it do not count.
+    """
+    match = _FIRST.match(text)
+    return match[1] if match else ""
 
 
 def parse(text: str) -> Element:

@@ -91,9 +91,12 @@ def _with_followers(document: Document, locks: dict[str, float]) -> dict[str, fl
 def _require_supported(document: Document) -> None:
     for name, element in document.joints.items():
         kind = document.kind(name)
-        remedy = "lock it with --lock JOINT=VALUE or cut it off with --tip LINK"
-        if kind == "floating" and document.parent_link(name) == document.root_link:
-            remedy = f"give --floating --base {document.child_link(name)} for a free base"
+        remedy = f"lock it as the file shows it with --lock {name}=0 or cut it off with --tip LINK"
+        child = document.child_link(name)
+        beyond = (j for link in document.subtree(child) for j in document.children(link))
+        at_root = document.parent_link(name) == document.root_link
+        if kind == "floating" and at_root and any(document.kind(j) in MOVING for j in beyond):
+            remedy = f"give --floating --base {child} for a free base, or --lock {name}=0"
         if kind not in {*MOVING, "fixed"}:
             raise UrdfError(
                 f"joint '{name}' has the type '{kind}'; revolute, continuous, prismatic and fixed "
@@ -109,14 +112,22 @@ def _lock(document: Document, joint: str, value: float) -> None:
             f"{listing(document.joints)}"
         )
     kind = document.kind(joint)
-    if kind not in MOVING:
+    if kind == "fixed":
         raise UrdfError(
             f"--lock names the joint '{joint}', which is {kind} and does not move; "
             "name a joint that moves"
         )
+    if kind not in MOVING and value:
+        raise UrdfError(
+            f"--lock {joint}={value:g}: a joint of the type '{kind}' has no single position; "
+            f"--lock {joint}=0 locks it as the file shows it"
+        )
     if not math.isfinite(value):
         raise UrdfError(f"--lock {joint}={value}: expected a finite value in rad or m")
     element = document.joints[joint]
+    if kind not in MOVING:
+        element.set("type", "fixed")
+        return
     axis_node = element.find("axis")
     axis = numbers(
         axis_node.get("xyz", "1 0 0") if axis_node is not None else "1 0 0",

@@ -119,10 +119,12 @@ def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -
     placement, inertia = model.jointPlacements[index], model.inertias[index]
     link = document.child_link(name)
     if not inertia.mass > 0:
+        bare = [n for n, body in zip(model.names, model.inertias, strict=True) if not body.mass > 0]
+        every = " ".join(f"--lock {joint}=0" for joint in bare if joint != "universe")
         raise UrdfError(
             f"link '{link}' moves with joint '{name}' but has no mass, nor do links fixed to it; "
             "give it an <inertial> or a mass with --masses, lock the joint with --lock or cut it "
-            "off with --tip"
+            f"off with --tip; to lock every such joint: {every}"
         )
     lower, upper, velocity, effort = _limits_of(document, name)
     return Joint(

@@ -28,6 +28,15 @@ ArgumentOption = Annotated[
         "--arg", metavar="NAME=VALUE", help="Value of an argument of a xacro file; repeatable."
     ),
 ]
+ModelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="Robot of a file that has several: model of SDF, body of the world of MJCF, root link "
+        "of a URDF.",
+    ),
+]
 PackageOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -65,6 +74,17 @@ def read_locks(items: list[str]) -> dict[str, float]:
         except ValueError:
             raise BuildError(f"--lock needs JOINT=VALUE with a number, got '{item}'") from None
     return locks
+
+
+def read_arguments(items: list[str]) -> dict[str, str]:
+    """Return the values of --arg NAME=VALUE by name."""
+    arguments = {}
+    for item in items:
+        name, mark, value = item.partition("=")
+        if not name or not mark:
+            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
+        arguments[name] = value
+    return arguments
 
 
 def generated_here(out: Path) -> list[Path]:

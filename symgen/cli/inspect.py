@@ -10,13 +10,13 @@ from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
-from symgen.cli.common import OverwriteOption
+from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
 from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
 from symgen.inspect.inspection import INERTIAL
 
 
 def inspect_command(
-    model: Annotated[Path, typer.Argument(help="URDF, expanded xacro or MJCF file.")],
+    model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False,
     repair: Annotated[
@@ -30,6 +30,8 @@ def inspect_command(
         list[Path] | None,
         typer.Option(help="Folder in which package:// meshes are searched; repeatable."),
     ] = None,
+    arg: ArgumentOption = None,
+    robot_model: ModelOption = None,
 ) -> None:
     r"""Check the inertial parameters of a robot model.
 
@@ -52,7 +54,9 @@ def inspect_command(
     python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
-    inspection = inspect_file(model, tuple(package_dir or ()))
+    inspection = inspect_file(
+        model, tuple(package_dir or ()), True, read_arguments(arg or []), robot_model
+    )
     result: dict[str, Any] = facts(inspection)
     if not as_json:
         _show(inspection)

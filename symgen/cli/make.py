@@ -19,11 +19,13 @@ from symgen.cli.common import (
     ConfigOption,
     LockOption,
     MechanismOption,
+    ModelOption,
     OverwriteOption,
     PackageOption,
     RootOption,
     TipOption,
     folders_of,
+    read_arguments,
     read_locks,
 )
 from symgen.errors import BuildError
@@ -33,7 +35,7 @@ from symgen.make.config import RobotConfig, read_config, read_masses, reduced_co
 from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
 from symgen.make.pipeline import build, generate
 from symgen.make.request import BuildRequest, bundled_request, request_from_folder
-from symgen.make.sources import Packages, Source, published_urdf, read_source, split_by_use
+from symgen.sources import Packages, Source, published_urdf, read_source, split_by_use
 
 
 def build_command(
@@ -116,6 +118,7 @@ def build_command(
     mechanism: MechanismOption = None,
     arg: ArgumentOption = None,
     package: PackageOption = None,
+    model: ModelOption = None,
     config: ConfigOption = None,
     level: Annotated[
         list[str] | None,
@@ -167,10 +170,10 @@ def build_command(
             raise BuildError("--urdf and --description both name a robot; give one of them")
         urdf, name = published_urdf(description), name or description.lower()
     if urdf is None:
-        if project or config or masses or densities or mechanism or arg or package:
+        if project or config or masses or densities or mechanism or arg or package or model:
             raise BuildError(
-                "the options --project, --masses, --densities, --mechanism, --arg, --package and "
-                "--config belong to your own robot; give its --urdf too"
+                "the options --project, --masses, --densities, --mechanism, --arg, --package, "
+                "--model and --config belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
         if options != ChainOptions() or name:
@@ -181,7 +184,7 @@ def build_command(
             masses=read_masses(masses) if masses else {},
             mechanism=read_mechanism(mechanism),
         )
-        source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
+        source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())), model)
         request = request_from_urdf(source, name, options, project, config, densities)
     levels = levels_of(level, all_levels, request.name)
     with console.status(f"building {request.name}"):
@@ -294,17 +297,6 @@ def vector_of(text: str | None) -> tuple[float, float, float] | None:
     except ValueError:
         raise BuildError(f"--gravity needs three numbers X,Y,Z, got '{text}'") from None
     return x, y, z
-
-
-def read_arguments(items: list[str]) -> dict[str, str]:
-    """Return the values of --arg NAME=VALUE by name."""
-    arguments = {}
-    for item in items:
-        name, mark, value = item.partition("=")
-        if not name or not mark:
-            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
-        arguments[name] = value
-    return arguments
 
 
 def read_mechanism(path: Path | None) -> Mechanism:

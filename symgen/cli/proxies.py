@@ -26,7 +26,7 @@ from symgen.collision.model import toml_from_collision
 from symgen.collision.selection import Selection, select_pairs
 from symgen.errors import BuildError, CollisionError
 from symgen.make.config import RobotConfig, home_of, read_config
-from symgen.make.sources import urdf_text
+from symgen.sources import urdf_text
 
 
 def proxies_command(

@@ -1,5 +1,6 @@
 """Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from runtime.common.files import text_of
+from symgen.chain.document import first_element
+from symgen.chain.mechanism import Mechanism
 from symgen.errors import InertiaError, SymgenError, UrdfError
 from symgen.inspect import checks, comparison
 from symgen.inspect.base import SampledBase, base_of
@@ -15,9 +18,12 @@ from symgen.inspect.model import ERROR, Body, Finding, Link, Model
 from symgen.inspect.reading import read_mjcf, read_urdf
 from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
+from symgen.sources import Packages, Source, read_source
 
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
+_CONVERTED = {"xacro": "xacro", "toml": "DH", "sdf": "SDF", "mujoco": "MJCF"}
+"""Formats that are checked as the URDF that a build makes of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,13 +71,21 @@ class Inspection:
         return tuple(f for f in self.findings if f.severity == ERROR)
 
 
-def inspect_file(path: Path, packages: tuple[Path, ...] = (), with_base: bool = True) -> Inspection:
-    """Read and check a URDF, an expanded xacro or an MJCF file.
+def inspect_file(
+    path: Path,
+    packages: tuple[Path, ...] = (),
+    with_base: bool = True,
+    arguments: Mapping[str, str] | None = None,
+    chosen: str | None = None,
+) -> Inspection:
+    """Read and check a robot file that `build` reads: URDF, xacro, MJCF, SDF, TOML of DH rows.
 
     Args:
         path: the file.
         packages: folders in which package:// meshes are searched, besides the usual ones.
         with_base: True computes the base parameters, the only part that takes seconds.
+        arguments: of xacro, name → value.
+        chosen: robot of a file that has several.
 
     Returns:
         Numbers, findings and base parameters.
@@ -79,10 +93,18 @@ def inspect_file(path: Path, packages: tuple[Path, ...] = (), with_base: bool = 
     Raises:
         UrdfError: the file cannot be read at all.
     """
-    text = _read(path)
-    if "<mujoco" in text and "<robot" not in text:
+    text, kind = _read(path), path.suffix.removeprefix(".")
+    form = kind if kind in {"xacro", "toml"} else first_element(text)
+    if form == "mujoco" and chosen is None and not arguments:
         return _checked(read_mjcf(path), None, Meshes(path, packages), with_base)
-    return inspect_text(text, path, packages, with_base)
+    if form not in _CONVERTED and chosen is None and not arguments:
+        return inspect_text(text, path, packages, with_base)
+    notes: list[str] = []
+    source = Source(path, arguments or {}, Packages(packages), chosen)
+    text, _ = read_source(source, Mechanism(), notes.append)
+    inspection = inspect_text(text, path, packages, with_base)
+    named = replace(inspection.model, form=_CONVERTED.get(form, inspection.model.form))
+    return replace(inspection, model=named, notes=(*notes, *inspection.notes))
 
 
 def inspect_text(

@@ -3,7 +3,7 @@
 A URDF must be XML without DTD, entities and xacro. `symgen.chain` requires the rest when a library
 is built.
 
-MJCF is read by MuJoCo's loader. A compiled model has all inertials, including those that MuJoCo
+MJCF is compiled by MuJoCo. A compiled model has all inertials, including those that MuJoCo
 infers from geoms. MuJoCo's compiler rejects inconsistent inertias; then the inertials written in
 the file are checked.
 """
@@ -20,6 +20,7 @@ import pinocchio
 from symgen.chain.document import Document, numbers, parse
 from symgen.errors import UrdfError
 from symgen.inspect.model import ERROR, Array, Body, Finding, Joint, Link, Model, Shape
+from symgen.sources.compiled_mjcf import compile_mjcf
 
 _SIZES = {
     "box": (("size", 3),),
@@ -204,35 +205,20 @@ class _Reader:
 
 def read_mjcf(path: Path) -> Model:
     """Read an MJCF file."""
-    try:
-        import mujoco
-    except ImportError:
-        raise UrdfError(
-            f"'{path}' is an MJCF file, which MuJoCo reads; install it: pip install mujoco"
-        ) from None
-    # Else MuJoCo writes MUJOCO_LOG.TXT into the working folder.
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except Exception as error:  # MuJoCo raises several types
-        raise UrdfError(
-            f"MuJoCo cannot parse '{path}' ({_line(error)}); correct the file"
-        ) from None
-    name = spec.modelname or path.stem
-    try:
-        model = spec.compile()
-    except Exception as error:
+    compiled = compile_mjcf(path)
+    import mujoco
+
+    if compiled.model is None:
         finding = Finding(
-            ERROR, "structure", "the file", f"MuJoCo rejects it ({_line(error)})", _COMPILES
+            ERROR, "structure", "the file", f"MuJoCo rejects it ({compiled.reason})", _COMPILES
         )
         note = "inertias that MuJoCo infers from geoms are unknown: only written ones are read"
-        links = {b.name or f"body {b.id}": _written(b, mujoco) for b in spec.bodies[1:]}
-        links, unread = _readable(links)
-        joints = tuple(_spec_joint(j, mujoco) for j in spec.joints)
-        return Model(name, "MJCF", links, joints, (finding, *unread), (note,))
-    links, all_joints = _compiled(model, mujoco)
+        links, unread = _readable({b["name"]: _written(b) for b in compiled.bodies})
+        joints = tuple(_written_joint(j, mujoco) for j in compiled.joints)
+        return Model(compiled.name, "MJCF", links, joints, (finding, *unread), (note,))
+    links, all_joints = _compiled(compiled.model, mujoco)
     links, unread = _readable(links)
-    return Model(name, "MJCF", links, all_joints, unread)
+    return Model(compiled.name, "MJCF", links, all_joints, unread, compiled.notes)
 
 
 def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, ...]]:
@@ -249,10 +235,6 @@ def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, .
             wanted = f"expected masses from {SPECK:g} kg up and numbers below {HUGE:g}"
             findings.append(Finding(ERROR, "unreadable", f"link '{name}'", observed, wanted))
     return readable, tuple(findings)
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def _compiled(model: Any, mujoco: Any) -> tuple[dict[str, Link], tuple[Joint, ...]]:
@@ -329,34 +311,13 @@ def _rotation(quaternion: Any, mujoco: Any) -> np.ndarray:
     return matrix.reshape(3, 3)
 
 
-def _written(body: Any, mujoco: Any) -> Link:
-    name = body.name or f"body {body.id}"
-    if not body.explicitinertial:
-        return Link(name)
-    full = np.array(body.fullinertia, dtype=float)
-    if np.isfinite(full).all():
-        xx, yy, zz, xy, xz, yz = full
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    else:
-        rotation = _rotation(body.iquat, mujoco)
-        tensor = rotation @ np.diag(body.inertia) @ rotation.T
-    com = np.array(body.ipos, dtype=float)
-    return Link(name, Body(float(body.mass), np.where(np.isfinite(com), com, 0.0), tensor))
+def _written(body: dict[str, Any]) -> Link:
+    if body["mass"] is None:
+        return Link(body["name"])
+    return Link(body["name"], Body(body["mass"], np.array(body["com"]), np.array(body["inertia"])))
 
 
-def _spec_joint(joint: Any, mujoco: Any) -> Joint:
-    body = joint.parent
-    kind = _kind(int(joint.type), mujoco)
-    lower, upper = (float(x) for x in joint.range)
-    limited = bool(joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE) or lower != upper
-    return _joint(
-        joint.name or f"joint {joint.id}",
-        "continuous" if kind == "revolute" and not limited else kind,
-        body.parent.name or "world",
-        body.name or f"body {body.id}",
-        body.pos,
-        joint.axis,
-        limits=(lower, upper) if limited else None,
-        damping=float(np.min(joint.damping)),
-        friction=float(joint.frictionloss),
-    )
+def _written_joint(joint: dict[str, Any], mujoco: Any) -> Joint:
+    kind = _kind(joint.pop("kind"), mujoco)
+    turns = kind == "revolute" and joint["limits"] is None
+    return _joint(kind="continuous" if turns else kind, **joint)

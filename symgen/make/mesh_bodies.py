@@ -21,7 +21,7 @@ from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, numbers, origin
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.geometry import is_sound
-from symgen.make.sources import Packages
+from symgen.sources import Packages
 
 DEFAULT = "default"
 """Key of the density of all links that the file does not name."""

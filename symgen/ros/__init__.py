@@ -8,6 +8,6 @@
 """
 
 from symgen.ros.packages import Packages
-from symgen.ros.xacro_file import Limits, expanded
+from symgen.ros.xacro_file import expanded
 
-__all__ = ["Limits", "Packages", "expanded"]
+__all__ = ["Packages", "expanded"]

@@ -14,7 +14,6 @@ for plain data, and `vars` is missing. A power of whole numbers is bounded (`pow
 
 import ast
 import io
-import json
 import os
 import re
 import sys
@@ -23,11 +22,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-try:
-    import resource
-except ImportError:  # Windows has a limit of time only, that of the parent
-    resource = None  # type: ignore[assignment]
-
+from runtime.common.child import serve
 from runtime.common.files import LARGEST_DOCUMENT, text_of
 from symgen.errors import SymgenError
 from symgen.ros.packages import Packages
@@ -49,35 +44,6 @@ _REFUSED = (ast.NamedExpr, ast.Await, ast.Yield, ast.YieldFrom)
 _ATTRIBUTE, _POWER = "__attribute__", "__power__"
 MOST_BITS = 4096
 """Length of a power of whole numbers; a float ends at 2¹⁰²⁴."""
-
-
-def main() -> None:
-    """Write {text, messages}, {reason}: why xacro refuses, or {refused}: a sentence of symgen."""
-    output, sys.stdout = sys.stdout, io.StringIO()
-    job = json.load(sys.stdin)
-    _limit(job["seconds"], job["memory"])
-    try:
-        answer = _expand(job)
-        json.dump(answer, output)
-        output.flush()
-    except BaseException:  # no memory is left for an answer
-        sys.exit(3)
-
-
-def _limit(seconds: int, memory: int) -> None:
-    """Limit processor time and memory; no file is written and no core is left."""
-    if resource is None:
-        return
-    for name, soft, hard in (
-        ("RLIMIT_CPU", seconds, seconds + 5),
-        ("RLIMIT_AS", memory, memory),
-        ("RLIMIT_FSIZE", 0, 0),
-        ("RLIMIT_CORE", 0, 0),
-    ):
-        try:
-            resource.setrlimit(getattr(resource, name), (soft, hard))
-        except (ValueError, OSError):  # a lower limit is in force, or the system has none
-            continue
 
 
 def _expand(job: dict[str, Any]) -> dict[str, Any]:
@@ -335,3 +301,7 @@ def attribute(value: Any, name: str) -> Any:
         raise AttributeError(f"'{name}' {what}")
     method: Callable[..., Any] = getattr(value, name)
     return method
+
+
+if __name__ == "__main__":
+    serve(_expand)

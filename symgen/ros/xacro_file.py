@@ -4,40 +4,16 @@ A xacro file is a program: its expressions are Python, its macros call each othe
 `xacro_child` lets it compute and read files of its packages, and nothing else.
 """
 
-import json
 import logging
-import signal
-import subprocess
-import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
+from runtime.common.child import ExceededError, Limits, answer_of
 from symgen.errors import BuildError
 from symgen.ros.packages import Packages
 
-_PROGRAM = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from symgen.ros.xacro_child import main; main()"
-)
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of one expansion; the largest published robots take two seconds.
-
-    Attributes:
-        seconds: processor time [s].
-        patience: time until the process is ended whatever it does [s].
-        memory: address space [B].
-    """
-
-    seconds: int = 20
-    patience: float = 120.0
-    memory: int = 2**30
 
 
 def expanded(
@@ -70,10 +46,14 @@ def expanded(
         "path": str(path),
         "arguments": dict(arguments),
         "folders": [str(folder) for folder in packages.folders],
-        "seconds": limits.seconds,
-        "memory": limits.memory,
     }
-    answer = _answer(path, job, limits)
+    try:
+        answer = answer_of("symgen.ros.xacro_child", job, limits)
+    except ExceededError as error:
+        raise BuildError(
+            f"xacro cannot expand '{path}': it takes more than {error}; "
+            "an expression or a macro may never end; correct the file"
+        ) from None
     for message in answer.get("messages", ()):
         _log.warning("xacro: %s", message)
     if "text" in answer:
@@ -83,33 +63,3 @@ def expanded(
     reason = answer["reason"]
     hint = "; give it by --arg NAME=VALUE" if "ndefined substitution arg" in reason else ""
     raise BuildError(f"xacro cannot expand '{path}': {reason}{hint}")
-
-
-def _answer(path: Path, job: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
-    """Answer of the process."""
-    program = [sys.executable, "-I", "-B", "-c", _PROGRAM, json.dumps(sys.path)]
-    try:
-        run = subprocess.run(
-            program,
-            input=json.dumps(job).encode(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=limits.patience,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise BuildError(_beyond(path, f"{limits.patience:g} s")) from None
-    if run.returncode == -getattr(signal, "SIGXCPU", 256):  # Windows has no such limit
-        raise BuildError(_beyond(path, f"{limits.seconds} s of processor time"))
-    try:
-        return dict(json.loads(run.stdout))
-    except ValueError:
-        what = f"{limits.memory >> 20} MiB of memory"
-        raise BuildError(_beyond(path, what, f" (code {run.returncode})")) from None
-
-
-def _beyond(path: Path, limit: str, detail: str = "") -> str:
-    return (
-        f"xacro cannot expand '{path}': it takes more than {limit}{detail}; "
-        "an expression or a macro may never end; correct the file"
-    )

@@ -7,7 +7,7 @@ import pytest
 
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
-from symgen.make.sources import Source, read_source
+from symgen.sources import Source, read_source
 
 pytest.importorskip("mujoco")
 BODY = """<body name="a"><joint name="j" type="hinge" axis="0 1 0"/>

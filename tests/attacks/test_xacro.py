@@ -9,11 +9,12 @@ from typing import Any
 
 import pytest
 
+from runtime.common.child import Limits
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
-from symgen.make.sources import Packages, Source, read_source
-from symgen.ros import Limits, expanded
+from symgen.ros import expanded
 from symgen.ros.xacro_child import evaluate
+from symgen.sources import Packages, Source, read_source
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("xacro") is None,

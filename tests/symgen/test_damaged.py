@@ -13,7 +13,7 @@ from symgen.errors import BuildError, CollisionError, SymgenError
 from symgen.inspect import inspect_file
 from symgen.make.config import read_config
 from symgen.make.request import request_from_folder
-from symgen.make.sources import Source, read_source, urdf_text
+from symgen.sources import Source, read_source, urdf_text
 from tests.conftest import TINY_URDF
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

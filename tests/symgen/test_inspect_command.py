@@ -48,7 +48,8 @@ XACRO = b"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot
         (b"\xff\xfe", "not UTF-8 text"),
         (b"<robot name='x'", "not well-formed XML"),
         (b"<robot/>", "defines no link"),
-        (b"<sdf/>", "expected a URDF whose first element is <robot>, got <sdf>"),
+        (b"<html/>", "expected a URDF whose first element is <robot>, got <html>"),
+        (b"<sdf/>", "expected an <sdf> with a <model>, got <sdf>"),
         (b"<!DOCTYPE a [<!ENTITY b 'c'>]><robot/>", "declares a DTD"),
         (
             b"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>",

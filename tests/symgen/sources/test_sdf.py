@@ -10,9 +10,9 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import SymgenError
 from symgen.make.facts import initial_parameters
-from symgen.make.sources import Source, read_source
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.dynamics import inverse_dynamics
+from symgen.sources import Source, read_source
 
 INERTIA = "<inertia><ixx>0.01</ixx><iyy>0.03</iyy><izz>0.03</izz><ixy>0.001</ixy></inertia>"
 BAR = f"""<sdf version="1.9"><model name="bar">

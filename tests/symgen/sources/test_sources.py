@@ -12,10 +12,10 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import BuildError, SymgenError
 from symgen.make.facts import initial_parameters
-from symgen.make.sources import Packages, Source, published_urdf, read_source
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.kinematics import all_accelerations, all_positions, all_rates
+from symgen.sources import Packages, Source, published_urdf, read_source
 from tests.conftest import TINY_URDF
 
 HAND = """<mujoco model="hand"><compiler angle="radian" autolimits="true"/>
@@ -161,17 +161,20 @@ def _has_examples() -> bool:
 
 
 REFUSED = {
-    "free joint": (HAND.replace('type="slide" axis="0 1 0"', 'type="ball"'), "ball or free joint"),
+    "ball joint": (
+        HAND.replace('type="slide" axis="0 1 0"', 'type="ball"'),
+        "joint 'slide' has the type 'spherical'.*--lock slide=0",
+    ),
     "quadratic": (HAND.replace("0.3 -1.5 0 0 0", "0.3 -1.5 2 0 0"), "polynomial of degree 2"),
     "tendon": (
         HAND.replace(
             "<equality>",
             '<tendon><fixed name="t"><joint joint="bend" coef="1"/></fixed></tendon><equality>'
-            '<tendon tendon1="t"/>',
+            '<tendon tendon1="t"/><tendon tendon1="t"/>',
         ),
-        "equality 1 of the file is none of joint, connect and weld",
+        "equality of tendon 't' determines no joint",
     ),
-    "damaged": (HAND.replace("</mujoco>", ""), "MuJoCo rejects"),
+    "damaged": (HAND.replace("</mujoco>", ""), "MuJoCo cannot parse"),
 }
 
 

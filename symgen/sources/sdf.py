@@ -1,11 +1,13 @@
 """SDF → URDF, couplings and loops.
 
-The first model of the file is read: links, joints, inertials, limits, damping, friction, mimics.
+Of several models, that with moving joints is read, or the one that is named: links, joints,
+inertials, limits, damping, friction, mimics.
 The frame of a URDF link is that of the joint that moves it, at the pose of the file. A further
 joint of a link that has one already, and every <loop_joint>, close a loop. Source: SDFormat 1.4 to
 1.11, sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
 """
 
+from collections.abc import Callable
 from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
 
 import numpy as np
@@ -16,10 +18,13 @@ from defusedxml.ElementTree import fromstring
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.document import listing, numbers
 from symgen.chain.mechanism import Loop, Mechanism, Spring
+from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
-from symgen.make.sources.springs import spring_of_sdf
+from symgen.sources.springs import spring_of_sdf
 
 _MODEL = "__model__"
+_FAR = 0.05
+"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 
 
 class Frames:
@@ -88,9 +93,18 @@ _ENDLESS = 1e15
 """Limit of SDF, rad or m, above which there is none."""
 
 
-def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
-    """URDF of an SDF file."""
-    model = _model(text, where)
+def robot_from_sdf(
+    text: str, chosen: str | None, where: str, has_gravity: bool, note: Callable[[str], None]
+) -> tuple[str, Mechanism]:
+    """URDF of a model of an SDF file."""
+    model = _model(text, chosen, where, note)
+    gravity = pose_of(model, model.get("name", "")).rotation.T @ GRAVITY
+    if not has_gravity and np.linalg.norm(gravity - GRAVITY) > _FAR:
+        turned = ",".join(f"{x:g}" for x in np.round(gravity, 4) + 0.0)
+        note(
+            f"{where} places the model so that gravity is {turned} "
+            "m/s² in its frame, and the build takes 0,0,-9.81 unless --gravity is given"
+        )
     frames = Frames(model, where)
     joints = [*model.findall("joint"), *model.findall("loop_joint")]
     moved: dict[str, Element] = {}
@@ -128,16 +142,36 @@ def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
     return tostring(robot, "unicode") + "\n", mechanism
 
 
-def _model(text: str, where: str) -> Element:
+def _model(text: str, chosen: str | None, where: str, note: Callable[[str], None]) -> Element:
+    """The model that is named, else the only one with moving joints, else the first."""
     try:
         root = fromstring(text, forbid_dtd=True)
     except DefusedXmlException:
         raise BuildError(f"{where} declares a DTD or entities; remove the <!DOCTYPE …>") from None
     except (ParseError, ValueError) as error:
         raise BuildError(f"{where} is not well-formed XML ({error}); correct the file") from None
-    model = next(root.iter("model"), None)
-    if root.tag != "sdf" or model is None:
+    models = [*root.findall("model"), *root.findall("world/model")]
+    if root.tag != "sdf" or not models:
         raise BuildError(f"{where}: expected an <sdf> with a <model>, got <{root.tag}>")
+    moving = [m for m in models if any(j.get("type") != "fixed" for j in m.iter("joint"))]
+    if chosen is not None:
+        named = [m for m in models if m.get("name") == chosen]
+        if not named:
+            raise BuildError(
+                f"--model names '{chosen}', which {where} does not have; its models are "
+                f"{listing(m.get('name', '') for m in models)}"
+            )
+        model = named[0]
+    elif len(moving) > 1:
+        raise BuildError(
+            f"{where} has {len(moving)} models with moving joints; choose one with --model: "
+            f"{listing(m.get('name', '') for m in moving)}"
+        )
+    else:
+        model = (moving or models)[0]
+        others = [m.get("name", "") for m in models if m is not model]
+        if others:
+            note(f"models without moving joints are left out: {listing(others)}")
     for tag in ("model", "include"):
         if model.find(tag) is not None:
             raise BuildError(

@@ -27,6 +27,8 @@ def springs_of_mjcf(
     """Springs of joints and tendons."""
     springs = []
     for k in range(model.njnt):
+        if int(model.jnt_bodyid[k]) not in shifts:  # of an object that is left out
+            continue
         if model.jnt_type[k] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
             continue
         name = model.joint(k).name or f"joint_{k}"

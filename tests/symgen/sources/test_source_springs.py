@@ -11,8 +11,8 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, Spring, mechanism_from_table
 from symgen.cli.make import request_from_urdf
 from symgen.errors import BuildError, UrdfError
-from symgen.make.sources import Source, read_source
 from symgen.mechanics.passive import known_torque
+from symgen.sources import Source, read_source
 
 BODIES = """<body name="arm" pos="0 0.1 0.3" euler="0.2 0.1 0.3">
   <joint name="lift" type="hinge" axis="0.6 0 0.8" pos="0.02 -0.03 0.05" ref="0.4"

@@ -10,16 +10,11 @@ that are closed at the initial pose, where every joint is at its reference; `dam
     connect   a point of body 1 stays at a point of body 2          spherical
     weld      a frame of body 1 stays at a frame of body 2          fixed
 
-MuJoCo opens what `file` attributes name, however large, and waits at a pipe for ever. Before it
-does, every file that exists must be a regular one of bounded size, in included files too.
-Attributes are searched in the text: MuJoCo accepts files that are not well-formed XML.
+An equality of tendons along joints is a coupling too. A body that floats freely beside a robot is
+an object of the scene and left out.
 """
 
-import re
-import stat
 from collections.abc import Callable
-from html import unescape
-from itertools import chain, product
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -27,20 +22,13 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio
 
-from runtime.common.files import LARGEST_DOCUMENT
 from symgen.chain.coupling import CouplingRow
+from symgen.chain.document import listing
 from symgen.chain.mechanism import Loop, Mechanism
 from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
-from symgen.make.sources.springs import springs_of_mjcf
-
-LARGEST_ASSET = 2**28
-"""Largest mesh, texture or height field, bytes."""
-MOST = 50_000
-"""Largest number of pairs of a folder and a name."""
-_NAMED = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-"""Names of files (file, fileright, fileup, … of a texture) and of their folders."""
-
+from symgen.sources.compiled_mjcf import compile_mjcf
+from symgen.sources.springs import springs_of_mjcf
 
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
@@ -49,22 +37,17 @@ SPECK_KG = 1e-9
 
 
 def robot_from_mjcf(
-    path: Path, has_gravity: bool, note: Callable[[str], None]
+    path: Path, chosen: str | None, has_gravity: bool, note: Callable[[str], None]
 ) -> tuple[str, Mechanism]:
-    """URDF of an MJCF file."""
-    try:
-        import mujoco
-    except ImportError:
-        raise BuildError(
-            f"'{path}' is an MJCF file, which MuJoCo reads; run: pip install mujoco"
-        ) from None
-    require_bounded_files(path)
-    mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise BuildError(f"MuJoCo rejects '{path}': {reason}; correct the file") from None
+    """URDF of an MJCF file, or of the body of the world of this name."""
+    compiled = compile_mjcf(path)
+    if compiled.model is None:
+        raise BuildError(f"MuJoCo rejects '{path}': {compiled.reason}; correct the file")
+    import mujoco
+
+    for sentence in compiled.notes:
+        note(sentence)
+    model = compiled.model
     if not has_gravity:
         _note_gravity(model, note)
     _note_compensated(model, note)
@@ -72,21 +55,73 @@ def robot_from_mjcf(
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
     SubElement(robot, "link", {"name": names[0]})
     shifts = {0: np.zeros(3)}  # body → anchor of its last joint in the body's frame
-    for body in range(1, model.nbody):
+    kept = _chosen_bodies(mujoco, model, names, chosen, f"'{path}'", note)
+    for body in kept:
         _add_body(robot, mujoco, model, body, names, shifts)
     indent(robot, space="  ")
-    joint = int(mujoco.mjtEq.mjEQ_JOINT)
-    active = [k for k in range(model.neq) if model.eq_active0[k]]
-    rows = tuple(_coupling(model, k) for k in active if int(model.eq_type[k]) == joint)
-    loops = tuple(
-        loop_of_equality(mujoco, model, k, names, shifts)
-        for k in active
-        if int(model.eq_type[k]) != joint
-    )
-    assembly = assembly_of(model) if loops else {}
+    joint, tendon = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
+    rows: list[CouplingRow] = []
+    loops: list[Loop] = []
+    inside = {0, *kept}
+    for k in np.flatnonzero(model.eq_active0).tolist():
+        kind = int(model.eq_type[k])
+        if not _is_inside(mujoco, model, k, inside):
+            continue
+        if kind == joint:
+            rows.append(_coupling(model, k))
+        elif kind == tendon:
+            rows.append(_tendon_coupling(mujoco, model, k, {row.joint for row in rows}))
+        else:
+            loops.append(loop_of_equality(mujoco, model, k, names, shifts))
+    assembly = assembly_of(model, inside) if loops else {}
     springs = springs_of_mjcf(mujoco, model, names, shifts)
-    mechanism = Mechanism(coupling=rows, spring=springs, loop=loops, assembly=assembly)
+    mechanism = Mechanism(
+        coupling=tuple(rows), spring=springs, loop=tuple(loops), assembly=assembly
+    )
     return tostring(robot, "unicode") + "\n", mechanism
+
+
+def _chosen_bodies(
+    mujoco: Any,
+    model: Any,
+    names: list[str],
+    chosen: str | None,
+    where: str,
+    note: Callable[[str], None],
+) -> list[int]:
+    """Bodies of the robot: those of the chosen tree, or all but objects that float freely."""
+    root = np.array(model.body_rootid)
+    tops = [k for k in range(1, model.nbody) if root[k] == k]
+    free = int(mujoco.mjtJoint.mjJNT_FREE)
+    owners = root[np.array(model.jnt_bodyid, dtype=int)]
+    turning = set(owners[np.array(model.jnt_type) != free].tolist())
+    floating = set(owners[np.array(model.jnt_type) == free].tolist())
+    if chosen is not None:
+        named = [k for k in tops if names[k] == chosen]
+        if not named:
+            listed = listing(names[k] for k in tops if k in turning) or "none with joints"
+            raise BuildError(
+                f"--model names '{chosen}', which is not a body of the world of {where}; its "
+                f"bodies with joints are {listed}"
+            )
+        return [k for k in range(1, model.nbody) if root[k] == named[0]]
+    objects = floating - turning if turning else set()
+    if objects:
+        listed = listing(names[k] for k in sorted(objects))
+        note(f"bodies that float freely beside the robot are left out: {listed}")
+    return [k for k in range(1, model.nbody) if root[k] not in objects]
+
+
+def _is_inside(mujoco: Any, model: Any, k: int, inside: set[int]) -> bool:
+    """Whether an equality acts on bodies of the robot alone; one with an object does not."""
+    owners = {
+        int(mujoco.mjtObj.mjOBJ_BODY): lambda at: at,
+        int(mujoco.mjtObj.mjOBJ_SITE): lambda at: int(model.site_bodyid[at]),
+        int(mujoco.mjtObj.mjOBJ_JOINT): lambda at: int(model.jnt_bodyid[at]),
+    }
+    owner = owners.get(int(model.eq_objtype[k]))
+    ends = (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
+    return owner is None or all(at < 0 or owner(at) in inside for at in ends)
 
 
 def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
@@ -139,22 +174,21 @@ def _add_body(
             joint.set("type", "floating")  # --floating --base BODY builds a free base
             continue
         slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        if not slides and kind != int(mujoco.mjtJoint.mjJNT_HINGE):
-            raise BuildError(
-                f"joint '{name}' of the body '{names[body]}' is a ball or free joint; hinges and "
-                "slides can be modelled, so replace it, or remove it to fix the body"
-            )
+        ball = kind == int(mujoco.mjtJoint.mjJNT_BALL)
         last = k == first + count - 1
         link = names[body] if last else f"{names[body]}_{name}"
         # The frame of the link turns about its anchor; at q = ref it is where the file shows it.
         new, axis = np.array(model.jnt_pos[k]), np.array(model.jnt_axis[k])
         at = place + rotation @ (new - anchor)
-        ref = float(model.qpos0[model.jnt_qposadr[k]])
+        ref = 0.0 if ball else float(model.qpos0[model.jnt_qposadr[k]])
         if slides:
             at = at - rotation @ axis * ref
         else:
             rotation = rotation @ pinocchio.AngleAxis(-ref, axis).toRotationMatrix()
-        _add_joint(robot, model, k, name, above, link, at, rotation, slides)
+        if ball:  # `chain` refuses it unless it is locked or cut off
+            _add_fixed(robot, name, above, link, at, rotation).set("type", "spherical")
+        else:
+            _add_joint(robot, model, k, name, above, link, at, rotation, slides)
         above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
         if not last:
             SubElement(robot, "link", {"name": link}).append(_speck())
@@ -224,6 +258,47 @@ def _coupling(model: Any, k: int) -> CouplingRow:
     return CouplingRow(name, {model.joint(second).name: float(c[1])}, offset)
 
 
+def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> CouplingRow:
+    """Row of an equality L_1 − L_1⁰ = c_0 + c_1 (L_2 − L_2⁰) of lengths L = Σ a x along joints.
+
+    The joint that follows is the last one of a nonzero factor that follows no other row.
+    """
+    first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+    name = model.tendon(first).name or f"tendon_{first}"
+    c = np.array(model.eq_data[k][:5])
+    if np.any(c[2:]):
+        raise BuildError(
+            f"the equality of tendon '{name}' is a polynomial of degree 2 or more, expected a "
+            "linear one; remove it, or state [[coupling]] in a mechanism file"
+        )
+    factors: dict[str, float] = {}
+    total = float(c[0])
+    for tendon, share in ((first, 1.0), (second, -float(c[1]))):
+        if tendon < 0:
+            continue
+        total += share * float(model.tendon_length0[tendon])
+        start = int(model.tendon_adr[tendon])
+        for part in range(start, start + int(model.tendon_num[tendon])):
+            if int(model.wrap_type[part]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+                raise BuildError(
+                    f"the equality of tendon '{name}' is not one of tendons along joints; remove "
+                    "it, or state [[coupling]] in a mechanism file"
+                )
+            joint = int(model.wrap_objid[part])
+            key = model.joint(joint).name or f"joint_{joint}"
+            factors[key] = factors.get(key, 0.0) + share * float(model.wrap_prm[part])
+    free = [key for key, factor in factors.items() if factor and key not in dependent]
+    if not free:
+        raise BuildError(
+            f"the equality of tendon '{name}' determines no joint that another equality leaves "
+            "free; remove it"
+        )
+    factor = factors.pop(free[-1])
+    return CouplingRow(
+        free[-1], {key: -f / factor for key, f in factors.items() if f}, total / factor
+    )
+
+
 def _speck() -> Element:
     return _inertial(SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
 
@@ -248,65 +323,6 @@ def _words(values: Any) -> str:
     return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))
 
 
-def require_bounded_files(path: Path) -> None:
-    """Refuse an MJCF file that names pipes, devices or files of hundreds of megabytes."""
-    folders, names, known = set[Path](), set[str](), set[Path]()
-    pending = [path]
-    while pending:
-        file = pending.pop()
-        if file in known:
-            continue
-        known.add(file)
-        listed, places = _named_in(_text_of(file))
-        new = {path.parent, file.parent, *(f.parent / p for f in (path, file) for p in places)}
-        fresh, more = new - folders, listed - names
-        folders |= fresh
-        names |= more
-        if len(folders) * len(names) > MOST:
-            raise BuildError(f"'{path}' names more than {MOST} files; leave some out")
-        # An asset may lie in a folder that a later file names: each pair is looked at once.
-        for folder, name in chain(product(fresh, names), product(folders - fresh, more)):
-            if _is_bounded(path, folder / name):
-                pending.append(folder / name)
-
-
-def _named_in(text: str) -> tuple[set[str], set[str]]:
-    """Names of files, and of their folders."""
-    files, places = set[str](), set[str]()
-    for key, *values in _NAMED.findall(text):
-        (places if key.endswith("dir") else files).add(unescape("".join(values)))
-    return files, places
-
-
-def _is_bounded(path: Path, asset: Path) -> bool:
-    """Whether a file exists."""
-    try:
-        status = asset.stat()
-    except (OSError, ValueError):  # MuJoCo names what it does not find
-        return False
-    if stat.S_ISDIR(status.st_mode):
-        return False
-    if not stat.S_ISREG(status.st_mode):
-        raise BuildError(f"'{path}' names '{asset}', which is not a regular file; remove it")
-    if status.st_size > LARGEST_ASSET:
-        raise BuildError(
-            f"'{path}' names '{asset}' of more than {LARGEST_ASSET >> 20} MiB; remove it"
-        )
-    return True
-
-
-def _text_of(file: Path) -> str:
-    """Text of a file that may be XML; empty for a mesh, an image or a file of other text."""
-    try:
-        if file.stat().st_size > LARGEST_DOCUMENT:
-            return ""
-        data = file.read_bytes()
-    except OSError:  # MuJoCo says why
-        return ""
-    head = data[:512].lstrip(b"\xef\xbb\xbf \t\r\n")
-    return data.decode(errors="replace") if head.startswith(b"<") else ""
-
-
 def loop_of_equality(
     mujoco: Any, model: Any, k: int, names: list[str], shifts: dict[int, np.ndarray]
 ) -> Loop:
@@ -315,9 +331,8 @@ def loop_of_equality(
     kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "spherical", int(mujoco.mjtEq.mjEQ_WELD): "fixed"}
     if kind not in kinds:
         raise BuildError(
-            f"the equality {k + 1} of the file is none of joint, connect and weld; tendons and "
-            "flexes of MJCF cannot be modelled, so remove it, or state [[coupling]] in a mechanism "
-            "file"
+            f"the equality {k + 1} of the file is none of joint, tendon, connect and weld; flexes "
+            "of MJCF cannot be modelled, so remove it"
         )
     first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
     turn, other = np.eye(3), np.eye(3)
@@ -342,11 +357,11 @@ def loop_of_equality(
     )
 
 
-def assembly_of(model: Any) -> dict[str, float]:
+def assembly_of(model: Any, inside: set[int]) -> dict[str, float]:
     """Joint → position of the initial pose [rad, m], joints at 0 left out."""
     positions = {}
     for k in range(model.njnt):
         value = float(model.qpos0[model.jnt_qposadr[k]])
-        if value:
+        if value and int(model.jnt_bodyid[k]) in inside and model.jnt_type[k] > 1:  # one number
             positions[model.joint(k).name or f"joint_{k}"] = value
     return positions

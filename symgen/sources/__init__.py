@@ -6,9 +6,10 @@
 | `package://PACKAGE/path` | `symgen.ros` finds the folder of the ROS package |
 | `.xacro` | `symgen.ros` expands it |
 | `.toml` of modified DH rows | `symgen.chain.dh` |
-| MJCF | `mjcf` reads it with MuJoCo |
+| MJCF | `mjcf`, compiled by MuJoCo in a process with limits (`compiled_mjcf`, `mjcf_child`) |
 | SDF | `sdf` |
 | springs of MJCF and SDF | `springs` |
+| several robots in one file | `tree`, and the name of `--model` |
 | name of a published robot | robot_descriptions or example-robot-data, where installed |
 """
 
@@ -23,12 +24,14 @@ from typing import Any
 from runtime.common.files import text_of
 from runtime.common.records import record_from_toml
 from symgen.chain.dh import robot_from_rows
+from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
-from symgen.make.sources.mjcf import robot_from_mjcf
-from symgen.make.sources.sdf import robot_from_sdf
-from symgen.make.sources.springs import merged, split_by_use
 from symgen.ros import Packages, expanded
+from symgen.sources.mjcf import robot_from_mjcf
+from symgen.sources.sdf import robot_from_sdf
+from symgen.sources.springs import merged, split_by_use
+from symgen.sources.tree import robot_tree
 
 __all__ = ["Packages", "Source", "published_urdf", "read_source", "split_by_use", "urdf_text"]
 
@@ -43,11 +46,13 @@ class Source:
         path: the file, or `package://PACKAGE/path`.
         arguments: of xacro, name → value.
         packages: where ROS packages are searched.
+        model: robot of a file that has several.
     """
 
     path: Path
     arguments: Mapping[str, str] = field(default_factory=dict)
     packages: Packages = field(default_factory=Packages)
+    model: str | None = None
 
 
 def read_source(
@@ -84,10 +89,13 @@ def read_source(
         text, stated = robot_from_rows(table, f"'{path}'")
     else:
         text = urdf_text(path)
-        if "<mujoco" in text and "<robot" not in text:
-            text, stated = robot_from_mjcf(path, has_gravity, note)
-        elif "<sdf" in text and "<robot" not in text:
-            text, stated = robot_from_sdf(text, f"'{path}'")
+    form = first_element(text)
+    if form == "mujoco":
+        text, stated = robot_from_mjcf(path, source.model, has_gravity, note)
+    elif form == "sdf":
+        text, stated = robot_from_sdf(text, source.model, f"'{path}'", has_gravity, note)
+    chosen = None if form in {"mujoco", "sdf"} else source.model
+    text = robot_tree(text, chosen, f"'{path}'", note)
     springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()
     if springs:
         stated, mechanism = stated.replace(spring=()), mechanism.replace(spring=())

@@ -1,0 +1,103 @@
+"""A process of limited time and memory that does one job on a file of others: JSON in, JSON out.
+
+The parent calls `answer_of`, the module that runs there `serve`. A parser that hangs, exhausts the
+memory or crashes ends its own process, not that of the user.
+"""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+try:
+    import resource
+except ImportError:  # Windows has a limit of time only, that of the parent
+    resource = None  # type: ignore[assignment]
+
+_PROGRAM = (
+    "import json, runpy, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "runpy.run_path(sys.argv[2], run_name='__main__')"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one job; the largest published robots take two seconds.
+
+    Attributes:
+        seconds: processor time [s].
+        patience: time until the process is ended whatever it does [s].
+        memory: address space [B].
+        file: size of a file that it may write [B].
+    """
+
+    seconds: int = 20
+    patience: float = 120.0
+    memory: int = 2**30
+    file: int = 0
+
+
+class ExceededError(Exception):
+    """The process has reached a limit or crashed; the text says which."""
+
+
+def answer_of(module: str, job: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
+    """Answer of a process that runs a module."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ImportError(f"module '{module}' is not found")
+    bounds = {"seconds": limits.seconds, "memory": limits.memory, "file": limits.file}
+    try:
+        run = subprocess.run(
+            [sys.executable, "-I", "-B", "-c", _PROGRAM, json.dumps(sys.path), spec.origin],
+            input=json.dumps({"job": dict(job), "limits": bounds}).encode(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=limits.patience,
+            check=False,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # each thread reserves address space
+        )
+    except subprocess.TimeoutExpired:
+        raise ExceededError(f"{limits.patience:g} s") from None
+    if run.returncode == -getattr(signal, "SIGXCPU", 256):  # Windows has no such limit
+        raise ExceededError(f"{limits.seconds} s of processor time")
+    try:
+        return dict(json.loads(run.stdout))
+    except ValueError:
+        memory = f"{limits.memory >> 20} MiB of memory (code {run.returncode})"
+        raise ExceededError(memory) from None
+
+
+def serve(work: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Read a job, set the limits, do the work and write its answer."""
+    output, sys.stdout = sys.stdout, io.StringIO()
+    order = json.load(sys.stdin)
+    _limit(order["limits"])
+    try:
+        json.dump(work(order["job"]), output)
+        output.flush()
+    except BaseException:  # no memory is left for an answer
+        sys.exit(3)
+
+
+def _limit(limits: Mapping[str, int]) -> None:
+    """Limit processor time, memory and files that are written; no core is left."""
+    if resource is None:
+        return
+    seconds, memory, file = limits["seconds"], limits["memory"], limits["file"]
+    for name, soft, hard in (
+        ("RLIMIT_CPU", seconds, seconds + 5),
+        ("RLIMIT_AS", memory, memory),
+        ("RLIMIT_FSIZE", file, file),
+        ("RLIMIT_CORE", 0, 0),
+    ):
+        try:
+            resource.setrlimit(getattr(resource, name), (soft, hard))
+        except (ValueError, OSError):  # a lower limit is in force, or the system has none
+            continue

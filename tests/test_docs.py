@@ -139,7 +139,7 @@ def test_public_names_are_those_of_the_code() -> None:
 
 def test_numbers_of_public_formats_are_those_of_the_code() -> None:
     """Property: the page states the number that the code writes into each file."""
-    from runtime.identification import result_schema, statistics_file
+    from runtime.identification import result_record, statistics_file
     from runtime.identification.comparison import output
     from runtime.identification.payload import known
     from runtime.library import manifest
@@ -147,7 +147,7 @@ def test_numbers_of_public_formats_are_those_of_the_code() -> None:
     table = section_of("reference/public.md", "Files")
     stated = dict(re.findall(r"\| `([\w.]+)` \| `\w+` (\d+) \|", table))
     assert stated == {
-        "result.json": str(result_schema.FORMAT),
+        "result.json": str(result_record.FORMAT),
         "payload.json": str(known.FORMAT),
         "compare.json": str(output.FORMAT),
         "statistics.npz": str(statistics_file.FORMAT),

@@ -27,6 +27,8 @@ from rich.table import Column, Table
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.common.terminal import completing, console, program
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
+from runtime.identification.result_record import ErrorPercent, ErrorRms, ResultRecord
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Library, load
 from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
@@ -104,26 +106,21 @@ def sentences_of(registry: Registry[Any]) -> str:
     return "; ".join(parts)
 
 
-def torque_table(facts: dict[str, Any]) -> Table:
+def torque_table(
+    of: ResultRecord | SavedResult, percent: ErrorPercent, rms: ErrorRms, part: str = "test"
+) -> Table:
     """Table of torque errors per joint and overall, before and after identification.
 
     The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
     """
-    percent, rms = facts["torque_error_percent"], facts["torque_rms"]
     table = Table(
         Column("joint", overflow="fold"),
-        title=f"{facts['robot']}, {facts['method']}: torque error on {tested_on(facts)} data",
+        title=f"{of.robot}, {of.method}: torque error on {part} data",
     )
     for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
         table.add_column(head, justify="right")
     columns = zip(
-        facts["joints"],
-        percent["before"],
-        percent["after"],
-        rms["before"],
-        rms["after"],
-        facts["units"],
-        strict=True,
+        of.joints, percent.before, percent.after, rms.before, rms.after, of.units, strict=True
     )
     for name, before, after, rms_before, rms_after, unit in columns:
         table.add_row(
@@ -134,32 +131,31 @@ def torque_table(facts: dict[str, Any]) -> Table:
             unit,
         )
     table.add_section()
-    overall = (f"{percent['before_overall']:.3f}", f"{percent['after_overall']:.3f}")
+    overall = (f"{x:.3f}" for x in (percent.before_overall, percent.after_overall))
     table.add_row("overall", *overall, "", "", "")
     return table
 
 
-def tested_on(facts: dict[str, Any]) -> str:
+def tested_on(record: ResultRecord) -> str:
     """Part of the log that errors are computed on, "test" or, without a test part, "training"."""
-    samples = facts.get("recording", {}).get("samples", {})
-    return "training" if samples.get("test") == 0 else "test"
+    return "training" if record.recording.samples.get("test") == 0 else "test"
 
 
-def share_table(facts: dict[str, Any]) -> Table | None:
+def share_tables(record: ResultRecord) -> tuple[Table, ...]:
     """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
 
     The step from the first to the second row is the share of friction, the rest that of inertia.
-    None where no friction is fitted.
+    Nothing where no friction is fitted.
     """
-    percent = facts["torque_error_percent"]
-    if "urdf_friction_overall" not in percent:
-        return None
+    percent = record.torque_error_percent
+    if percent.urdf_friction_overall is None:
+        return ()
     table = Table(
-        Column("model"), Column(f"torque error on {tested_on(facts)} data %", justify="right")
+        Column("model"), Column(f"torque error on {tested_on(record)} data %", justify="right")
     )
     for name, key in MODELS:
-        table.add_row(name, f"{percent[key]:.3f}")
-    return table
+        table.add_row(name, f"{getattr(percent, key):.3f}")
+    return (table,)
 
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:

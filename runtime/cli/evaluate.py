@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 
 from runtime.cli.common import Yes, open_robot, torque_table
@@ -14,7 +15,7 @@ from runtime.identification import metrics
 from runtime.identification.identified import torque_of
 from runtime.identification.mass_audit import audit_mass
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.result_file import error_facts
+from runtime.identification.result_file import error_parts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.recording import Preparation, Recording
@@ -95,6 +96,7 @@ def evaluate_command(
         notes.append(RAW)
     else:
         notes += _other_filter(saved, prepared)
+    percent, rms = error_parts(*errors)
     rotor = joint_friction(lib, terms, saved.phi).filled("armature")
     audit = audit_mass(lib, saved.pi, rotor)
     figures: dict[str, Any] = {
@@ -102,14 +104,15 @@ def evaluate_command(
         "method": saved.method,
         "joints": list(saved.joints),
         "units": list(saved.units),
-        **error_facts(*errors),
+        "torque_error_percent": msgspec.to_builtins(percent),
+        "torque_rms": msgspec.to_builtins(rms),
         "mass_matrix": audit.to_facts(),
         "notes": notes,
     }
     if as_json:
         print(json.dumps(figures, indent=1))
     else:
-        console.print(torque_table(figures))
+        console.print(torque_table(saved, percent, rms))
         say(f"{audit.sentence()}.")
         for note in notes:
             say(f"note: {note}")

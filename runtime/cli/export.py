@@ -70,7 +70,7 @@ def export_command(
         folder,
         terms=terms,
         phi=saved.phi,
-        drives=drives_of(saved.facts),
+        drives=drives_of(saved.record),
         overwrite=overwrite,
     )
     for each in done:

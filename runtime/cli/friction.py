@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Overwrite, Yes, open_robot, torque_table
+from runtime.cli.common import Overwrite, Yes, open_robot, tested_on, torque_table
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
 from runtime.cli.log_options import Parts, Recipe, Run, split_of
 from runtime.common.files import require_unused
@@ -14,7 +14,7 @@ from runtime.common.terminal import command_line, console, say
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.result_file import error_facts, write_result
+from runtime.identification.result_file import error_parts, write_result
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files import write_urdf
@@ -67,15 +67,15 @@ def friction_command(
         preparation = saved.preparation
     settings = Settings(preparation=preparation, split=split_of(split))
     renewed = identify_friction(recording, lib, saved, settings)
-    facts = write_result(renewed.result, folder, command_line())
+    record = write_result(renewed.result, folder, command_line())
     for name in _STALE:
         (folder / name).unlink(missing_ok=True)
-    shown = facts | error_facts(renewed.earlier, torque_errors(renewed.result)[1])
-    table = torque_table(shown)
+    errors = error_parts(renewed.earlier, torque_errors(renewed.result)[1])
+    table = torque_table(record, *errors, tested_on(record))
     table.caption = "before: friction of the earlier result"
     console.print(table)
     console.print(_coefficients(renewed, saved))
-    for note in (*notes, *facts["warnings"]):
+    for note in (*notes, *record.warnings):
         say(f"note: {note}")
     urdf = folder / "identified.urdf"
     if renewed.result.is_consistent:

@@ -1,16 +1,13 @@
 """What `symgen identify` writes and prints of a result."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.table import Column, Table
 
-from runtime.cli.common import share_table, torque_table
+from runtime.cli.common import share_tables, tested_on, torque_table
 from runtime.cli.drive import print_drives
 from runtime.common.terminal import command_line, console, say
-from runtime.identification.friction_intervals import spring_lines
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
@@ -38,16 +35,14 @@ class Outputs:
 
 def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     """Write and print a result."""
-    facts = write_result(result, folder, command_line())
+    record = write_result(result, folder, command_line())
     first = still_joints(result)
     for warning in first:
         say(f"warning: {warning}")
-    console.print(torque_table(facts))
-    shares = share_table(facts)
-    if shares is not None:
-        console.print(shares)
-    print_drives(facts)
-    _print_springs(facts)
+    percent, rms = record.torque_error_percent, record.torque_rms
+    for table in (torque_table(record, percent, rms, tested_on(record)), *share_tables(record)):
+        console.print(table)
+    print_drives(record)
     if result.agreement is not None:
         print_agreement(result.agreement)
     if result.uncertainty is not None:
@@ -59,7 +54,7 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     say(f"status: {result.status}")
     verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
     smallest = float(result.relative_eigenvalues.min())
-    say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
+    say(f"links: all {len(record.links)} {verdict}, smallest relative eigenvalue {smallest:.1e}"
         if result.is_consistent
         else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
     say(
@@ -68,7 +63,7 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     if result.uncertainty is not None:
         say(f"advice: {result.uncertainty.advice()}")
     say(f"time of the method: {result.seconds:.3f} s")
-    for warning in facts["warnings"][len(first) :]:
+    for warning in record.warnings[len(first) :]:
         say(f"note: {warning}")
     if result.is_consistent:
         say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
@@ -84,11 +79,6 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
         say(f"statistics: {folder / STATISTICS}")
     else:
         (folder / STATISTICS).unlink(missing_ok=True)  # of a result that this one replaces
-
-
-def _print_springs(facts: Mapping[str, Any]) -> None:
-    for line in spring_lines(facts["friction"]):
-        say(line)
 
 
 def _exported(result: Identification, folder: Path) -> str:

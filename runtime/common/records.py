@@ -62,7 +62,13 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         return msgspec.structs.replace(self, **changes)
 
 
-def record_from_table(kind: type[T], table: Any, where: str, error: type[Exception]) -> T:
+def record_from_table(
+    kind: type[T],
+    table: Any,
+    where: str,
+    error: type[Exception],
+    allows_infinite: bool = False,
+) -> T:
     """Record of a table, or one sentence on the first fault.
 
     Args:
@@ -70,6 +76,7 @@ def record_from_table(kind: type[T], table: Any, where: str, error: type[Excepti
         table: parsed TOML or JSON.
         where: the document, as the sentence names it.
         error: what is raised.
+        allows_infinite: whether numbers may be inf or nan.
 
     Returns:
         The record; numbers in it are finite.
@@ -80,7 +87,7 @@ def record_from_table(kind: type[T], table: Any, where: str, error: type[Excepti
         raise error(f"{where}{_sentence(kind, table, str(fault))}") from None
     except RecursionError:
         raise error(f"{where} is nested too deeply; write it flat") from None
-    if place := _infinite(table, ""):
+    if not allows_infinite and (place := _infinite(table, "")):
         raise error(f"{where}: {place} expects a finite number, got inf or nan; correct it")
     return record
 

@@ -21,6 +21,7 @@ from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import SavedPosterior
+from runtime.identification.result_record import FrictionPart
 from runtime.library import Array
 from runtime.recording.friction import names_where
 from runtime.recording.settings import SPRING
@@ -49,33 +50,33 @@ def friction_sigma(result: Identification) -> Array | None:
     return np.where(_held_at_zero(result, phi), np.nan, sigma)
 
 
-def interval_facts(result: Identification) -> dict[str, Any]:
-    """Keys `sigma` and `interval_95` of the friction in result.json; empty without a posterior."""
+def friction_intervals(result: Identification) -> tuple[Any, Any]:
+    """`sigma` and `interval_95` of the friction in result.json; None without a posterior."""
     sigma = friction_sigma(result)
     if sigma is None:
-        return {}
-    phi = result.usual_phi
-    ends = np.stack([phi - NORMAL_95 * sigma, phi + NORMAL_95 * sigma], axis=2)
-    is_known = np.isfinite(sigma)
-    return {
-        "sigma": [
-            [value if np.isfinite(value) else None for value in row] for row in sigma.tolist()
-        ],
-        "interval_95": [
-            [pair.tolist() if known else None for pair, known in zip(*rows, strict=True)]
-            for rows in zip(ends, is_known, strict=True)
-        ],
-    }
+        return None, None
+    ends = [result.usual_phi + side * NORMAL_95 * sigma for side in (-1, 1)]
+    is_known = np.isfinite(sigma).tolist()
+    return (
+        tuple(
+            tuple(value if known else None for value, known in zip(*row, strict=True))
+            for row in zip(sigma.tolist(), is_known, strict=True)
+        ),
+        tuple(
+            tuple((low, high) if known else None for low, high, known in zip(*row, strict=True))
+            for row in zip(ends[0].tolist(), ends[1].tolist(), is_known, strict=True)
+        ),
+    )
 
 
-def spring_lines(facts: dict[str, Any] | None) -> list[str]:
+def spring_lines(friction: FrictionPart | None) -> list[str]:
     """One line per spring of unknown stiffness: its constant with the 95 % interval."""
     lines: list[str] = []
-    if facts is None:
+    if friction is None:
         return lines
-    for place, column in enumerate(facts["columns"]):
+    for place, column in enumerate(friction.columns):
         if column.startswith(SPRING):
-            value, ends = facts["values"][0][place], facts.get("interval_95")
+            value, ends = friction.values[0][place], friction.interval_95
             pair = ends and ends[0][place]
             spread = (
                 f", 95 % interval {pair[0]:.5g} to {pair[1]:.5g}" if pair else ", without interval"

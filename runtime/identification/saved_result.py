@@ -5,49 +5,37 @@ placements. Another gravity, other inertials or a newer generator leave π valid
 fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Learned
-from runtime.identification.result_schema import read_facts
+from runtime.identification.result_record import (
+    LARGEST_VALUE,
+    CurrentGain,
+    FrictionPart,
+    JointPlace,
+    ModelPart,
+    ResultRecord,
+    read_record,
+)
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
 from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
+from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
 
-LARGEST_VALUE = 1e9
-"""Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
 """Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
-_PLACE = ("rotation", "translation", "axis")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelOfResult:
-    """The model that a result was identified with.
-
-    Attributes:
-        digest: `model_hash` of its library.
-        gravity: (3,) in the base frame, m/s².
-        kinds: kind and parent of every joint.
-        places: rotation, translation [m] and axis of every joint, (n, 15).
-        lumped: names of the fixed links that count into moving ones.
-    """
-
-    digest: str
-    gravity: Array
-    kinds: tuple[str, ...]
-    places: Array
-    lumped: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +53,7 @@ class SavedResult(Framed):
         history: sentences on the preparation of the log.
         preparation: settings of the preparation.
         model: model of the parameters; None in files that lack it.
-        facts: the whole content of the file.
+        record: the whole content of the file; None of a model that is of no file.
         learned: friction beyond φ, where the method learned one.
         gains: of the motor currents of its log; None where the log held torques.
     """
@@ -79,8 +67,8 @@ class SavedResult(Framed):
     phi: Array
     history: tuple[str, ...]
     preparation: Preparation
-    model: ModelOfResult | None
-    facts: dict[str, Any] = field(default_factory=dict)
+    model: ModelPart | None
+    record: ResultRecord | None = None
     learned: Learned | None = None
     gains: CurrentGains | None = None
 
@@ -93,15 +81,18 @@ class SavedResult(Framed):
 
     def _repr_html_(self) -> str:
         """Torque errors and bodies of the links, as tables for notebooks."""
-        percent, rms = self.facts.get("torque_error_percent"), self.facts.get("torque_rms")
+        known = self.record
         torque = [
             (name, _number(old, ".2f"), _number(new, ".2f"), f"{_number(size, '.4f')} {unit}")
             for name, unit, old, new, size in (
                 zip(
-                    *(self.joints, self.units, percent["before"], percent["after"], rms["after"]),
+                    *(self.joints, self.units),
+                    known.torque_error_percent.before,
+                    known.torque_error_percent.after,
+                    known.torque_rms.after,
                     strict=True,
                 )
-                if percent and rms
+                if known is not None
                 else ()
             )
         ]
@@ -111,7 +102,8 @@ class SavedResult(Framed):
                 self._link_names(), mass(links(self.pi)), first_moment(links(self.pi)), strict=True
             )
         ]
-        title = f"{self.robot} by {self.method}: {self.facts.get('status', 'no result.json')}"
+        status = "no result.json" if known is None else known.status
+        title = f"{self.robot} by {self.method}: {status}"
         head = ("joint", "error of URDF [%]", "error [%]", "RMS error")
         errors = html_table(title, torque, head)
         return errors + html_table("links", bodies, ("link", "mass [kg]", "centre of mass [m]"))
@@ -124,14 +116,14 @@ class SavedResult(Framed):
             "parameter": [name for _, name in rows],
             "value": self.pi.tolist(),
         }
-        sigma = (self.facts.get("uncertainty") or {}).get("pi_sigma")
-        if sigma is not None:
-            columns["sigma"] = list(sigma)
+        known = None if self.record is None else self.record.uncertainty
+        if known is not None:
+            columns["sigma"] = list(known.pi_sigma)
         return columns
 
     def _link_names(self) -> list[str]:
         """Names of the bodies of π, by their number where the file has none."""
-        names = [str(each["name"]) for each in self.facts.get("links", ())]
+        names = [] if self.record is None else [each.name for each in self.record.links]
         count = len(self.pi) // N_PARAMETERS
         return names if len(names) == count else [f"body {k + 1}" for k in range(count)]
 
@@ -141,69 +133,70 @@ def _number(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
 
 
-def model_facts(lib: Library) -> dict[str, Any]:
-    """The part `model` of result.json, which `ModelOfResult` is read from."""
-    joints = [
-        {
-            "kind": joint.kind,
-            "parent": joint.parent,
-            **{key: np.array(getattr(joint, key)).tolist() for key in _PLACE},
-        }
-        for joint in lib.manifest.all_joints
-    ]
-    return {
-        "model_hash": lib.manifest.model_hash,
-        "gravity": lib.gravity.tolist(),
-        "joints": joints,
-        "lumped": [body["name"] for body in lib.manifest.lumped],
-    }
+def model_part(lib: Library) -> ModelPart:
+    """The part `model` of result.json."""
+    return ModelPart(
+        model_hash=lib.manifest.model_hash,
+        gravity=tuple(lib.gravity.tolist()),
+        joints=tuple(
+            JointPlace(
+                kind=joint.kind,
+                parent=joint.parent,
+                rotation=joint.rotation,
+                translation=tuple(np.array(joint.translation).tolist()),
+                axis=tuple(np.array(joint.axis).tolist()),
+            )
+            for joint in lib.manifest.all_joints
+        ),
+        lumped=tuple(body["name"] for body in lib.manifest.lumped),
+    )
 
 
 def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
     """Read the result that `identify` wrote; learned friction is refused without `with_learned`."""
-    try:
-        file = folder / "result.json" if folder.is_dir() else folder
-        facts = read_facts(file)
-        if not NAME.fullmatch(facts["robot"]):
-            raise RecordingError(
-                f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
-                f"{facts['robot']!r:.60}; correct the file, or identify again"
-            )
-        n = len(facts["joints"])
-        terms = facts["friction"] or {"columns": [], "values": [[]] * n}
-        net = terms.get("net")
-        if net and not with_learned:
-            raise RecordingError(
-                f"'{file}': expected a result whose friction is its columns, got one of the method "
-                f"{facts['method']}, which learned more, as evaluate takes it; identify again by "
-                "another method"
-            )
-        saved = SavedResult(
-            robot=str(facts["robot"]),
-            method=str(facts["method"]),
-            joints=tuple(facts["joints"]),
-            units=tuple(facts["units"]),
-            pi=np.array(facts["pi"], dtype=float),
-            friction=Friction.from_facts(terms),
-            phi=np.array(terms["values"], dtype=float),
-            history=tuple(map(str, facts["recording"]["history"])),
-            preparation=_preparation(facts["recording"]["preparation"]),
-            model=None if facts["model"] is None else _model(facts["model"]),
-            facts=facts,
-            learned=_learned(facts["method"], net),
-            gains=_gains(facts.get("current_gains"), n),
-        )
-        links = n if saved.model is None else len(saved.model.kinds)
-        whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
-        if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
-            raise ValueError
-        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST_VALUE).all():
-            raise ValueError
-        if saved.learned and saved.learned(np.zeros((1, *saved.phi.shape))).shape != (1, n):
-            raise ValueError
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+    file = folder / "result.json" if folder.is_dir() else folder
+    record = read_record(file)
+    if not NAME.fullmatch(record.robot):
         raise RecordingError(
-            f"'{folder}' holds no valid result.json; give the folder that identify wrote"
+            f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
+            f"{record.robot!r:.60}; correct the file, or identify again"
+        )
+    n = len(record.joints)
+    terms = record.friction or FrictionPart(
+        columns=(), values=((),) * n, coulomb_speed=COULOMB_SPEED
+    )
+    if terms.net and not with_learned:
+        raise RecordingError(
+            f"'{file}': expected a result whose friction is its columns, got one of the method "
+            f"{record.method}, which learned more, as evaluate takes it; identify again by "
+            "another method"
+        )
+    try:
+        saved = SavedResult(
+            robot=record.robot,
+            method=record.method,
+            joints=record.joints,
+            units=record.units,
+            pi=np.array(record.pi),
+            friction=Friction.from_facts(msgspec.to_builtins(terms)),
+            phi=np.array(terms.values, dtype=float),
+            history=record.recording.history,
+            preparation=_preparation(record.recording.preparation),
+            model=record.model,
+            record=record,
+            learned=_learned(record.method, terms.net),
+            gains=_gains(record.current_gains),
+        )
+        bodies = n if saved.model is None else len(saved.model.joints)
+        if saved.pi.shape != (N_PARAMETERS * bodies,):
+            raise ValueError(f"pi expects {N_PARAMETERS * bodies} numbers, got {saved.pi.size}")
+        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST_VALUE).all():
+            raise ValueError(f"pi and friction.values expect numbers below {LARGEST_VALUE:g}")
+        if saved.learned and saved.learned(np.zeros((1, *saved.phi.shape))).shape != (1, n):
+            raise ValueError("friction.net does not fit to the joints")
+    except (RecordingError, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise RecordingError(
+            f"'{folder}' holds no valid result.json ({error}); give the folder that identify wrote"
         ) from None
     return saved
 
@@ -214,18 +207,18 @@ def _learned(method: str, facts: Any) -> Learned | None:
         return None
     read = METHODS[method].learned
     if read is None:
-        raise ValueError
+        raise ValueError(f"the method {method} learns no friction.net")
     return read(facts)
 
 
-def _gains(facts: Any, joints: int) -> CurrentGains | None:
+def _gains(gains: tuple[CurrentGain, ...] | None) -> CurrentGains | None:
     """Gains of motor currents; None where the log held torques."""
-    if not facts:
+    if not gains:
         return None
-    gains = CurrentGains.from_facts(facts, "the result")
-    if gains.gain.shape != (joints,) or not (np.abs(gains.gain) < LARGEST_VALUE).all():
-        raise ValueError
-    return gains
+    read = CurrentGains.from_facts([msgspec.to_builtins(each) for each in gains], "the result")
+    if not (np.abs(read.gain) < LARGEST_VALUE).all():
+        raise ValueError(f"current_gains expect numbers below {LARGEST_VALUE:g}")
+    return read
 
 
 def _preparation(facts: dict[str, Any]) -> Preparation:
@@ -234,14 +227,11 @@ def _preparation(facts: dict[str, Any]) -> Preparation:
     return Preparation(**lists)
 
 
-def _model(facts: dict[str, Any]) -> ModelOfResult:
-    joints = facts["joints"]
-    rows = [np.hstack([np.ravel(joint[key]) for key in _PLACE]) for joint in joints]
-    places = np.array(rows, dtype=float).reshape(len(joints), 15)
-    gravity = np.array(facts["gravity"], dtype=float).reshape(3)
-    kinds = tuple(f"{joint['kind']} {joint['parent']}" for joint in joints)
-    lumped = frozenset(str(name) for name in facts["lumped"])
-    return ModelOfResult(str(facts["model_hash"]), gravity, kinds, places, lumped)
+def _places(model: ModelPart) -> Array:
+    """Rotation, translation [m] and axis of every joint, (n, 15)."""
+    rows = [np.hstack([np.ravel(x) for x in (j.rotation, j.translation, j.axis)])
+            for j in model.joints]  # fmt: skip
+    return np.array(rows, dtype=float).reshape(len(rows), 15)
 
 
 def require_model(
@@ -253,11 +243,12 @@ def require_model(
             f"'{folder}' identified {saved.robot}, whose joints differ from those of "
             f"'{lib.name}'; name its robot with --robot"
         )
-    then, now = saved.model, _model(model_facts(lib))
-    if then is None or then.digest == now.digest:
+    then, now = saved.model, model_part(lib)
+    if then is None or then.model_hash == now.model_hash:
         return ()
-    moved = ~(np.abs(then.places - now.places).max(axis=1) <= ALIKE)  # NaN counts as moved
-    moved |= np.array([a != b for a, b in zip(then.kinds, now.kinds, strict=True)])
+    kinds = [[(joint.kind, joint.parent) for joint in each.joints] for each in (then, now)]
+    moved = ~(np.abs(_places(then) - _places(now)).max(axis=1) <= ALIKE)  # NaN counts as moved
+    moved |= np.array([a != b for a, b in zip(*kinds, strict=True)])
     if moved.any():
         raise RecordingError(
             f"'{folder}' was identified with a model whose joint "
@@ -265,8 +256,8 @@ def require_model(
             f"than that of '{lib.name}', so that its parameters belong to other frames; name the "
             "library that it was identified with by --robot, or identify again"
         )
-    if then.lumped != now.lumped:
-        other = ", ".join(sorted(then.lumped ^ now.lumped))
+    if others := set(then.lumped) ^ set(now.lumped):
+        other = ", ".join(sorted(others))
         difference = (
             f"'{folder}' was identified with other fixed links counted into moving ones than "
             f"'{lib.name}' has ({other})"
@@ -276,14 +267,14 @@ def require_model(
                 f"{difference}; name the library that it was identified with by --robot"
             )
         return (f"{difference}: its masses belong to other bodies",)
-    if not np.abs(then.gravity - now.gravity).max() <= ALIKE:
+    if not np.abs(np.subtract(then.gravity, now.gravity)).max() <= ALIKE:
         old, new = (",".join(f"{x:g}" for x in g) for g in (then.gravity, now.gravity))
         return (
             f"'{folder}' was identified with gravity {old}, and '{lib.name}' has {new}: right "
             "if the arm was mounted again in between",
         )
     return (
-        f"'{folder}' was identified with another build of this arm (model {then.digest[:12]}, "
-        f"here {now.digest[:12]}): the joints are the same, inertials, limits or the generator "
+        f"'{folder}' was identified with another build of this arm (model {then.model_hash[:12]}, "
+        f"here {now.model_hash[:12]}): the joints are the same, inertials, limits or the generator "
         "are not",
     )

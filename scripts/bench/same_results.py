@@ -26,6 +26,7 @@ import numpy as np
 
 from bench.same_results_cases import CASES, SCRIPTS
 from bench.same_results_inputs import EXAMPLES, INPUTS
+from runtime.identification.result_record import migrated
 
 LONGEST = 900.0
 """Time after which a command counts as failed, s."""
@@ -290,6 +291,16 @@ def _read_npz(path: Path) -> dict[str, Any]:
     return data
 
 
+def _present(value: Any) -> Any:
+    """A document of an earlier format under the names of the present one."""
+    if isinstance(value, dict) and "torque_rms" in value and "format" in value:
+        value = migrated(value)
+    for row in value.get("rows", ()) if isinstance(value, dict) else ():
+        if isinstance(row, dict) and "told_by_data" in row:
+            row["determined"] = row.pop("told_by_data")  # of compare.json
+    return value
+
+
 def _read_csv(path: Path) -> Any:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
@@ -297,7 +308,7 @@ def _read_csv(path: Path) -> Any:
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {
-    ".json": lambda path: json.loads(path.read_text("utf-8")),
+    ".json": lambda path: _present(json.loads(path.read_text("utf-8"))),
     ".jsonl": lambda path: [json.loads(line) for line in path.read_text("utf-8").splitlines()],
     ".toml": lambda path: tomllib.loads(path.read_text("utf-8")),
     ".npz": _read_npz,

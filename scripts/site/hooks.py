@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
     sys.path.insert(0, str(ROOT))
 
-from scripts.site import api, commands  # noqa: E402
+from scripts.site import api, commands, result_keys  # noqa: E402
 
 API = "Python API"
 PICTURE, BOTH = (
@@ -41,9 +41,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put the table of the keys of result.json where a page asks for it."""
-    from runtime.identification.result_schema import markdown_table
-
-    return markdown.replace("<!-- keys of result.json -->", markdown_table())
+    return markdown.replace("<!-- keys of result.json -->", result_keys.markdown())
 
 
 def generated_pages() -> Iterator[tuple[str, str]]:
@@ -54,6 +52,7 @@ def generated_pages() -> Iterator[tuple[str, str]]:
     yield "changelog.md", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     yield "reference/commands.md", commands.markdown()
     yield "reference/c.md", _c_api()
+    yield "reference/result.schema.json", result_keys.json_schema()
     yield "reference/api/index.md", api.index()
     for room in api.rooms():
         yield api.page(room), api.room_page(room)

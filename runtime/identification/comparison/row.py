@@ -110,7 +110,7 @@ def _figure_facts(f: Figures) -> dict[str, Any]:
         "boundary": f.is_boundary,
         "gap_to_convex_optimum": finite(f.gap),
         "excited": f.excited,
-        "told_by_data": f.determined,
+        "determined": f.determined,
     }
 
 

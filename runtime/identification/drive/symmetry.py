@@ -25,7 +25,6 @@ friction depends on the assembly and stays apart.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -38,6 +37,7 @@ from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest, places_of
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import known_friction
+from runtime.identification.result_record import MirroredPair
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.parameters import (
@@ -107,19 +107,20 @@ class MirroredDrive:
             f"{self.distance:.1f} standard deviations; {why}"
         )
 
-    def facts(self) -> dict[str, Any]:
+    def part(self) -> MirroredPair:
         """Entry of `symmetric` in result.json."""
-        return {
-            "left": self.left,
-            "right": self.right,
-            "quantity": self.quantity,
-            "values": self.values.tolist(),
-            "sigma": self.sigmas.tolist(),
-            "distance": self.distance,
-            "agrees": self.agrees,
-            "rise": self.rise,
-            "sentence": None if self.agrees else self.sentence(),
-        }
+        values, sigma = self.values.tolist(), self.sigmas.tolist()
+        return MirroredPair(
+            left=self.left,
+            right=self.right,
+            quantity=self.quantity,
+            values=(tuple(values[0]), tuple(values[1])),
+            sigma=(tuple(sigma[0]), tuple(sigma[1])),
+            distance=self.distance,
+            agrees=self.agrees,
+            exchanged_error_ratio=self.rise,
+            sentence=None if self.agrees else self.sentence(),
+        )
 
 
 def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tuple[int, int], ...]:

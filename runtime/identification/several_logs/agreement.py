@@ -6,6 +6,12 @@ from typing import Any
 import numpy as np
 
 from runtime.identification.metrics import TorqueError
+from runtime.identification.result_record import (
+    Delay,
+    LeftOutPart,
+    RepeatabilityPart,
+    SessionsPart,
+)
 from runtime.library import Array
 
 AGREEING = 2.0
@@ -79,31 +85,31 @@ class LogAgreement:
             f"{float(np.std(self.masses, axis=0, ddof=1).max()):.2g} kg; {verdict}"
         )
 
-    def facts(self) -> dict[str, Any]:
-        """JSON-ready; the part `sessions` of result.json."""
-        return {
-            "names": list(self.names),
-            "payload_kg": list(self.carried),
-            "train_samples": list(self.samples),
-            "offsets": None if self.offsets is None else self.offsets.tolist(),
-            "delay_s": None if self.delays is None else list(self.delays),
-            "leave_one_out": [
-                {
-                    "name": log.name,
-                    "before_overall": log.before.overall,
-                    "after_overall": log.after.overall,
-                    "own_offset_overall": log.with_offset.overall,
-                    "alone_overall": log.alone,
-                    "rms": log.after.rms.tolist(),
-                }
+    def part(self) -> SessionsPart:
+        """The part `sessions` of result.json."""
+        return SessionsPart(
+            names=self.names,
+            payload_kg=self.carried,
+            train_samples=self.samples,
+            offsets=None if self.offsets is None else tuple(map(tuple, self.offsets.tolist())),
+            delay_s=None if self.delays is None else tuple(Delay(**each) for each in self.delays),
+            leave_one_out=tuple(
+                LeftOutPart(
+                    name=log.name,
+                    before_overall=log.before.overall,
+                    after_overall=log.after.overall,
+                    log_offset_overall=log.with_offset.overall,
+                    single_log_overall=log.alone,
+                    rms=tuple(log.after.rms.tolist()),
+                )
                 for log in self.left_out
-            ],
-            "repeatability": {
-                "masses": self.masses.tolist(),
-                "mass_spread": np.std(self.masses, axis=0, ddof=1).tolist(),
-                "beta_spread": self.spread.tolist(),
-                "beta_promised": self.expected_spread.tolist(),
-                "ratio": self.ratio,
-                "sentence": self.sentence(),
-            },
-        }
+            ),
+            repeatability=RepeatabilityPart(
+                masses=tuple(map(tuple, self.masses.tolist())),
+                mass_spread=tuple(np.std(self.masses, axis=0, ddof=1).tolist()),
+                beta_spread=tuple(self.spread.tolist()),
+                beta_sigma_expected=tuple(self.expected_spread.tolist()),
+                ratio=self.ratio,
+                sentence=self.sentence(),
+            ),
+        )

@@ -1,10 +1,8 @@
 """Drives of an identified robot, as simulators' actuators need them: gains, delay, bias, σ."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from runtime.errors import ExportError
+from runtime.identification.result_record import PerJoint, ResultRecord
 
 KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 """Values of one drive in result.json."""
@@ -41,39 +39,28 @@ class Drives:
         return f"delay: the commanded torque acts {shown} ms late; the file cannot state it."
 
 
-def drives_of(facts: Mapping[str, Any]) -> Drives | None:
+def drives_of(record: ResultRecord | None) -> Drives | None:
     """Drives of a result.json."""
-    tables, joints = facts.get("drive"), tuple(map(str, facts["joints"]))
-    if not tables:
+    if record is None or not record.drive:
         return None
-    n = len(joints)
-    delays = facts.get("delay_s")
-    each = delays if isinstance(delays, list) else [delays or {}] * n
-    law = facts.get("control_law") or {}
-    try:
-        if len(each) != n or len(tables) != n:
-            raise ValueError("another number of joints")
-        return Drives(
-            joints,
-            {key: tuple(_number(table[key]) for table in tables) for key in KEYS},
-            {key: tuple(_number(table["sigma"][key]) for table in tables) for key in KEYS},
-            tuple(_number(delay.get("value")) for delay in each),
-            tuple(_number(delay.get("sigma")) for delay in each),
-            _per_joint(law.get("kp"), n),
-            _per_joint(law.get("kd"), n),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ExportError(
-            f"the drives of the result are damaged ({error}); identify the robot again"
-        ) from None
+    tables, joints, law = record.drive, record.joints, record.control_law
+    delays = record.delays if isinstance(record.delay_s, tuple) else record.delays * len(joints)
+    none = (None,) * len(joints)
+    return Drives(
+        joints,
+        {key: tuple(getattr(table, key) for table in tables) for key in KEYS},
+        {key: tuple(getattr(table.sigma, key) for table in tables) for key in KEYS},
+        tuple(_number(delay.value) for delay in delays) or none,
+        tuple(_number(delay.sigma) for delay in delays) or none,
+        none if law is None else _per_joint(law.kp, joints),
+        none if law is None else _per_joint(law.kd, joints),
+    )
 
 
-def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+def _number(value: PerJoint) -> float | None:
+    """A delay of the whole log or of one joint."""
+    return value if isinstance(value, float) else None
 
 
-def _per_joint(value: Any, n: int) -> tuple[float | None, ...]:
-    values = value if isinstance(value, list) else [value] * n
-    if len(values) != n:
-        raise ValueError("another number of gains")
-    return tuple(_number(each) for each in values)
+def _per_joint(value: PerJoint, joints: tuple[str, ...]) -> tuple[float | None, ...]:
+    return value if isinstance(value, tuple) else (value,) * len(joints)

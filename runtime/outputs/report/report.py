@@ -66,13 +66,15 @@ def write_report(folder: Path, out: Path | None = None) -> Path:
 
 
 def _page(result: Result) -> Page:
+    record = result.record
+    name = record.recording.name or "unnamed recording"
     return Page(
-        title=f"{result.robot}, {result.method}: identification report",
-        subtitle=f"{result.robot} · method {result.method} · {result.recording.name}",
-        headline=headline(result),
-        status=result.status,
-        warnings=result.warnings,
-        tiles=tiles(result),
+        title=f"{record.robot}, {record.method}: identification report",
+        subtitle=f"{record.robot} · method {record.method} · {name}",
+        headline=headline(record),
+        status=record.status or "",
+        warnings=record.warnings,
+        tiles=tiles(record),
         sections=sections(result),
         glossary=GLOSSARY,
     )

@@ -1,4 +1,4 @@
-"""A `Result` as sentences, tiles, tables and figures, with rounded numbers.
+"""A result as sentences, tiles, tables and figures, with rounded numbers.
 
 Everything is plain text except the figures, which are SVG; `page` makes the HTML.
 """
@@ -9,9 +9,10 @@ from collections.abc import Callable
 import numpy as np
 
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
+from runtime.identification.result_record import LinkPart, ResultRecord
 from runtime.outputs.report.figures import convergence, mass_change, torques
 from runtime.outputs.report.page import ReportTable, Section, Tile
-from runtime.outputs.report.result import Link, Result
+from runtime.outputs.report.result import Result
 from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.sides import sides_section
 from runtime.outputs.report.uncertainty import uncertainty_sections
@@ -33,9 +34,9 @@ GLOSSARY = (
 # --- summary --------------------------------------------------------------------------------
 
 
-def headline(result: Result) -> str:
+def headline(result: ResultRecord) -> str:
     """Torque errors and physical consistency of a result in one sentence."""
-    before, after = result.before.overall, result.after.overall
+    before, after = _overall(result)
     if math.isnan(before) or math.isnan(after):
         change = f"is {_percent(after)} (before: {_percent(before)})"
     elif _percent(before) == _percent(after):
@@ -52,24 +53,26 @@ def headline(result: Result) -> str:
     return f"The torque error on the {part} {change}; {end}."
 
 
-def _inconsistent(result: Result) -> str:
+def _inconsistent(result: ResultRecord) -> str:
     bad = [link.name for link in result.links if not _is_consistent(link)]
     return f"not physically consistent: {', '.join(bad) or 'at least one link'}"
 
 
-def tiles(result: Result) -> tuple[Tile, ...]:
+def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     """The four numbers of the summary."""
-    improvement = result.before.overall - result.after.overall
-    smallest = min((link.eigenvalue for link in result.links), default=math.nan)
-    gap = "not computed" if result.gap is None else f"{100 * result.gap:.3g}\N{NO-BREAK SPACE}%"
+    before, after = _overall(result)
+    eigenvalues = (_value(link.min_relative_eigenvalue) for link in result.links)
+    smallest = min(eigenvalues, default=math.nan)
+    gap = result.gap_to_convex_optimum
+    shown = "not computed" if gap is None else f"{100 * gap:.3g}\N{NO-BREAK SPACE}%"
     effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
     counted = "computing time" if result.iterations is None else f"{result.iterations} iterations"
     return (
         Tile(
             "Torque error, overall",
-            f"{_percent(result.before.overall)} → {_percent(result.after.overall)}",
+            f"{_percent(before)} → {_percent(after)}",
             "test split, before → after",
-            "good" if improvement > 0 else "bad" if improvement < 0 else "plain",
+            "good" if before > after else "bad" if before < after else "plain",
         ),
         Tile(
             "Physically consistent",
@@ -77,49 +80,46 @@ def tiles(result: Result) -> tuple[Tile, ...]:
             f"smallest λ_min(P)/tr P: {smallest:.1e}",
             "good" if result.consistent else "bad",
         ),
-        Tile("Gap to the convex optimum", gap, "(loss − optimum) / optimum"),
+        Tile("Gap to the convex optimum", shown, "(loss − optimum) / optimum"),
         Tile("Computing time", effort, counted),
     )
 
 
 def sections(result: Result) -> tuple[Section, ...]:
     """Sections of the page below the summary, in their order."""
-    links = tuple(link.name for link in result.links)
+    record = result.record
+    links = tuple(link.name for link in record.links)
     first, last = (
-        [section for make in makers if (section := make(result)) is not None]
+        [section for make in makers if (section := make(record)) is not None]
         for makers in (_FIRST, _LAST)
     )
     uncertain = (
         ()
-        if result.uncertainty is None
-        else uncertainty_sections(result.uncertainty, result.joints, links)
+        if record.uncertainty is None
+        else uncertainty_sections(record.uncertainty, record.joints, links)
     )
-    several = (
-        () if result.several_logs is None else several_logs_sections(result.several_logs, links)
-    )
-    return (*first, *several, *sides_section(result.sides), *uncertain, *last)
+    several = () if record.sessions is None else several_logs_sections(record.sessions, links)
+    before = (*first[:-1], _torques(result), first[-1])
+    return (*before, *several, *sides_section(record.symmetric), *uncertain, *last)
 
 
 # --- sections -------------------------------------------------------------------------------
 
 
-def _errors(result: Result) -> Section:
-    before, after = result.before, result.after
+def _errors(result: ResultRecord) -> Section:
+    percent, rms = result.torque_error_percent, result.torque_rms
     rows = tuple(
-        (
-            result.joints[j],
-            _percent(before.percent[j]),
-            _percent(after.percent[j]),
-            _number(before.rms[j]),
-            _number(after.rms[j]),
-            _unit(result.units[j]),
+        (joint, *map(_percent, shares), *map(_number, sizes), _unit(unit))
+        for joint, unit, *shares, sizes in zip(
+            *(result.joints, result.units, percent.before, percent.after),
+            zip(rms.before, rms.after, strict=True),
+            strict=True,
         )
-        for j in range(len(result.joints))
     )
     units = {_unit(unit) for unit in result.units}
-    total: tuple[str, ...] = ("all joints", _percent(before.overall), _percent(after.overall))
+    total: tuple[str, ...] = ("all joints", *map(_percent, _overall(result)))
     if len(units) == 1:  # N and N·m have no common mean
-        overall = (_number(float(np.sqrt(np.mean(e.rms**2)))) for e in (before, after))
+        overall = (_number(float(np.sqrt(np.mean(np.square(e))))) for e in (rms.before, rms.after))
         total += (*overall, *units)
     else:
         total += (NOTHING, NOTHING, "")
@@ -131,14 +131,12 @@ def _errors(result: Result) -> Section:
     )
 
 
-def _shares(result: Result) -> Section | None:
-    if result.with_friction is None:
+def _shares(result: ResultRecord) -> Section | None:
+    between = result.torque_error_percent.urdf_friction_overall
+    if between is None:
         return None
-    models = (
-        ("URDF", result.before.overall),
-        ("URDF with friction fitted", result.with_friction),
-        ("identified", result.after.overall),
-    )
+    before, after = _overall(result)
+    models = (("URDF", before), ("URDF with friction fitted", between), ("identified", after))
     return Section(
         "Share of friction and inertia",
         "Torque error on the test split. The step from the first to the second row is due to "
@@ -149,8 +147,8 @@ def _shares(result: Result) -> Section | None:
 
 def _torques(result: Result) -> Section:
     p = result.prediction
-    units = [_unit(unit) for unit in result.units]
-    drawn = torques(result.joints, units, p.t, p.measured, p.before, p.after)
+    units = [_unit(unit) for unit in result.record.units]
+    drawn = torques(result.record.joints, units, p.t, p.measured, p.before, p.after)
     return Section(
         "Measured and predicted torque",
         "Left: torque over the test split. Right: measured minus predicted torque.",
@@ -158,15 +156,15 @@ def _torques(result: Result) -> Section:
     )
 
 
-def _consistency(result: Result) -> Section:
+def _consistency(result: ResultRecord) -> Section:
     rows = tuple(
         (
             link.name,
             _number(link.mass_before),
             _number(link.mass),
-            ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in link.com),
-            f"{1e3 * float(np.linalg.norm(link.com - link.com_before)):.1f}",
-            f"{link.eigenvalue:.1e}",
+            ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in map(_value, link.com)),
+            f"{1e3 * math.dist(tuple(map(_value, link.com)), link.com_before):.1f}",
+            f"{_value(link.min_relative_eigenvalue):.1e}",
             "consistent" if _is_consistent(link) else "inconsistent",
         )
         for link in result.links
@@ -190,7 +188,7 @@ def _consistency(result: Result) -> Section:
     )
 
 
-def _masses(result: Result) -> Section | None:
+def _masses(result: ResultRecord) -> Section | None:
     if not result.links:
         return None
     known = result.uncertainty
@@ -203,7 +201,7 @@ def _masses(result: Result) -> Section | None:
     return Section("Change of mass", figure=drawn)
 
 
-def _friction(result: Result) -> Section | None:
+def _friction(result: ResultRecord) -> Section | None:
     if result.friction is None:
         return None
     friction = result.friction
@@ -224,14 +222,16 @@ def _friction(result: Result) -> Section | None:
     )
 
 
-def _convergence(result: Result) -> Section | None:
-    if result.convergence is None:
+def _convergence(result: ResultRecord) -> Section | None:
+    if result.convergence is None or not result.convergence.iteration:
         return None
     c = result.convergence
-    return Section("Convergence", figure=convergence(c.iteration, c.training, c.validation))
+    none = (None,) * len(c.iteration)
+    losses = (np.array(list(map(_value, x))) for x in (c.training, c.validation or none))
+    return Section("Convergence", figure=convergence(np.array(c.iteration), *losses))
 
 
-def _preparation(result: Result) -> Section:
+def _preparation(result: ResultRecord) -> Section:
     recording = result.recording
     counts = ", ".join(f"{count} {name}" for name, count in recording.samples.items())
     length = "" if recording.duration is None else f"{recording.duration:.4g} s of motion. "
@@ -239,7 +239,7 @@ def _preparation(result: Result) -> Section:
     return Section("Data preparation", lead, items=recording.history or ("no step was recorded",))
 
 
-def _provenance(result: Result) -> Section:
+def _provenance(result: ResultRecord) -> Section:
     p = result.provenance
     weights = ", ".join(_number(w) for w in result.weights)
     condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
@@ -247,8 +247,8 @@ def _provenance(result: Result) -> Section:
         ("command", p.command),
         ("seed", None if p.seed is None else str(p.seed)),
         ("model hash", p.model_hash),
-        *((f"version of {tool}", version) for tool, version in p.versions.items()),
-        *((f"SHA-256 of {name}", digest) for name, digest in p.files.items()),
+        *((f"version of {tool}", version) for tool, version in sorted(p.versions.items())),
+        *((f"SHA-256 of {name}", digest) for name, digest in sorted(p.files.items())),
         ("condition number, columns normalised", condition),
         ("weights per joint", weights),
     )
@@ -261,14 +261,25 @@ def _provenance(result: Result) -> Section:
 # --- numbers as text -----------------------------------------------------------------------
 
 
-def _is_consistent(link: Link) -> bool:
-    return link.eigenvalue >= -CONSISTENCY_TOLERANCE
+def _is_consistent(link: LinkPart) -> bool:
+    return _value(link.min_relative_eigenvalue) >= -CONSISTENCY_TOLERANCE
 
 
-def _percent(value: float) -> str:
+def _overall(result: ResultRecord) -> tuple[float, float]:
+    """Errors of all joints together before and after [%]."""
+    percent = result.torque_error_percent
+    return _value(percent.before_overall), _value(percent.after_overall)
+
+
+def _value(value: float | None) -> float:
+    """A number of the file; NaN for null."""
+    return math.nan if value is None else value
+
+
+def _percent(value: float | None) -> str:
     """Percentage with a no-break space before its sign."""
-    if not math.isfinite(value):
-        return _number(value)
+    if value is None or not math.isfinite(value):
+        return _number(_value(value))
     return f"{value:.{2 if value < 100 else 0}f}\N{NO-BREAK SPACE}%"
 
 
@@ -283,9 +294,9 @@ def _unit(unit: str) -> str:
     return unit.replace("*", "·")
 
 
-_FIRST: tuple[Callable[[Result], Section | None], ...] = (_errors, _shares, _torques, _consistency)
+_FIRST: tuple[Callable[[ResultRecord], Section | None], ...] = (_errors, _shares, _consistency)
 """Sections before those on several logs and uncertainty."""
-_LAST: tuple[Callable[[Result], Section | None], ...] = (
+_LAST: tuple[Callable[[ResultRecord], Section | None], ...] = (
     _masses,
     _friction,
     _convergence,

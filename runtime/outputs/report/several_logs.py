@@ -1,64 +1,14 @@
 """Several logs in one fit: leave-one-log-out errors and repeatability, in tables."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
+from runtime.identification.result_record import SessionsPart
 from runtime.outputs.report.page import ReportTable, Section
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOut:
-    """Torque errors over all joints of one log that was left out of the fit.
-
-    Attributes:
-        name: of the log.
-        payload: known mass that it carries [kg].
-        errors: [%] by the URDF; by the fit of the other logs; by this with the offset of the
-            log; by a fit of the log alone.
-    """
-
-    name: str
-    payload: float
-    errors: tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class SeveralLogs:
-    """Agreement of several logs.
-
-    Attributes:
-        left_out: one per log.
-        masses: mass of every link identified from each log alone [kg].
-        spread: standard deviation of these masses over the logs [kg].
-        sentence: whether the logs agree within their noise.
-    """
-
-    left_out: tuple[LeftOut, ...]
-    masses: tuple[tuple[float, ...], ...]
-    spread: tuple[float, ...]
-    sentence: str
-
-
-def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLogs | None:
-    """Read the entry `sessions` of result.json."""
-    if not raw:
-        return None
-    keys = ("before_overall", "after_overall", "own_offset_overall", "alone_overall")
-    left_out = []
-    for held, payload in zip(raw["leave_one_out"], raw["payload_kg"], strict=True):
-        a, b, c, d = (float(held[key]) for key in keys)
-        left_out.append(LeftOut(str(held["name"]), float(payload), (a, b, c, d)))
-    repeated = raw["repeatability"]
-    rows = (*repeated["masses"], repeated["mass_spread"])
-    masses = tuple(tuple(float(x) for x in row) for row in rows)
-    if len(masses) != len(left_out) + 1 or any(len(row) != n_links for row in masses):
-        raise ValueError(f"'sessions': expected {n_links} masses per log, got another number")
-    return SeveralLogs(tuple(left_out), masses[:-1], masses[-1], str(repeated["sentence"]))
-
-
-def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tuple[Section, ...]:
+def several_logs_sections(logs: SessionsPart, links: Sequence[str]) -> tuple[Section, ...]:
     """Tables of the leave-one-log-out errors and of the repeatability."""
+    repeated, left_out = logs.repeatability, logs.leave_one_out
     held = ReportTable(
         (
             "log",
@@ -69,18 +19,20 @@ def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tu
             "this log alone",
         ),
         tuple(
-            (each.name, f"{each.payload:.3g}", *(f"{error:.3f} %" for error in each.errors))
-            for each in several_logs.left_out
+            (
+                each.name,
+                f"{payload:.3g}",
+                f"{each.before_overall:.3f} %",
+                f"{each.after_overall:.3f} %",
+                f"{each.log_offset_overall:.3f} %",
+                f"{each.single_log_overall:.3f} %",
+            )
+            for each, payload in zip(left_out, logs.payload_kg, strict=True)
         ),
     )
-    names = tuple(each.name for each in several_logs.left_out)
+    columns = (*repeated.masses, repeated.mass_spread)
     rows = tuple(
-        (
-            link,
-            *(f"{masses[k]:.4f}" for masses in several_logs.masses),
-            f"{several_logs.spread[k]:.4f}",
-        )
-        for k, link in enumerate(links)
+        (link, *(f"{masses[k]:.4f}" for masses in columns)) for k, link in enumerate(links)
     )
     return (
         Section(
@@ -92,8 +44,8 @@ def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tu
         ),
         Section(
             "Repeatability",
-            f"Masses [kg] identified from each log alone. {several_logs.sentence[:1].upper()}"
-            f"{several_logs.sentence[1:]}.",
-            ReportTable(("link", *names, "spread"), rows),
+            f"Masses [kg] identified from each log alone. {repeated.sentence[:1].upper()}"
+            f"{repeated.sentence[1:]}.",
+            ReportTable(("link", *(each.name for each in left_out), "spread"), rows),
         ),
     )

@@ -11,7 +11,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
 from runtime.identification.identify import identify
-from runtime.identification.result_file import result_facts
+from runtime.identification.result_file import record_of
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
@@ -187,6 +187,6 @@ def test_gains_of_a_streamed_log_and_of_several(lib: Library, tmp_path: Path) ->
         assert whole.train.gains is not None
         # The same rows before the test part, to the last digit.
         assert np.array_equal(result.train.gains.gain, whole.train.gains.gain)
-        assert any("common factor comes from" in w for w in result_facts(result, "")["warnings"])
+        assert any("common factor comes from" in w for w in record_of(result, "").warnings)
         # The rows of the training differ by their edges alone.
         np.testing.assert_allclose(result.beta, whole.beta, atol=0.02 * np.abs(whole.beta).max())

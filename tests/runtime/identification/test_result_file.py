@@ -14,7 +14,7 @@ from runtime.identification.identified import friction_error
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import (
     condition_number,
-    result_facts,
+    record_of,
     versions,
     write_result,
 )
@@ -129,21 +129,21 @@ def test_perfect_fits_are_doubted(
     """Property: noise-free torque is reported not to be a measurement; noisy torque is not."""
     train, validation, test = ideal_runs
     perfect = identify_recording(train, lib, "ols", validation=validation, test=test)
-    warnings = result_facts(perfect, "")["warnings"]
+    warnings = record_of(perfect, "").warnings
     assert any("exact to rounding" in text for text in warnings)
     assert not any("one run" in text for text in warnings)
-    ordinary = result_facts(identify_recording(noisy, lib, "ols"), "")["warnings"]
+    ordinary = record_of(identify_recording(noisy, lib, "ols"), "").warnings
     assert not any("exact to rounding" in text for text in ordinary)
     assert any("one run" in text for text in ordinary)
 
 
 def test_inconsistent_models_are_reported(lib: Library, panda: Recording) -> None:
     """Property, real data: least squares gives bodies that cannot exist, and the file says so."""
-    facts = result_facts(identify_recording(panda, lib, "ols"), "")
-    assert facts["consistent"] is False
-    assert facts["lam"] is None
-    assert min(link["min_relative_eigenvalue"] for link in facts["links"]) < 0
-    assert any("not physically consistent" in text for text in facts["warnings"])
+    record = record_of(identify_recording(panda, lib, "ols"), "")
+    assert record.consistent is False
+    assert record.lam is None
+    assert min(link.min_relative_eigenvalue for link in record.links) < 0
+    assert any("not physically consistent" in text for text in record.warnings)
 
 
 def test_a_silent_joint_is_still_json(lib: Library, noisy: Recording, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from runtime.estimators.classical.pc_ols import SLACK
 from runtime.estimators.descent.adam import CHUNK
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.identification.metrics import airm, torque_error
-from runtime.identification.result_file import result_facts
+from runtime.identification.result_file import record_of
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
@@ -182,7 +182,7 @@ def test_trials_can_do_without_the_certificate(lib: Library, ideal_runs: Runs) -
     np.testing.assert_array_equal(sure.pi, quick.pi)
     assert np.isnan(quick.gap)
     assert quick.uncertainty is None
-    assert result_facts(quick, "")["gap_to_convex_optimum"] is None
+    assert record_of(quick, "").gap_to_convex_optimum is None
 
 
 def test_interruption_keeps_the_best(lib: Library, ideal_runs: Runs) -> None:

@@ -9,7 +9,7 @@ import pytest
 import runtime
 from runtime import Recording, write_recording
 from runtime.identification.friction_intervals import determined, spring_lines
-from runtime.identification.result_file import result_facts
+from runtime.identification.result_file import record_of
 from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library import Library
@@ -58,13 +58,13 @@ def test_intervals_of_springs_hold(wrist: Library, log: Recording) -> None:
     for seed in range(100, 112):
         noise = np.random.default_rng(seed).normal(0, NOISE, exact.shape)
         noisy = replace(log, tau=exact + noise)
-        facts = result_facts(identify_recording(noisy, wrist, friction=terms), "")["friction"]
-        known = np.array(facts["sigma"], dtype=float)  # null becomes NaN
+        facts = record_of(identify_recording(noisy, wrist, friction=terms), "").friction
+        known = np.array(facts.sigma, dtype=float)  # null becomes NaN
         assert (np.isnan(known) == [[0, 0, 0, 0], [0, 0, 1, 1]]).all()  # a spring has one entry
-        assert facts["interval_95"][1][2:] == [None, None]
+        assert facts.interval_95[1][2:] == (None, None)
         kept = np.isfinite(known)
-        errors += list(((np.array(facts["values"]) - truth) / known)[kept])
-        ends = np.array([pair for row in facts["interval_95"] for pair in row if pair])
+        errors += list(((np.array(facts.values) - truth) / known)[kept])
+        ends = np.array([pair for row in facts.interval_95 for pair in row if pair])
         inside += list((ends[:, 0] < truth[kept]) & (truth[kept] < ends[:, 1]))
     assert len(inside) == 72
     assert sum(inside) >= 62
@@ -78,11 +78,11 @@ def test_coefficients_without_information_have_no_interval(wrist: Library, log: 
     """Property: null where a coefficient ended at its bound, or its column copies another one."""
     driving = replace(log, tau=log.required("tau") - 0.8 * log.dq * [1, 0])  # −0.4 dq at the first
     terms = Friction(("viscous", "spring:back", "spring:strut"))
-    facts = result_facts(identify_recording(driving, wrist, friction=terms), "")["friction"]
-    assert facts["values"][0][0] == 0
-    assert facts["interval_95"][0][0] is None
-    assert facts["sigma"][0][0] is None
-    assert facts["sigma"][1][0] > 0
+    facts = record_of(identify_recording(driving, wrist, friction=terms), "").friction
+    assert facts.values[0][0] == 0
+    assert facts.interval_95[0][0] is None
+    assert facts.sigma[0][0] is None
+    assert facts.sigma[1][0] > 0
     columns = np.random.default_rng(0).standard_normal((9, 4))
     columns = np.column_stack([columns, 3 * columns[:, 1], np.zeros(9)])
     assert determined(columns).tolist() == [True, False, True, True, False, False]

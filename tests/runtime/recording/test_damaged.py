@@ -172,7 +172,10 @@ def test_a_result_holds_numbers_of_an_arm(tmp_path: Path, value: str) -> None:
     """Property: nothing is computed with a π that is none."""
     pi = ", ".join([value, *["1.0"] * 9])
     head = '{"robot": "tiny", "method": "map", "joints": ["swing"], "units": ["N*m"]'
-    head += ', "recording": {"history": []}'
+    head += ', "recording": {"history": []}, "links": [], "consistent": true'
+    errors = '"before": [null], "after": [null], "before_overall": null, "after_overall": null'
+    rms = '"before": [0.0], "after": [0.0]'
+    head += f', "torque_error_percent": {{{errors}}}, "torque_rms": {{{rms}}}'
     (tmp_path / "result.json").write_text(f'{head}, "pi": [{pi}], "friction": null}}')
     with pytest.raises(RecordingError, match="holds no valid result"):
         read_result(tmp_path)

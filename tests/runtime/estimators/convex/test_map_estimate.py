@@ -25,7 +25,7 @@ from runtime.estimators.regression.samples import (
 )
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification.metrics import torque_error
-from runtime.identification.result_file import result_facts
+from runtime.identification.result_file import record_of
 from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction
 from scripts.bench.trials import map_trials
@@ -192,9 +192,9 @@ def test_exact_data_give_finite_answers(lib, ideal_runs):
     error = torque_error(result.test.tau, result.predict_recording(result.test))
     assert error.overall < 1e-3
     assert np.isfinite(result.uncertainty.root).all()
-    facts = result_facts(result, "")["uncertainty"]
-    assert len(facts["links"]) == 7
-    assert facts["advice"] == result.uncertainty.advice()
+    facts = record_of(result, "").uncertainty
+    assert len(facts.links) == 7
+    assert facts.advice == result.uncertainty.advice()
 
 
 def test_real_arm_by_default(lib, panda):

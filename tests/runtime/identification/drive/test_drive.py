@@ -108,7 +108,7 @@ def test_one_delay_per_joint(lib: Library, tmp_path: Path) -> None:
     drive = result.drive
     assert drive is not None
     assert np.abs((drive.delay - servo.delay) / drive.delay_sigma).max() < 4
-    assert len(drive.delay_facts()) == lib.n_joints
+    assert len(drive.delay_parts()) == lib.n_joints
 
 
 def test_delay_of_a_measured_torque(lib: Library, tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_a_slow_log_refuses_a_delay(lib: Library, tmp_path: Path) -> None:
     log = recorded(arrays, tmp_path)
     result = identify_drive(log, lib, Settings(preparation=FILTERED), DriveRequest(delay=True))
     assert result.drive is not None
-    assert result.drive.delay_facts() is None
+    assert result.drive.delay_parts() is None
     assert any("does not determine a delay" in note for note in result.notes)
 
 

@@ -65,9 +65,9 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     drive = result.drive
     assert drive is not None
     assert abs(drive.delay[0]) < 5e-4
-    facts = drive.facts(lib.joint_names, result.phi, result.friction.columns)
-    assert facts[0]["coulomb"] == result.phi[0, 1]
-    assert facts[0]["sigma"]["coulomb"] == drive.phi_sigma[0, 1]
+    facts = drive.parts(lib.joint_names, result.phi, result.friction.columns)
+    assert facts[0].coulomb == result.phi[0, 1]
+    assert facts[0].sigma.coulomb == drive.phi_sigma[0, 1]
 
 
 def test_position_runs_from_one_limit_to_the_other(tiny_built: Path):

@@ -127,7 +127,7 @@ def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command, monk
         for key in ("test_percent", "train_percent"):
             assert one[key] == pytest.approx(two[key], rel=0.01)
         # The noise of windows is known to a tenth; one entry lies that near to its verdict.
-        assert one["told_by_data"] == pytest.approx(two["told_by_data"], abs=1)
+        assert one["determined"] == pytest.approx(two["determined"], abs=1)
     assert "streamed 12000 rows" in " ".join(result["notes"])
     ran = command("compare", *words, "--stream", "--methods", "map,nn")
     assert ran.code == 2

@@ -143,9 +143,9 @@ def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
 def test_what_is_written_can_be_used(answer, tmp_path):
     """Oracle: result.json serves evaluate and payload, the report shows both tables."""
     result, agreement = answer
-    facts = write_result(result, tmp_path, "test")
-    assert facts["friction"]["columns"] == ["viscous", "coulomb", "offset"]
-    assert [each["name"] for each in facts["sessions"]["leave_one_out"]] == list(agreement.names)
+    record = write_result(result, tmp_path, "test")
+    assert record.friction.columns == ("viscous", "coulomb", "offset")
+    assert tuple(each.name for each in record.sessions.leave_one_out) == agreement.names
     page = write_report(tmp_path).read_text()
     assert "Leave-one-log-out prediction" in page
     assert "Repeatability" in page

@@ -1,0 +1,504 @@
+"""The record of result.json: its fields are the keys, with their types; schema, writer and reader.
+
+n joints, L links, k friction columns, n_b base parameters. Torques are in N·m, forces in N. A file
+of format 1 or 2 becomes one of the present format in `migrated`, from the tables `RENAMED` (a key
+that has another name now) and `OLDER` (what stands for a key that the file lacks).
+"""
+
+import copy
+import re
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated as Of
+from typing import Any
+
+from runtime.common.files import json_of, values_of
+from runtime.common.records import Record, Vector3, record_from_table
+from runtime.errors import RecordingError
+from runtime.library.parameters import N_PARAMETERS
+
+__all__ = ["ResultRecord", "read_record"]
+
+FORMAT = 3
+"""Number of the present format; a change that an older reader would misread raises it."""
+LARGEST_ACCEPTED = 1e100
+"""Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
+LARGEST_VALUE = 1e9
+"""Bound of π and φ in SI units; larger values and NaN are refused."""
+
+RENAMED = {
+    "sessions.leave_one_out[].own_offset_overall": "log_offset_overall",
+    "sessions.leave_one_out[].alone_overall": "single_log_overall",
+    "sessions.repeatability.beta_promised": "beta_sigma_expected",
+    "symmetric[].rise": "exchanged_error_ratio",
+    "uncertainty.white": "white_lag_share",
+    "uncertainty.gain_limits": "detectable_gain_error",
+}
+"""Key of formats 1 and 2 → its name in format 3."""
+OLDER: dict[str, Any] = {
+    "recording": {},
+    "provenance": {},
+    **dict.fromkeys(("model", "control_law", "current_gains", "delay_s", "symmetric", "drive")),
+    **dict.fromkeys(("gap_to_convex_optimum", "uncertainty", "loss", "convex_optimum", "friction")),
+    **dict.fromkeys(("convergence", "iterations", "seconds", "lam", "condition_number", "trained")),
+    **dict.fromkeys(("sessions", "recording.duration", "uncertainty.weakest_direction")),
+    **dict.fromkeys(("convergence.validation", "sessions.offsets", "sessions.delay_s")),
+    **dict.fromkeys(("status", "recording.split", "provenance.command"), ""),
+    **dict.fromkeys(("weights", "warnings", "pi", "beta", "recording.history"), ()),
+    **dict.fromkeys(("uncertainty.pi_sigma", "uncertainty.beta_sigma"), ()),
+    **dict.fromkeys(("uncertainty.posterior_over_prior", "uncertainty.beta_verdicts"), ()),
+    **dict.fromkeys(("uncertainty.detectable_gain_error", "sessions.train_samples"), ()),
+    "recording.samples": {},
+    "recording.preparation": {},
+    "provenance.versions": {},
+    "provenance.files": {},
+    "provenance.model_hash": "",
+    "provenance.seed": None,
+    "base": "fixed",
+    "torque_source": "measured",
+    "recording.name": "unnamed recording",
+    "uncertainty.excited": 0,
+}
+"""Key → value that stands for "not recorded" in a file of format 1 or 2 without it."""
+
+Numbers = tuple[float, ...]
+Gaps = tuple[float | None, ...]
+Rows = tuple[Numbers, ...]
+Texts = tuple[str, ...]
+PerJoint = float | Numbers | None
+
+
+class Part(Record, frozen=True, forbid_unknown_fields=False):
+    """A table of result.json."""
+
+
+class JointPlace(Part, frozen=True):
+    """One joint of the model."""
+
+    kind: Of[str, "kind of the joint"]
+    parent: Of[int, "number of the joint that it sits on; −1 is the base"]
+    rotation: Of[Rows, "of its frame in that of the parent, (3, 3)"]
+    translation: Of[Vector3, "(3,) [m]"]
+    axis: Of[Vector3, "(3,)"]
+
+
+class ModelPart(Part, frozen=True):
+    """Model that the parameters belong to."""
+
+    model_hash: Of[str, "SHA-256 of the model"]
+    gravity: Of[Vector3, "in the base frame, (3,) [m/s²]"]
+    joints: Of[tuple[JointPlace, ...], "every joint, one per moving link"]
+    lumped: Of[Texts, "names of the fixed links that count into moving ones"]
+
+
+class RecordingPart(Part, frozen=True):
+    """The data."""
+
+    name: Of[str | None, "name of the recording"]
+    duration: Of[float | None, "of all parts [s]"]
+    samples: Of[dict[str, int], "number per part: train, validation, test"]
+    history: Of[Texts, "sentences on every step of the preparation"]
+    preparation: Of[dict[str, Any], "settings of the preparation that are not the default"]
+    split: Of[str, "instants of the parts, a phrase [s]"]
+
+
+class ControlLaw(Part, frozen=True):
+    """Control law of a commanded torque; a gain that varies over the log is null."""
+
+    law: Of[str, "name of the law"]
+    kp: Of[PerJoint, "stiffness, one number per joint or for all [N·m/rad, N/m]"]
+    kd: Of[PerJoint, "damping, likewise [N·m·s/rad, N·s/m]"]
+    effort_limit: Of[PerJoint, "likewise [N·m, N]"]
+    gear: Of[PerJoint, "ratio, likewise"]
+
+
+class CurrentGain(Part, frozen=True):
+    """Estimated gain of one motor current."""
+
+    channel: Of[str, "joint, or motor where the gear couples joints"]
+    gain: Of[float, "torque over current [N·m/A]"]
+    sigma: Of[float | None, "standard deviation with the URDF as prior [N·m/A]; null if unseen"]
+    ratio_to: Of[str, "channel to which the ratio is taken"]
+    ratio_sigma: Of[float | None, "relative standard deviation of that ratio without the URDF"]
+    verdict: Of[str, "determined (up to the common factor), of the URDF, or not identifiable"]
+
+
+class Delay(Part, frozen=True, omit_defaults=True):
+    """Delay of the torque; a list where joints differ, null where it is not determined."""
+
+    value: Of[PerJoint, "[s]"]
+    sigma: Of[PerJoint, "standard deviation [s]"]
+    name: Of[str, "name of the log, of several"] = ""
+
+
+class MirroredPair(Part, frozen=True):
+    """Armature or friction of two mirrored joints."""
+
+    left: Of[str, "left joint"]
+    right: Of[str, "right joint"]
+    quantity: Of[str, "armature or friction"]
+    values: Of[tuple[Numbers, Numbers], "left and right, per coefficient, (2, m)"]
+    sigma: Of[tuple[Numbers, Numbers], "standard deviations, (2, m)"]
+    distance: Of[float, "difference in its standard deviations"]
+    agrees: Of[bool, "whether it is within the 95 % interval"]
+    exchanged_error_ratio: Of[float | None, "held-out error with exchanged drives, over without"]
+    sentence: Of[str | None, "where the sides disagree and why; null where they agree"]
+
+
+class DriveValues(Part, frozen=True):
+    """Values of one drive; null where the motion does not determine them."""
+
+    armature: Of[float | None, "inertia of rotor and gear [kg·m²]"]
+    viscous: Of[float | None, "viscous friction [N·m·s/rad]"]
+    coulomb: Of[float | None, "Coulomb friction, with or without a memory [N·m]"]
+    offset: Of[float | None, "torque offset [N·m]"]
+    encoder_bias: Of[float | None, "b of q_true = q + b [rad]"]
+
+
+class DrivePart(DriveValues, frozen=True):
+    """Drive of one joint."""
+
+    joint: Of[str, "name of the joint"]
+    sigma: Of[DriveValues, "standard deviations"]
+    encoder_bias_verdict: Of[str, "identified, not identifiable from this motion, or not estimated"]
+
+
+class ErrorPercent(Part, frozen=True, omit_defaults=True):
+    """100 ‖τ − τ̂‖/‖τ‖ on the test part [%]; null where τ = 0."""
+
+    before: Of[Gaps, "of the URDF without friction, (n,)"]
+    after: Of[Gaps, "of the identified model, (n,)"]
+    before_overall: Of[float | None, "of the URDF, all joints together"]
+    after_overall: Of[float | None, "of the identified model, all joints together"]
+    urdf_friction: Of[Gaps | None, "of the URDF with friction fitted, (n,)"] = None
+    urdf_friction_overall: Of[float | None, "likewise, all joints together"] = None
+
+
+class ErrorRms(Part, frozen=True, omit_defaults=True):
+    """Root mean square of τ − τ̂ on the test part."""
+
+    before: Of[Numbers, "of the URDF without friction, (n,)"]
+    after: Of[Numbers, "of the identified model, (n,)"]
+    urdf_friction: Of[Numbers | None, "of the URDF with friction fitted, (n,)"] = None
+
+
+class LinkPart(Part, frozen=True):
+    """One moving link."""
+
+    name: Of[str, "name of the link"]
+    mass: Of[float, "identified mass [kg]"]
+    mass_before: Of[float, "mass of the URDF [kg]"]
+    com: Of[
+        tuple[float | None, float | None, float | None],
+        "identified centre of mass in the link's frame, (3,) [m]",
+    ]
+    com_before: Of[Vector3, "centre of mass of the URDF, (3,) [m]"]
+    min_relative_eigenvalue: Of[float | None, "λ_min(P)/tr P; below 0 is not consistent"]
+
+
+class LinkUncertainty(Part, frozen=True):
+    """Uncertainty of one link."""
+
+    mass_sigma: Of[float, "standard deviation of the mass [kg]"]
+    com_sigma: Of[Vector3 | None, "of the centre of mass, (3,) [m]; null where it is undefined"]
+    verdicts: Of[Texts, "one per parameter: identified, prior-dominated or unobservable, (10,)"]
+
+
+class UncertaintyPart(Part, frozen=True):
+    """Posterior of the parameters."""
+
+    advice: Of[str, "what to record next, a sentence"]
+    n_eff: Of[float, "effective sample size of the residuals"]
+    inflation: Of[float, "samples per independent sample, N / N_eff"]
+    excited: Of[int, "base parameters that the motion excites"]
+    weakest_direction: Of[Any, "weakest over strongest excited direction"]
+    boundary: Of[bool, "whether a link is close to a plate or a rod"]
+    links: Of[tuple[LinkUncertainty, ...], "one table per moving link, (L,)"]
+    pi_sigma: Of[Numbers, "standard deviations of π, (10 L,) [SI]"]
+    posterior_over_prior: Of[Numbers, "posterior over prior variance of π, (10 L,)"]
+    beta_sigma: Of[Numbers, "standard deviations of β, (n_b,) [SI]"]
+    beta_verdicts: Of[Texts, "identified or prior-dominated, per entry of β, (n_b,)"]
+    noise: Of[Numbers, "residual RMS per joint, (n,)"]
+    model_band: Of[Numbers, "σ of the model's torque, (n,)"]
+    white_lag_share: Of[Numbers, "share of lags within the bounds of white noise, (n,)"]
+    detectable_gain_error: Of[
+        Gaps,
+        "relative error of each torque gain that such a log shows in 95 of 100 cases, (n,)",
+    ]
+
+
+class FrictionPart(Part, frozen=True, omit_defaults=True):
+    """Friction model."""
+
+    columns: Of[Texts, "names of the columns, (k,)"]
+    values: Of[Rows, "coefficients φ; a spring has one, in the first row, (n, k) [SI]"]
+    coulomb_speed: Of[float, "ε, width of the smooth sign of dq [rad/s]"]
+    stribeck_speed: Of[float | None, "v_s, width of the Stribeck peak [rad/s]"] = None
+    dahl_stroke: Of[float | None, "z_c, travel of a reversal [rad]"] = None
+    gear: Of[Rows, "gear matrix R of q_motor = R q, (n, n)"] = ()
+    sigma: Of[
+        tuple[Gaps, ...] | None,
+        "standard deviations of φ; null where the data determine none, (n, k) [SI]",
+    ] = None
+    interval_95: Of[
+        tuple[tuple[tuple[float, float] | None, ...], ...] | None,
+        "lower and upper end of the 95 % interval; null likewise, (n, k, 2) [SI]",
+    ] = None
+    net: Of[dict[str, Any] | None, "friction net: theta, scale"] = None
+
+
+class ConvergencePart(Part, frozen=True):
+    """Losses over the iterations."""
+
+    iteration: Of[tuple[int, ...], "numbers of the iterations"]
+    training: Of[Gaps, "L on the training part"]
+    validation: Of[Gaps | None, "L on the validation part"]
+
+
+class TrainedPart(Part, frozen=True):
+    """Fit to the training part, whose errors, loss and gap are stated."""
+
+    pi: Of[Numbers, "π of that fit, (10 L,) [kg, kg·m, kg·m²]"]
+    friction_values: Of[Rows, "φ of that fit, (n, k)"]
+
+
+class LeftOutPart(Part, frozen=True):
+    """Torque errors on one log [%]."""
+
+    name: Of[str, "name of the log"]
+    before_overall: Of[float, "of the URDF"]
+    after_overall: Of[float, "of the fit to all other logs"]
+    log_offset_overall: Of[float, "of that fit with the offset of this log"]
+    single_log_overall: Of[float, "of a fit to this log alone"]
+    rms: Of[Numbers, "of the fit to all other logs, (n,) [N·m, N]"]
+
+
+class RepeatabilityPart(Part, frozen=True):
+    """Spread of the fits to single logs."""
+
+    masses: Of[Rows, "mass of every link from each log alone, (logs, L) [kg]"]
+    mass_spread: Of[Numbers, "standard deviation of these masses over the logs, (L,) [kg]"]
+    beta_spread: Of[Numbers, "standard deviation of each base parameter over the logs, (n_b,)"]
+    beta_sigma_expected: Of[
+        Numbers, "the same predicted by the covariances of the single fits, (n_b,)"
+    ]
+    ratio: Of[float, "root mean square of spread over expected spread"]
+    sentence: Of[str, "whether the logs agree within their noise"]
+
+
+class SessionsPart(Part, frozen=True):
+    """Comparison of several logs."""
+
+    names: Of[Texts, "names of the logs"]
+    payload_kg: Of[Numbers, "known payload of every log, (logs,) [kg]"]
+    train_samples: Of[tuple[int, ...], "training rows of every log, (logs,)"]
+    offsets: Of[Rows | None, "torque offsets of every log, (logs, n)"]
+    delay_s: Of[tuple[Delay, ...] | None, "delay of every log, (logs,) [s]"]
+    leave_one_out: Of[tuple[LeftOutPart, ...], "errors of the fit to all other logs, (logs,)"]
+    repeatability: Of[RepeatabilityPart, "spread of the fits to single logs"]
+
+
+class ProvenancePart(Part, frozen=True):
+    """How to compute the result again."""
+
+    command: Of[str, "command line"]
+    versions: Of[dict[str, str], "of what computed the result"]
+    files: Of[dict[str, str], "SHA-256 of the raw files, by name"]
+    model_hash: Of[str, "SHA-256 of the model"]
+    seed: Of[int | None, "of mini-batches and nets"]
+
+
+class ResultRecord(Part, frozen=True):
+    """Content of result.json."""
+
+    format: Of[int, "number of the format"]
+    method: Of[str, "name of the method"]
+    robot: Of[str, "name of the robot"]
+    base: Of[str, "fixed, or free of a robot that walks"]
+    model: Of[ModelPart | None, "model that the parameters belong to"]
+    status: Of[str | None, "how the method ended, a sentence"]
+    joints: Of[Texts, "names of the joints, (n,)"]
+    units: Of[Texts, "unit of the torque of every joint, N*m or N, (n,)"]
+    recording: Of[RecordingPart, "the data"]
+    torque_source: Of[str, "measured, commanded (by a control law) or current (times a gain)"]
+    control_law: Of[ControlLaw | None, "of a commanded torque; null for a measured one"]
+    current_gains: Of[
+        tuple[CurrentGain, ...] | None,
+        "estimated gains of motor currents; null where the recipe states them",
+    ]
+    delay_s: Of[
+        Delay | tuple[Delay, ...] | None,
+        "delay of the torque, one per joint in a list; null where it was not estimated [s]",
+    ]
+    symmetric: Of[
+        tuple[MirroredPair, ...] | None,
+        "one table per mirrored pair and quantity; null where --symmetric was not given",
+    ]
+    drive: Of[
+        tuple[DrivePart, ...] | None,
+        "drive of every joint; null where the torque is measured and no delay was estimated, (n,)",
+    ]
+    torque_error_percent: Of[ErrorPercent, "relative errors on the test part [%]"]
+    torque_rms: Of[ErrorRms, "errors on the test part"]
+    links: Of[tuple[LinkPart, ...], "one table per moving link, (L,)"]
+    consistent: Of[bool, "whether every link is physically consistent"]
+    gap_to_convex_optimum: Of[float | None, "(L − L*)/L*; null when not computed"]
+    uncertainty: Of[UncertaintyPart | None, "posterior of the parameters; null when not computed"]
+    loss: Of[float | None, "L on the training part"]
+    convex_optimum: Of[float | None, "L*, smallest loss of a consistent model"]
+    weights: Of[Numbers, "diagonal of W in the loss, (n,)"]
+    friction: Of[FrictionPart | None, "friction model; null without one"]
+    convergence: Of[ConvergencePart | None, "losses over the iterations; null for closed forms"]
+    iterations: Of[int | None, "of the method"]
+    seconds: Of[float | None, "time of the method alone [s]"]
+    warnings: Of[Texts, "sentences to read before the result is used"]
+    pi: Of[Numbers, "standard parameters π: m, m·c, I per link, (10 L,) [kg, kg·m, kg·m²]"]
+    lam: Of[Numbers | None, "λ of π; null where π is not consistent, (10 L,)"]
+    beta: Of[Numbers, "base parameters β = K π, (n_b,) [SI]"]
+    condition_number: Of[float | None, "of the normalised regressor; null when singular"]
+    trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit"]
+    sessions: Of[SessionsPart | None, "comparison of several logs; null for one"]
+    provenance: Of[ProvenancePart, "how to compute the result again"]
+
+    @property
+    def delays(self) -> tuple[Delay, ...]:
+        """Delays of the torque, one for the log or one per joint; none where not estimated."""
+        return (self.delay_s,) if isinstance(self.delay_s, Delay) else self.delay_s or ()
+
+
+def read_record(path: Path) -> ResultRecord:
+    """Read a result.json of any format.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        Its record; lists have the lengths that belong together.
+
+    Raises:
+        RecordingError: the file cannot be read, has a later format, or its fields do not fit.
+    """
+    again = "identify again, or give the folder that identify wrote"
+    try:
+        facts = json_of(path)
+        if not isinstance(facts, dict):
+            raise ValueError(f"expected a table, got {facts!r:.40}")
+        facts = migrated(facts, path)
+        if any(isinstance(x, float) and LARGEST_ACCEPTED < abs(x) < inf for x in values_of(facts)):
+            raise ValueError(f"a number above {LARGEST_ACCEPTED:g}")
+        record = record_from_table(ResultRecord, facts, "", ValueError, allows_infinite=True)
+        _require_shapes(record)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read '{path}' ({error.strerror or error}), so that it holds no valid "
+            f"result.json; {again}"
+        ) from None
+    except ValueError as error:
+        reason = re.sub(r"^: |; (correct it|add it|write it flat)$", "", str(error)).strip()
+        raise RecordingError(
+            f"'{path}' is damaged and holds no valid result.json ({reason}); {again}"
+        ) from None
+    return record
+
+
+def migrated(facts: dict[str, Any], path: Path | str = "result.json") -> dict[str, Any]:
+    """Facts of any format as facts of the present one; unchanged where they are of it."""
+    number = facts.get("format", 1)
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+        raise ValueError(f"format expects a whole number above 0, got {number!r:.40}")
+    if "free_base" in facts:
+        raise RecordingError(
+            f"'{path}' is the result of a robot with a free base, expected one of a fixed base; "
+            "use result.json and identified.urdf of its folder as they are, or build the robot "
+            "without --floating"
+        )
+    if number > FORMAT:
+        versions = next((t for t, _ in _places(facts, "provenance.versions.symgen")), {})
+        writer = f" (written by symgen {versions['symgen']})" if "symgen" in versions else ""
+        raise RecordingError(
+            f"'{path}' has the format {number}{writer}, expected {FORMAT} or less; update symgen, "
+            "or identify again with this version"
+        )
+    if number == FORMAT:
+        return facts
+    now = copy.deepcopy(facts)
+    for key, name in RENAMED.items():
+        for table, old in _places(now, key):
+            if old in table:
+                table[name] = table.pop(old)
+    if isinstance(now.get("joints"), list) and not now.get("units"):
+        now["units"] = [""] * len(now["joints"])
+    for key, value in OLDER.items():
+        for table, name in _places(now, key):
+            if table.get(name) is None:
+                table[name] = copy.deepcopy(value)
+    now["format"] = FORMAT
+    return now
+
+
+def _places(facts: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """Tables that have or could have a key, each with its last name."""
+    *parents, name = key.split(".")
+    tables: list[Any] = [facts]
+    for parent in parents:
+        values = [each.get(parent.removesuffix("[]")) for each in tables if isinstance(each, dict)]
+        if parent.endswith("[]"):
+            values = [each for value in values if isinstance(value, list) for each in value]
+        tables = values
+    yield from ((table, name) for table in tables if isinstance(table, dict))
+
+
+def _require_shapes(record: ResultRecord) -> None:
+    """Refuse lists whose lengths do not belong together, and bodies that are no numbers."""
+    for name, value, shape in _shapes(record):
+        if isinstance(value, tuple) and _shape(value, len(shape)) != shape:
+            got = _shape(value, len(shape))
+            raise ValueError(f"{name} expects the shape {shape}, got {got}")
+    for link in record.links:
+        if not all(map(isfinite, (link.mass, link.mass_before, *link.com_before))):
+            raise ValueError(f"mass and com_before of {link.name} expect finite numbers")
+
+
+def _shapes(record: ResultRecord) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
+    """Name, value and expected shape of the lists; a value that is no list is not of interest."""
+    n, bodies = len(record.joints), len(record.links)
+    for name in (
+        *("units", "drive", "current_gains", "delay_s", "control_law.kp", "control_law.kd"),
+        *("torque_error_percent.before", "torque_error_percent.after"),
+        *("torque_rms.before", "torque_rms.after", "uncertainty.noise", "uncertainty.model_band"),
+        "uncertainty.white_lag_share",
+    ):
+        yield name, reduce(_field, name.split("."), record), (n,)
+    for k, joint in enumerate(() if record.model is None else record.model.joints):
+        yield f"model.joints[{k}].rotation", joint.rotation, (3, 3)
+    if (friction := record.friction) is not None:
+        yield "friction.values", friction.values, (n, len(friction.columns))
+    if (known := record.uncertainty) is not None:
+        yield "uncertainty.detectable_gain_error", known.detectable_gain_error or None, (n,)
+        yield "uncertainty.links", known.links, (bodies,)
+        for k, link in enumerate(known.links):
+            yield f"uncertainty.links[{k}].verdicts", link.verdicts, (N_PARAMETERS,)
+    if (run := record.convergence) is not None:
+        yield "convergence.training", run.training, (len(run.iteration),)
+        yield "convergence.validation", run.validation, (len(run.iteration),)
+    for k, pair in enumerate(record.symmetric or ()):
+        yield f"symmetric[{k}].sigma", pair.sigma, _shape(pair.values, 2)
+    if (logs := record.sessions) is not None:
+        count = len(logs.leave_one_out)
+        yield "sessions.payload_kg", logs.payload_kg, (count,)
+        yield "sessions.repeatability.masses", logs.repeatability.masses, (count, bodies)
+        yield "sessions.repeatability.mass_spread", logs.repeatability.mass_spread, (bodies,)
+
+
+def _field(table: Any, name: str) -> Any:
+    return getattr(table, name, None)
+
+
+def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
+    """Lengths of a list of lists; −1 where the inner ones differ."""
+    if dimensions == 1:
+        return (len(value),)
+    widths = {len(each) for each in value}
+    return (len(value), widths.pop() if len(widths) == 1 else -1)

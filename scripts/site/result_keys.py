@@ -1,0 +1,78 @@
+"""Keys of result.json for the documentation, from the record: table, old names, JSON Schema."""
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from runtime.identification.result_record import RENAMED, Part, ResultRecord
+
+WORDS = {"str": "text", "float": "number", "int": "integer", "bool": "true or false",
+         "tuple": "list", "dict": "table", "NoneType": "null", "Any": "any"}  # fmt: skip
+
+
+def markdown() -> str:
+    """Table of all keys, then that of the keys that had another name in formats 1 and 2."""
+    lines = ["| key | type | meaning, shape, unit |", "|---|---|---|"]
+    lines += [f"| `{key}` | {kind} | {meaning} |" for key, kind, meaning in keys(ResultRecord)]
+    lines += ["", "Files of formats 1 and 2 are read. These keys had other names in them:", ""]
+    lines += ["| format 1 and 2 | format 3 |", "|---|---|"]
+    for old, name in RENAMED.items():
+        lines.append(f"| `{old}` | `{'.'.join([*old.split('.')[:-1], name])}` |")
+    return "\n".join(lines) + "\n"
+
+
+def json_schema() -> str:
+    """JSON Schema of result.json, each key with its description."""
+    schema = msgspec.json.schema(ResultRecord)
+    for kind in (ResultRecord, *parts(ResultRecord)):
+        table = schema["$defs"][kind.__name__]
+        for name, meaning in meanings(kind).items():
+            table["properties"][name]["description"] = meaning
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def keys(kind: type[Part], path: str = "") -> Iterator[tuple[str, str, str]]:
+    """Key, type and meaning of every field, those of inner tables after their own."""
+    hints = get_type_hints(kind, include_extras=True)
+    for field in msgspec.structs.fields(kind):
+        hint = hints[field.name]
+        name, of, meaning = f"{path}{field.name}", get_args(hint)[0], get_args(hint)[1]
+        is_optional = field.default is not msgspec.NODEFAULT
+        words = dict.fromkeys(word(each) for each in members(of))
+        yield name, " or ".join(words) + (", optional" if is_optional else ""), meaning
+        for each in members(of):
+            inner = get_args(each)[0] if get_origin(each) is tuple else each
+            if isinstance(inner, type) and issubclass(inner, Part):
+                yield from keys(inner, f"{name}{'[]' if inner is not each else ''}.")
+                break
+
+
+def parts(kind: type[Part]) -> Iterator[type[Part]]:
+    """Tables inside a table."""
+    for hint in get_type_hints(kind).values():
+        for each in members(hint):
+            inner = get_args(each)[0] if get_origin(each) is tuple else each
+            if isinstance(inner, type) and issubclass(inner, Part):
+                yield inner
+                yield from parts(inner)
+
+
+def meanings(kind: type[Part]) -> dict[str, str]:
+    """Meaning of every field."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: get_args(hint)[1] for name, hint in hints.items()
+            if get_origin(hint) is Annotated}  # fmt: skip
+
+
+def members(hint: Any) -> tuple[Any, ...]:
+    """Types of a union, or the type."""
+    return (hint,) if get_origin(hint) in (tuple, dict, None) else get_args(hint)
+
+
+def word(kind: Any) -> str:
+    """Word for a type of JSON."""
+    name = getattr(get_origin(kind) or kind, "__name__", "any")
+    return WORDS.get(name, "table")

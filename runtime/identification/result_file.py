@@ -23,7 +23,6 @@ from runtime.identification.identified import Identification, friction_error, to
 from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_record import (
     FORMAT,
-    LARGEST_VALUE,
     ControlLaw,
     ConvergencePart,
     CurrentGain,
@@ -39,7 +38,7 @@ from runtime.identification.result_record import (
     UncertaintyPart,
 )
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.saved_result import model_part
+from runtime.identification.saved_result import LARGEST_VALUE, model_part
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass

@@ -5,25 +5,33 @@ placements. Another gravity, other inertials or a newer generator leave π valid
 fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
+import copy
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from runtime.common.files import json_of, values_of
+from runtime.common.records import record_from_table
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Learned
 from runtime.identification.result_record import (
-    LARGEST_VALUE,
+    FORMAT,
+    OLDER,
+    RENAMED,
     CurrentGain,
     FrictionPart,
     JointPlace,
     ModelPart,
     ResultRecord,
-    read_record,
 )
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
@@ -34,6 +42,10 @@ from runtime.recording.notebook import Framed, html_table
 from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
 
+LARGEST_ACCEPTED = 1e100
+"""Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
+LARGEST_VALUE = 1e9
+"""Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
 """Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
 
@@ -152,6 +164,132 @@ def model_part(lib: Library) -> ModelPart:
     )
 
 
+def read_record(path: Path) -> ResultRecord:
+    """Read a result.json of any format; lists have the lengths that belong together."""
+    again = "identify again, or give the folder that identify wrote"
+    try:
+        facts = json_of(path)
+        if not isinstance(facts, dict):
+            raise ValueError(f"expected a table, got {facts!r:.40}")
+        facts = migrated(facts, path)
+        if any(isinstance(x, float) and LARGEST_ACCEPTED < abs(x) < inf for x in values_of(facts)):
+            raise ValueError(f"a number above {LARGEST_ACCEPTED:g}")
+        record = record_from_table(ResultRecord, facts, "", ValueError, allows_infinite=True)
+        _require_shapes(record)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read '{path}' ({error.strerror or error}), so that it holds no valid "
+            f"result.json; {again}"
+        ) from None
+    except ValueError as error:
+        reason = re.sub(r"^: |; (correct it|add it|write it flat)$", "", str(error)).strip()
+        raise RecordingError(
+            f"'{path}' is damaged and holds no valid result.json ({reason}); {again}"
+        ) from None
+    return record
+
+
+def migrated(facts: dict[str, Any], path: Path | str = "result.json") -> dict[str, Any]:
+    """Facts of any format as facts of the present one; unchanged where they are of it."""
+    number = facts.get("format", 1)
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+        raise ValueError(f"format expects a whole number above 0, got {number!r:.40}")
+    if "free_base" in facts:
+        raise RecordingError(
+            f"'{path}' is the result of a robot with a free base, expected one of a fixed base; "
+            "use result.json and identified.urdf of its folder as they are, or build the robot "
+            "without --floating"
+        )
+    if number > FORMAT:
+        versions = next((t for t, _ in _places(facts, "provenance.versions.symgen")), {})
+        writer = f" (written by symgen {versions['symgen']})" if "symgen" in versions else ""
+        raise RecordingError(
+            f"'{path}' has the format {number}{writer}, expected {FORMAT} or less; update symgen, "
+            "or identify again with this version"
+        )
+    if number == FORMAT:
+        return facts
+    now = copy.deepcopy(facts)
+    for key, name in RENAMED.items():
+        for table, old in _places(now, key):
+            if old in table:
+                table[name] = table.pop(old)
+    if isinstance(now.get("joints"), list) and not now.get("units"):
+        now["units"] = [""] * len(now["joints"])
+    for key, value in OLDER.items():
+        for table, name in _places(now, key):
+            if table.get(name) is None:
+                table[name] = copy.deepcopy(value)
+    now["format"] = FORMAT
+    return now
+
+
+def _places(facts: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """Tables that have or could have a key, each with its last name."""
+    *parents, name = key.split(".")
+    tables: list[Any] = [facts]
+    for parent in parents:
+        values = [each.get(parent.removesuffix("[]")) for each in tables if isinstance(each, dict)]
+        if parent.endswith("[]"):
+            values = [each for value in values if isinstance(value, list) for each in value]
+        tables = values
+    yield from ((table, name) for table in tables if isinstance(table, dict))
+
+
+def _require_shapes(record: ResultRecord) -> None:
+    """Refuse lists whose lengths do not belong together, and bodies that are no numbers."""
+    for name, value, shape in _shapes(record):
+        if isinstance(value, tuple) and _shape(value, len(shape)) != shape:
+            got = _shape(value, len(shape))
+            raise ValueError(f"{name} expects the shape {shape}, got {got}")
+    for link in record.links:
+        if not all(map(isfinite, (link.mass, link.mass_before, *link.com_before))):
+            raise ValueError(f"mass and com_before of {link.name} expect finite numbers")
+
+
+def _shapes(record: ResultRecord) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
+    """Name, value and expected shape of the lists; a value that is no list is not of interest."""
+    n, bodies = len(record.joints), len(record.links)
+    for name in (
+        *("units", "drive", "current_gains", "delay_s", "control_law.kp", "control_law.kd"),
+        *("torque_error_percent.before", "torque_error_percent.after"),
+        *("torque_rms.before", "torque_rms.after", "uncertainty.noise", "uncertainty.model_band"),
+        "uncertainty.white_lag_share",
+    ):
+        yield name, reduce(_field, name.split("."), record), (n,)
+    for k, joint in enumerate(() if record.model is None else record.model.joints):
+        yield f"model.joints[{k}].rotation", joint.rotation, (3, 3)
+    if (friction := record.friction) is not None:
+        yield "friction.values", friction.values, (n, len(friction.columns))
+    if (known := record.uncertainty) is not None:
+        yield "uncertainty.detectable_gain_error", known.detectable_gain_error or None, (n,)
+        yield "uncertainty.links", known.links, (bodies,)
+        for k, link in enumerate(known.links):
+            yield f"uncertainty.links[{k}].verdicts", link.verdicts, (N_PARAMETERS,)
+    if (run := record.convergence) is not None:
+        yield "convergence.training", run.training, (len(run.iteration),)
+        yield "convergence.validation", run.validation, (len(run.iteration),)
+    for k, pair in enumerate(record.symmetric or ()):
+        yield f"symmetric[{k}].sigma", pair.sigma, _shape(pair.values, 2)
+    if (logs := record.sessions) is not None:
+        count = len(logs.leave_one_out)
+        yield "sessions.payload_kg", logs.payload_kg, (count,)
+        yield "sessions.repeatability.masses", logs.repeatability.masses, (count, bodies)
+        yield "sessions.repeatability.mass_spread", logs.repeatability.mass_spread, (bodies,)
+
+
+def _field(table: Any, name: str) -> Any:
+    return getattr(table, name, None)
+
+
+def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
+    """Lengths of a list of lists; −1 where the inner ones differ."""
+    if dimensions == 1:
+        return (len(value),)
+    widths = {len(each) for each in value}
+    return (len(value), widths.pop() if len(widths) == 1 else -1)
+
+
 def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
     """Read the result that `identify` wrote; learned friction is refused without `with_learned`."""
     file = folder / "result.json" if folder.is_dir() else folder
@@ -227,7 +365,7 @@ def _preparation(facts: dict[str, Any]) -> Preparation:
     return Preparation(**lists)
 
 
-def _places(model: ModelPart) -> Array:
+def _frames(model: ModelPart) -> Array:
     """Rotation, translation [m] and axis of every joint, (n, 15)."""
     rows = [np.hstack([np.ravel(x) for x in (j.rotation, j.translation, j.axis)])
             for j in model.joints]  # fmt: skip
@@ -247,7 +385,7 @@ def require_model(
     if then is None or then.model_hash == now.model_hash:
         return ()
     kinds = [[(joint.kind, joint.parent) for joint in each.joints] for each in (then, now)]
-    moved = ~(np.abs(_places(then) - _places(now)).max(axis=1) <= ALIKE)  # NaN counts as moved
+    moved = ~(np.abs(_frames(then) - _frames(now)).max(axis=1) <= ALIKE)  # NaN counts as moved
     moved |= np.array([a != b for a, b in zip(*kinds, strict=True)])
     if moved.any():
         raise RecordingError(

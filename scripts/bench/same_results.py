@@ -26,7 +26,7 @@ import numpy as np
 
 from bench.same_results_cases import CASES, SCRIPTS
 from bench.same_results_inputs import EXAMPLES, INPUTS
-from runtime.identification.result_record import migrated
+from runtime.identification.saved_result import migrated
 
 LONGEST = 900.0
 """Time after which a command counts as failed, s."""

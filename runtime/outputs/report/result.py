@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from runtime.common.files import require_file
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.identification.result_record import LARGEST_ACCEPTED, ResultRecord, read_record
+from runtime.identification.result_record import ResultRecord
+from runtime.identification.saved_result import LARGEST_ACCEPTED, read_record
 from runtime.recording.formats.npz import open_npz
 
 Array = NDArray[np.float64]

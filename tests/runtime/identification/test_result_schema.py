@@ -15,10 +15,8 @@ from runtime.identification.result_record import (
     FORMAT,
     RENAMED,
     ResultRecord,
-    migrated,
-    read_record,
 )
-from runtime.identification.saved_result import read_result
+from runtime.identification.saved_result import migrated, read_record, read_result
 from runtime.outputs.report.result import read_result as read_report
 from scripts.site import result_keys
 from tests.runtime.pages import predictions

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.identification.result_record import LinkUncertainty, UncertaintyPart, read_record
+from runtime.identification.result_record import LinkUncertainty, UncertaintyPart
+from runtime.identification.saved_result import read_record
 from runtime.outputs.report.uncertainty import uncertainty_sections
 from tests.runtime import pages
 

@@ -21,6 +21,8 @@ from typing import Any
 
 from runtime.errors import LibraryError
 
+__all__ = ["DeviceArray", "DeviceCode", "Gpu", "device_code"]
+
 TYPES = {"float": 4, "double": 8}
 """Types of numbers and their bytes."""
 THREADS = 128

@@ -31,7 +31,7 @@ Flag = Annotated[str, Meta(pattern=rf"\A({_FLAGS})\Z", description="a flag of sy
 FileName = Annotated[
     str,
     Meta(
-        pattern=r"\A[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)\Z",
+        pattern=r"\A[A-Za-z][A-Za-z0-9_]{0,80}\.(c|cuh|h|json|md|urdf)\Z",
         description="a generated file",
     ),
 ]

@@ -137,18 +137,9 @@ def inspect_log(
     if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan, lib)
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
-    if recording.tau is None or not recording.tau.any():
-        sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
-        findings.append(Finding("no_torque", ERROR, sentence))
-    elif blind or any(f.kind == "position_range" for f in findings):
-        sentence = "the torque was not checked; correct the clock and the positions first"
-        findings.append(Finding("not_judged", INFO, sentence))
-    elif recording.torque_source == COMMANDED:
-        check_commanded(checks, lib)
-    else:
-        check_torque(checks, lib, propose)
-        if has_gains:  # unknown gains scale the torque of each joint
-            findings += signals.little_torque(checks.recording, lib)
+    if at_rest is None:
+        findings += signals.constant_torque(recording, lib)
+    _check_torque(checks, lib, propose, blind=blind)
     if not has_gains:
         checks.plan, checks.findings = stated(checks.plan, checks.findings)
         findings = checks.findings
@@ -162,6 +153,27 @@ def inspect_log(
         recording=checks.recording,
         rest=tuple(signals.rest_spans(checks.recording, lib)),
     )
+
+
+def _check_torque(checks: CheckRun, lib: Library, propose: bool, *, blind: bool) -> None:
+    """Checks of the torque, where clock, positions and torque allow them."""
+    recording, findings = checks.recording, checks.findings
+    kinds = {f.kind for f in findings}
+    if recording.tau is None or not recording.tau.any():
+        sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
+        findings.append(Finding("no_torque", ERROR, sentence))
+    elif blind or "position_range" in kinds:
+        sentence = "the torque was not checked; correct the clock and the positions first"
+        findings.append(Finding("not_judged", INFO, sentence))
+    elif "constant_torque" in kinds:
+        sentence = "the other torques were not checked; log the constant ones first"
+        findings.append(Finding("not_judged", INFO, sentence))
+    elif recording.torque_source == COMMANDED:
+        check_commanded(checks, lib)
+    else:
+        check_torque(checks, lib, propose)
+        if checks.has_gains:  # unknown gains scale the torque of each joint
+            findings += signals.little_torque(checks.recording, lib)
 
 
 def _of_poses(count: int) -> Finding:

@@ -13,10 +13,10 @@ from runtime.errors import RuntimeFault
 from runtime.estimators.choice.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.estimators.choice.regressor_choice import choose_regressor, differentiation_of
 from runtime.inspection.checks import (
+    column_faults,
     drives,
     gravity,
     model_fit,
-    position_columns,
     torque_delay,
     torque_signs,
 )
@@ -30,9 +30,7 @@ from runtime.recording.reader import Raw, recording_of
 from runtime.recording.rest_speeds import as_rest_speed
 
 _AGAINST_THE_LINKS = (
-    position_columns.position_columns,
-    torque_signs.torque_order,
-    torque_signs.joint_signs,
+    column_faults.column_faults,
     torque_signs.scale,
     gravity.gravity,
 )
@@ -110,6 +108,10 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
         if not lib.placeholders:
+            before = len(checks.findings)
+            checks.run_on_torque(column_faults.column_faults, lib, Friction(DRIVE))
+            if any(f.level == WARNING for f in checks.findings[before:]):
+                return  # delay and drives are those of other columns
             terms = drives.friction_of(checks.recording, lib, checks.plan)
             checks.run(lambda r, p: drives.delay(r, lib, p, terms))
             checks.findings += drives.rotor(checks.recording, lib, checks.plan, terms)

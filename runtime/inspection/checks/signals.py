@@ -1,8 +1,8 @@
-"""Checks of single signals: saturation, end stops, rest, little torque."""
+"""Checks of single signals: saturation, end stops, rest, constant or little torque."""
 
 import numpy as np
 
-from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
+from runtime.inspection.finding import ERROR, INFO, WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import runs
@@ -23,6 +23,8 @@ AT_END = 5e-4
 """Distance from the end of the range [rad or m] within which a joint stands at its stop."""
 STOP_SHARE = 0.01
 """Share of the rows at a stop above which it is reported."""
+MOVING_ROWS = 20
+"""Rows of a moving joint that a torque must vary over."""
 REST_SHARE = 0.05
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
@@ -105,6 +107,36 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
             WARNING if 2 * still.size > lib.n_joints else INFO,
             f"{sentence}; record a motion that moves every joint",
             {"joints": still.tolist()},
+        )
+    ]
+
+
+def constant_torque(recording: Recording, lib: Library) -> list[Finding]:
+    """Torques that keep one value while their joint moves.
+
+    Measured: range of τ over the rows in which the joint moves; friction alone changes it there.
+    """
+    if recording.tau is None or not recording.tau.any():
+        return []
+    moves = moving_joints(recording, lib)
+    travels = np.ptp(recording.q, axis=0) > still_travels(lib)
+    # Equal steps of a coarse signal last for some rows, not for all of a motion.
+    where = [
+        j
+        for j in np.flatnonzero(travels).tolist()
+        if moves[:, j].sum() >= MOVING_ROWS and np.ptp(recording.tau[moves[:, j], j]) == 0.0
+    ]
+    if not where:
+        return []
+    values = [float(recording.tau[moves[:, j], j][0]) for j in where]
+    return [
+        Finding(
+            "constant_torque",
+            ERROR,
+            f"the torque of {joint_list(lib.joint_names, where)} keeps one value "
+            f"({', '.join(f'{value:.4g}' for value in values)}) while the joint moves: it was not "
+            "logged; log it, or lock the joint when building the robot",
+            {"joints": where, "values": values},
         )
     ]
 

@@ -259,3 +259,13 @@ def test_8_rounding_is_reported_by_symgen(shared_data: Path) -> None:
     assert result.base is not None
     assert len(result.base.names) == 43
     assert result.base.condition < 1e4  # with the rounding taken at its word it is 1e7
+
+
+@pytest.mark.parametrize("value", [0.0, 1.3])
+def test_a_constant_torque_is_the_only_accused(lib, clean, saved, value) -> None:
+    """Property: the torque of a wrist joint that was not logged, without causes beside it."""
+    tau = clean.tau.copy()
+    tau[:, 6] = value
+    result = inspect_log(saved(clean, tau=tau), lib)
+    assert set(sentences(result)) == {"constant_torque"}
+    assert "fr3_joint7" in sentences(result)["constant_torque"]

@@ -1,0 +1,230 @@
+"""Faults of the columns of a log, compared by how much of the torque each one explains.
+
+    τ_j = s τ̂_j(q, dq, ddq) + c tanh(dq_j / ε) + v dq_j + J ddq_j + b,    s, c, v, J ≥ 0
+
+with the torque τ̂ of the URDF. Friction brakes and inertia resists in every joint, so that a column
+with the opposite sign, or of another joint, leaves residuals that no s, c, v, J ≥ 0 explain, also
+where friction is all that a wrist joint carries. Gains are free: no unit is needed. A fault f is a
+change of the columns, and its evidence compares the log with the fault undone:
+
+    E_f = Σ_j ln(ρ_j / ρ_j^f),    ρ_j = ‖rest of τ_j‖² / ‖τ_j − mean‖²
+
+over the joints that move. The same numbers tell what the log hides: a fault whose planting changes
+Σ_j ln ρ_j by less than `EVIDENCE` leaves no trace in it.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment, nnls
+
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+from runtime.recording.rest_speeds import rest_speeds
+
+ROWS = 400
+"""Rows of the regressions: residuals differ by factors."""
+WIDTH = 2.5
+"""Width ε of the smooth sign over the speed of rest."""
+MOVES, FEWEST = 0.2, 30
+"""Share of the rows, and their number, in which a joint must move to be tested."""
+EVIDENCE = 1.0
+"""E from which on a fault counts: the residual falls by the factor e of its square. Unchanged logs
+of real arms reach 0.9, at a wrist whose torque is mostly the ripple of its sensor."""
+GOOD = 0.3
+"""ρ that every joint of the fault must reach: what the model does not explain accuses nobody."""
+ALIKE = 0.5
+"""E below that of the best fault up to which another fault is named beside it."""
+FLOOR = 1e-3
+"""Least ρ: a fit below a thousandth is as good as any."""
+MOST = 4
+"""Faults that are undone one after the other."""
+TORQUE_SIGN, POSITION_SIGN, BOTH_SIGN = "torque_sign", "position_sign", "joint_sign"
+TORQUE_ORDER, POSITION_ORDER = "torque_order", "position_order"
+REVERSED, GRAVITY = "every_torque_sign", "gravity"
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnFault:
+    """One fault of the columns.
+
+    Attributes:
+        kind: one of the kinds above.
+        joints: of the fault, ascending.
+        order: column of every joint, (n,); 0 … n − 1 without an exchange.
+        evidence: E.
+    """
+
+    kind: str
+    joints: tuple[int, ...]
+    order: tuple[int, ...]
+    evidence: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnFaults:
+    """Result of the comparison.
+
+    Attributes:
+        named: the faults that explain most, each after those before it were undone.
+        rivals: of every one of them, other faults of the same joints that explain nearly as much.
+        hidden: faults that would leave no trace in this log.
+        left: ρ as the log is, and with the faults undone, (2, n); NaN of joints that rest.
+    """
+
+    named: tuple[ColumnFault, ...]
+    rivals: tuple[tuple[ColumnFault, ...], ...]
+    hidden: tuple[ColumnFault, ...]
+    left: Array
+
+
+def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
+    """Compare all signs, exchanges of two joints, and orders of τ, which may be in any unit."""
+    step = max(1, len(samples) // ROWS)
+    table = _Table.of(lib, samples.rows(slice(None, None, step)))
+    first = table.left()
+    named: list[ColumnFault] = []
+    rivals: list[tuple[ColumnFault, ...]] = []
+    while len(named) < MOST:
+        ranked = sorted(table.faults(), key=lambda fault: -fault.evidence)
+        ranked = [each for each in ranked if each.evidence >= EVIDENCE]
+        # What a fault explains best whose joints remain unexplained accuses no other joint.
+        ranked = [each for each in ranked if each.evidence > ranked[0].evidence - ALIKE]
+        ranked = [each for each in ranked if table.without(each).explains(each.joints)]
+        if not ranked:
+            break
+        best, table = ranked[0], table.without(ranked[0])
+        named.append(best)
+        rivals.append(tuple(each for each in ranked[1:] if each.joints == best.joints))
+        if best.kind in {REVERSED, GRAVITY}:
+            break
+    # Undoing a fault f gains E_f; planting it loses as much.
+    hidden = tuple(each for each in table.faults() if each.evidence > -EVIDENCE)
+    return ColumnFaults(tuple(named), tuple(rivals), hidden, np.array([first, table.left()]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """Columns of the log as they are assumed, (N, n) each."""
+
+    lib: Library
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    slow: Array
+    falls: float = 1.0  # sign of gravity
+
+    @staticmethod
+    def of(lib: Library, s: Samples) -> "_Table":
+        return _Table(lib, s.q, s.dq, s.ddq, s.tau, rest_speeds(lib))
+
+    def left(self) -> Array:
+        """ρ of every joint, (n,); NaN of joints that rest or have a constant torque."""
+        model = self.model()
+        return np.array([self._left(model, j, j) for j in range(self.tau.shape[1])])
+
+    def explains(self, joints: tuple[int, ...]) -> bool:
+        """Whether the model explains the torque of these joints, as far as they move."""
+        return not bool((np.nan_to_num(self.left()[list(joints)]) > GOOD).any())
+
+    def model(self) -> Array:
+        """Torque of the URDF, (N, n)."""
+        torque = self.lib.inverse_dynamics(self.q, self.dq, self.ddq, self.lib.pi0)
+        if self.falls > 0:
+            return torque
+        still = np.zeros_like(self.q)
+        return torque - 2.0 * self.lib.inverse_dynamics(self.q, still, still, self.lib.pi0)
+
+    def _left(self, model: Array, column: int, joint: int, sign: float = 1.0) -> float:
+        """ρ of a column of τ at a joint."""
+        moves = np.abs(self.dq[:, joint]) >= self.slow[joint]
+        if moves.sum() < max(FEWEST, MOVES * len(moves)):
+            return np.nan
+        tau = sign * self.tau[moves, column]
+        dq, ddq = self.dq[moves, joint], self.ddq[moves, joint]
+        smooth = np.tanh(dq / (WIDTH * self.slow[joint]))
+        columns = np.column_stack([model[moves, joint], smooth, dq, ddq])
+        columns, tau = columns - columns.mean(axis=0), tau - tau.mean()
+        sizes = np.linalg.norm(columns, axis=0)
+        size = float(np.linalg.norm(tau))
+        if size == 0.0:
+            return np.nan
+        _, rest = nnls(columns / np.where(sizes > 0, sizes, 1.0), tau / size)
+        return max(float(rest) ** 2, FLOOR)
+
+    def faults(self) -> list[ColumnFault]:
+        """All faults with their evidence, in no order."""
+        n = self.tau.shape[1]
+        model = self.model()
+        here = np.array([self._left(model, j, j) for j in range(n)])
+        tested = np.flatnonzero(np.isfinite(here))
+        before = np.log(np.nan_to_num(here, nan=1.0))  # nothing is explained at rest
+        if not tested.size:
+            return []
+        named = []
+        for fault in self._candidates(tested):
+            if fault.kind in {TORQUE_SIGN, TORQUE_ORDER}:
+                after = here.copy()
+                for j in fault.joints:
+                    sign = -1.0 if fault.kind == TORQUE_SIGN else 1.0
+                    after[j] = self._left(model, fault.order[j], j, sign)
+            else:
+                after = self.without(fault).left()
+            gain = float(np.sum(before - np.log(np.nan_to_num(after, nan=1.0))))
+            named.append(ColumnFault(fault.kind, fault.joints, fault.order, gain))
+        return named
+
+    def _candidates(self, tested: NDArray[np.int64]) -> Iterator[ColumnFault]:
+        n = self.tau.shape[1]
+        still = tuple(range(n))
+        for j in tested:
+            for kind in (TORQUE_SIGN, POSITION_SIGN, BOTH_SIGN):
+                yield ColumnFault(kind, (int(j),), still)
+        for j, k in itertools.combinations(range(n), 2):
+            if not {j, k} & set(tested.tolist()):
+                continue
+            order = list(still)
+            order[j], order[k] = k, j
+            for kind in (TORQUE_ORDER, POSITION_ORDER):
+                yield ColumnFault(kind, (j, k), tuple(order))
+        best = self._best_order(tested)
+        moved = tuple(j for j in still if best[j] != j)
+        if len(moved) > 2:
+            yield ColumnFault(TORQUE_ORDER, moved, best)
+        loaded = tuple(int(j) for j in tested)
+        yield ColumnFault(REVERSED, loaded, still)
+        if self.lib.gravity.any():
+            yield ColumnFault(GRAVITY, loaded, still)
+
+    def _best_order(self, tested: NDArray[np.int64]) -> tuple[int, ...]:
+        """Order of the columns of τ with the least Σ ln ρ."""
+        model, n = self.model(), self.tau.shape[1]
+        cost = np.zeros((n, n))  # (joint, column)
+        for j in tested:
+            cost[j] = [np.log(self._left(model, k, int(j))) for k in range(n)]
+        _, columns = linear_sum_assignment(np.nan_to_num(cost))
+        return tuple(int(k) for k in columns)
+
+    def without(self, fault: ColumnFault) -> "_Table":
+        """The columns with the fault undone."""
+        sign = np.ones(self.tau.shape[1])
+        sign[list(fault.joints)] = -1.0
+        q, dq, ddq, tau, falls = self.q, self.dq, self.ddq, self.tau, self.falls
+        order = list(fault.order)
+        if fault.kind in {TORQUE_SIGN, BOTH_SIGN}:
+            tau = tau * sign
+        if fault.kind in {POSITION_SIGN, BOTH_SIGN}:
+            q, dq, ddq = q * sign, dq * sign, ddq * sign
+        if fault.kind == TORQUE_ORDER:
+            tau = tau[:, order]
+        if fault.kind == POSITION_ORDER:
+            q, dq, ddq = q[:, order], dq[:, order], ddq[:, order]
+        if fault.kind == REVERSED:
+            tau = -tau
+        if fault.kind == GRAVITY:
+            falls = -falls
+        return _Table(self.lib, q, dq, ddq, tau, self.slow, falls)

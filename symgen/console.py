@@ -11,13 +11,14 @@ from typing import Any
 import typer
 
 from runtime.common.commands import Command, Commands, application, imported
+from runtime.common.files import require_file
 from symgen import __version__
 from symgen.cli import start
 
 INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--yes", "--help", "-h"})
 """Options of either `inspect` that take no value; every other one is followed by its value."""
 
-MODEL_SUFFIXES = frozenset({".urdf", ".xacro", ".mjcf", ".xml"})
+MODEL_SUFFIXES = frozenset({".urdf", ".xacro", ".mjcf", ".xml", ".sdf", ".toml"})
 """Suffixes that decide where a file is missing or empty, so that it has no content."""
 
 _BEFORE_XML = b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n"
@@ -70,12 +71,13 @@ def inspected_file(words: Sequence[str]) -> str | None:
 
 
 def is_model(path: Path) -> bool:
-    """Whether a file is a robot model: URDF, xacro and MJCF are XML, and no log is."""
+    """Whether a file is a robot model: XML or, of Denavit-Hartenberg rows, TOML; no log is."""
     try:
+        require_file(path)  # the other end of a pipe may never come
         with path.open("rb") as file:
             head = file.read(4096).lstrip(_BEFORE_XML)
     except (OSError, ValueError):  # missing, a folder, or a name with a zero byte
         head = b""
-    if head or path.is_dir():
+    if (head and path.suffix.lower() != ".toml") or path.is_dir():
         return head.startswith(b"<")
     return path.suffix.lower() in MODEL_SUFFIXES

@@ -28,6 +28,7 @@ from runtime.cli.motion_limits import (
 from runtime.cli.motion_output import (
     EXPORT_MARGIN,
     ROWS_HZ,
+    SAMPLED,
     certified_stages,
     export_stages,
     files_of,
@@ -239,7 +240,7 @@ def approach_command(
     write_motion(trajectory, lib, path, ways=ways.parts)
     written = [path]
     if not formats:
-        log, sentence = path.with_suffix(".csv"), "Ways and motion planned by symgen."
+        log, sentence = path.with_suffix(SAMPLED), "Ways and motion planned by symgen."
         written.append(write_motion_log(session, rate, log, sentence))
     for sentence in ways.sentences(trajectory):
         say(sentence)

@@ -15,7 +15,13 @@ from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
 from runtime.cli.common import given_options
-from runtime.cli.motion_output import certified_stages, designed_by, export_stages, write_motion_log
+from runtime.cli.motion_output import (
+    SAMPLED,
+    certified_stages,
+    designed_by,
+    export_stages,
+    write_motion_log,
+)
 from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
@@ -162,7 +168,7 @@ def write_design(
     motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
     written = [files.path]
     if not files.formats:
-        table = files.path.with_suffix(".csv")
+        table = files.path.with_suffix(SAMPLED)
         written.append(write_motion_log(motion, files.rate, table, designed_by(optimum)))
     if files.pictures:
         written += write_pictures(profile_of(motion), files.path.with_suffix(".png"))
@@ -369,7 +375,7 @@ def excite_several(
 ) -> None:
     """Design several motions, print what their logs will show together, and write them."""
     paths = [files.of_motion(k) for k in range(1, count + 1)]
-    require_unused([p for one in paths for p in (one, one.with_suffix(".csv"))], files.overwrite)
+    require_unused([p for one in paths for p in (one, one.with_suffix(SAMPLED))], files.overwrite)
     written = []
     designs = design_several(lib, settings, count, **search)
     unit = common_unit(torque_units(lib.manifest), "m")
@@ -382,7 +388,7 @@ def excite_several(
         write_trajectory(optimum, lib, path, expected)
         motion = certified(lib, optimum.trajectory, settings.safety)
         sentence = f"Designed by symgen, motion {k} of {count}."
-        written += [path, write_motion_log(motion, files.rate, path.with_suffix(".csv"), sentence)]
+        written += [path, write_motion_log(motion, files.rate, path.with_suffix(SAMPLED), sentence)]
         sigma = torque_sigma(lib, optimum.trajectory.home, known)
         say(
             f"motion {k}: {optimum.trajectory.duration:.4g} s; expected σ of the torque of motions "

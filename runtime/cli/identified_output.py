@@ -34,8 +34,9 @@ class Outputs:
 
 
 def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
-    """Write and print a result."""
+    """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
+    files = _written(result, folder, outputs)
     first = still_joints(result)
     for warning in first:
         say(f"warning: {warning}")
@@ -65,20 +66,28 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     say(f"time of the method: {result.seconds:.3f} s")
     for warning in record.warnings[len(first) :]:
         say(f"note: {warning}")
+    for line in files:
+        say(line)
+
+
+def _written(result: Identification, folder: Path, outputs: Outputs) -> list[str]:
+    """Write the files beside result.json; a line for each. Those of an earlier result go."""
+    lines = []
     if result.is_consistent:
-        say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
+        lines.append(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
     else:
-        (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
-        say("URDF:   not written, because the model is not physically consistent")
+        (folder / "identified.urdf").unlink(missing_ok=True)
+        lines.append("URDF:   not written, because the model is not physically consistent")
     if outputs.report:
-        say(f"report: {write_report(folder)}")
+        lines.append(f"report: {write_report(folder)}")
     else:
-        (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces
+        (folder / "report.html").unlink(missing_ok=True)
     if outputs.statistics:
         write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
-        say(f"statistics: {folder / STATISTICS}")
+        lines.append(f"statistics: {folder / STATISTICS}")
     else:
-        (folder / STATISTICS).unlink(missing_ok=True)  # of a result that this one replaces
+        (folder / STATISTICS).unlink(missing_ok=True)
+    return lines
 
 
 def _exported(result: Identification, folder: Path) -> str:

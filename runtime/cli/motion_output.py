@@ -24,6 +24,8 @@ from runtime.simulation import sample_times
 
 EXPORT_MARGIN = 0.95
 """Default share of the limits that an exported motion uses."""
+SAMPLED = ".motion.csv"
+"""End of the name of the sampled motion, apart from that of the log of the same name."""
 ROWS_HZ = 1000.0
 """Default rate of the sampled motion."""
 
@@ -48,7 +50,7 @@ def files_of(
     if pictures:
         files += picture_paths(path.with_suffix(".png"))
     if not formats:
-        files.append(path.with_suffix(".csv"))
+        files.append(path.with_suffix(SAMPLED))
     suffixes = [*(MOTION_FORMATS[name].suffix for name in formats), CERTIFICATE]
     for stem in [_stem(path.with_suffix(""), percent) for percent in speeds] if formats else []:
         files += [stem.with_name(stem.name + suffix) for suffix in suffixes]
@@ -116,7 +118,7 @@ def json_path(path: Path) -> Path:
     if path.suffix != ".json":
         raise RuntimeFault(
             f"the trajectory needs a file that ends in .json, got '{path}'; "
-            "the sampled motion is written beside it as .csv"
+            f"the sampled motion is written beside it as {SAMPLED}"
         )
     return path
 

@@ -4,6 +4,8 @@ The two packages of commands never import each other, so modules are named as te
 prints the sentences of the list; the help of one command comes from its docstring.
 """
 
+import errno
+import io
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,6 +33,8 @@ __all__ = [
 
 INTERRUPTED = 130
 """Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of an output that takes no more."""
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12
 """Sizes of the numbers of options, besides 0, in SI units: beyond them results overflow."""
 CONTEXT = {"help_option_names": ["-h", "--help"]}
@@ -349,14 +353,28 @@ def run(app: typer.Typer, name: str) -> None:
     # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
     # a command's processor time. NumPy and worker processes read this when they start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf"):
+            stream.reconfigure(errors="replace")  # a terminal without τ shows ?
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except RuntimeFault as error:
         print(f"{name}: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:
         if error.filename is None:
-            raise
+            if error.errno not in _FULL:
+                raise
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left over
+            print(
+                f"{name}: cannot write the output ({error.strerror}); files that were finished "
+                "before stay as they are; send it to another place",
+                file=sys.stderr,
+            )
+            raise SystemExit(2) from None
         place = str(error.filename)
         short = place if len(place) <= 100 else place[:100] + "…"
         print(

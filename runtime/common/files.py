@@ -11,6 +11,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 import stat
 import tomllib
 from collections import Counter
@@ -27,6 +28,7 @@ __all__ = [
     "bytes_of",
     "json_of",
     "replacing",
+    "replacing_folder",
     "require_file",
     "require_unused",
     "sha256_of",
@@ -195,3 +197,33 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """A new folder whose files move to `path` when the block ends without an error.
+
+    Files of `path` that the new folder lacks stay. On any error of writing the old folder stays
+    unchanged.
+
+    Args:
+        path: of the folder.
+
+    Yields:
+        The new folder, beside `path`.
+
+    Raises:
+        RuntimeFault: a file cannot be written.
+    """
+    draft = path.with_name(f"{DRAFT}{secrets.token_hex(8)}")
+    try:
+        yield draft
+        for file in sorted(each for each in draft.rglob("*") if each.is_file()):
+            place = path / file.relative_to(draft)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, place)
+    except OSError as error:
+        reason = error.strerror or error
+        raise RuntimeFault(f"cannot write '{path}' ({reason}); choose another place") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)

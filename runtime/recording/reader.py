@@ -190,8 +190,13 @@ def place_and_recipe(
 
 def locate(path: str | Path) -> Path:
     """The existing path, or the place of the known data set of that name."""
-    if Path(path).exists():
-        return Path(path)
+    place = Path(path)
+    if place.is_file() or place.is_dir():
+        return place
+    if place.exists():
+        raise RecordingError(
+            f"'{path}' is a pipe or a device, expected a file or a folder; write the log to a file"
+        )
     if str(path) in datasets.known_names():
         return datasets.locate(str(path))
     raise RecordingError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, replacing_folder
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
 
@@ -61,8 +61,12 @@ EXPORT_FORMATS = Registry(
 
 
 def save(path: Path, written: str | Mapping[str, str]) -> None:
-    """Write what `ExportFormat.write` returned; every file appears complete or not at all."""
-    texts = {"": written} if isinstance(written, str) else written
-    for place, text in texts.items():
-        with replacing(path / place) as file:
-            file.write(text.encode())
+    """Write what `ExportFormat.write` returned; file and folder appear complete or not at all."""
+    if isinstance(written, str):
+        with replacing(path) as file:
+            file.write(written.encode())
+        return
+    with replacing_folder(path) as folder:
+        for place, text in written.items():
+            with replacing(folder / place) as file:
+                file.write(text.encode())

@@ -250,7 +250,7 @@ def test_excite_writes_a_motion_that_identify_could_use(
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     ran = command("excite", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
-    table = runtime.read_recording(tmp_path / "results" / "fr3-excite.csv")
+    table = runtime.read_recording(tmp_path / "results" / "fr3-excite.motion.csv")
     assert (len(table), table.rate_hz) == (401, pytest.approx(100))
     # Coefficients of up to 100 cancel at rest.
     assert table.q[[0, -1]] == pytest.approx(np.tile(lib.home, (2, 1)), abs=1e-12)

@@ -65,7 +65,7 @@ def test_the_command(command: Command, pendulum: Library, tmp_path: Path) -> Non
     assert "by the logs so far" in ran.out
     for k in (1, 2):
         assert read_trajectory(tmp_path / f"m-{k}.json", pendulum).duration == 2.0
-        assert (tmp_path / f"m-{k}.csv").exists()
+        assert (tmp_path / f"m-{k}.motion.csv").exists()
     again = command(*words)
     assert (again.code, "m-1.json" in again.err) == (2, True)
 

@@ -2,12 +2,14 @@
 
     none → offset → viscous → coulomb, each without and with rotor        (cumulative columns)
     dahl in place of coulomb, each without and with rotor                 (where it pays)
+    load beside coulomb or dahl                                           (where it pays)
 
 All columns are prepared together, with Coulomb columns of some widths ε, and compressed to one
 triangular factor per block. A candidate is a choice of columns of these factors, so that its
 cross-validation costs some small least squares.
 A Dahl column depends on the path, so that no torque of a single instant follows from it. It
-replaces the Coulomb column only where it reduces the mean square error by `LEAST_MEMORY_GAIN`.
+replaces the Coulomb column only where it reduces the mean square error by `LEAST_GAIN_OF_MORE`; so
+is friction that grows with the load of the gear added.
 `friction_choice` tries more models and searches their widths. The estimate of a candidate is
 
     x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
@@ -55,8 +57,8 @@ STROKES = tuple(4e-4 * 4.0**k for k in range(4))
 """Strokes z_c of the Dahl column that are tried first, rad or m."""
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)
 """Factors on the best of them that are tried next."""
-LEAST_MEMORY_GAIN = 0.1
-"""Share of the mean square error that a Dahl column must save: 5 % of the torque error."""
+LEAST_GAIN_OF_MORE = 0.1
+"""Share of the mean square error that a Dahl or load column must save: 5 % of the torque error."""
 SPEEDS = tuple(0.005 * 2.0**k for k in range(6))
 """Widths ε of the Coulomb column that are tried first, rad/s or m/s."""
 FINER = 2.0 ** (np.arange(-3, 4) / 4)
@@ -68,9 +70,11 @@ DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
 """Columns of the candidates without memory."""
 MEMORY = "dahl"
 """Column that replaces "coulomb" where friction depends on the path."""
+LOADED = "load"
+"""Column beside "coulomb" or "dahl" of gears whose dry friction grows with their load."""
 SPRINGS = SPRING
 """Word for the columns of all springs of unknown stiffness, which every candidate has."""
-USABLE = (*DEFAULT_COLUMNS, MEMORY, SPRINGS)
+USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)
 """Columns of a method that can use all of them."""
 UNKNOWN = 1e3
 """Factor on the spread of the prior of robots whose URDF states no masses."""
@@ -172,6 +176,15 @@ def choose_default_friction(
                 f"--friction {','.join(usual.columns)} fits friction without memory)"
             )
             usual = with_memory
+    if LOADED in allowed and {"coulomb", MEMORY} & set(usual.columns):
+        usual, share, score = _with_load(trial_of, shared, usual)
+        if share:
+            candidates.append(usual.columns)
+            scores.append(score)
+            gain += (
+                f" (dry friction that grows with the load of the joint, which reduces the torque "
+                f"error by {100 * share:.0f} %)"
+            )
     sentence = (
         f"friction model {usual}{gain}, chosen by cross-validation on {BLOCKS} blocks of the "
         "training part; --friction none fits the inertia only, --friction auto tries more models"
@@ -205,13 +218,32 @@ def _with_memory(
         saved = without - trial.scores((*columns, place))
         error = float(saved.std(ddof=1) / np.sqrt(len(saved)))
         ratio = float(saved.mean() / without.mean())
-        if ratio < LEAST_MEMORY_GAIN or float(saved.mean()) < error:
+        if ratio < LEAST_GAIN_OF_MORE or float(saved.mean()) < error:
             return None, 0.0
         share, strokes = 1.0 - np.sqrt(1.0 - ratio), best * factors
     names = tuple(shared[k] for k in columns)
     dry = tuple(name for name in names if name != "rotor")
     rotor = ("rotor",) if "rotor" in names else ()
     return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
+
+
+def _with_load(
+    trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
+) -> tuple[Friction, float, Array]:
+    """The model with a column of the load, the share of the error it saves, else 0, and scores."""
+    dry = next(name for name in usual.columns if name in {"coulomb", MEMORY})
+    kept = tuple(k for k, name in enumerate(shared) if name in usual.columns)
+    trial = trial_of(replace(usual, columns=(dry,)), replace(usual, columns=(LOADED,)))
+    without = trial.scores((*kept, len(shared)))
+    scores = trial.scores((*kept, len(shared), len(shared) + 1))
+    saved = without - scores
+    error = float(saved.std(ddof=1) / np.sqrt(len(saved)))
+    ratio = float(saved.mean() / without.mean())
+    if ratio < LEAST_GAIN_OF_MORE or float(saved.mean()) < error:
+        return usual, 0.0, without
+    place = usual.columns.index(dry) + 1
+    columns = (*usual.columns[:place], LOADED, *usual.columns[place:])
+    return replace(usual, columns=columns), 1.0 - np.sqrt(1.0 - ratio), scores
 
 
 def _best_width(trial: "FrictionTrial", shared: int, speeds: Array) -> float:

@@ -226,7 +226,9 @@ DAHL = FrictionColumn(
     has_memory=True,
     model_term="friction",
 )
-LOAD = FrictionColumn("load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",))
+LOAD = FrictionColumn(
+    "load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",), is_nonnegative=True
+)
 POSITION = FrictionColumn(
     "position",
     "x tanh(dq / ε), beside dahl x ζ; x from −1 to 1 between the limits",

@@ -25,8 +25,8 @@ from runtime.recording.preprocessing import prepare
 from tests.runtime.diagnosis import EXAMPLE
 from tests.runtime.virtual_arms import cobot
 
-PHI = {"offset": 0.2, "viscous": 0.4, "coulomb": 0.5, "rotor": 0.1}
-"""Of the size of a small arm's: N·m, N·m·s/rad, N·m, kg·m²."""
+PHI = {"offset": 0.2, "viscous": 0.4, "coulomb": 0.5, "rotor": 0.1, "load": 0.05}
+"""Of the size of a small arm's: N·m, N·m·s/rad, N·m, kg·m², and 5 % of the torque of gravity."""
 WHOLE = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
 
 
@@ -47,6 +47,7 @@ def with_friction(clean: Recording, lib: Library, terms: Friction) -> Recording:
         ("offset", "viscous"),
         ("offset", "viscous", "coulomb"),
         ("offset", "viscous", "coulomb", "rotor"),
+        ("offset", "viscous", "coulomb", "load", "rotor"),
     ],
 )
 def test_the_columns_that_made_the_data_are_chosen(names, lib, ideal_runs):
@@ -130,7 +131,8 @@ def test_a_short_log_gets_none_and_the_reason(lib, noisy):
 
 def test_the_choice_is_among_the_columns_of_the_method():
     """Property: filters know no rotor; nets have their own inputs."""
-    assert usable_columns(["map"]) == ("offset", "viscous", "coulomb", "rotor", "dahl", SPRINGS)
+    usual = ("offset", "viscous", "coulomb", "rotor", "dahl", "load", SPRINGS)
+    assert usable_columns(["map"]) == usual
     assert usable_columns(["map", "ekf"]) == ("offset", "viscous", "coulomb")
     assert usable_columns(["nn"]) == ()
 

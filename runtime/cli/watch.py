@@ -19,9 +19,9 @@ from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library
-from runtime.monitoring.drift import ALPHA, Change, Verdict, verdict_of
+from runtime.monitoring.drift import ALPHA, Change, Verdict, baseline_of, verdict_of
 from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.noise import read_held_out, read_test_rows
 from runtime.monitoring.trends import append_history, read_history
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
@@ -59,18 +59,28 @@ def watch_command(
             metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
         ),
     ] = None,
+    references: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--reference",
+            metavar="LOG",
+            help="Log of another day of the healthy robot, from which the usual change between "
+            "days is learnt; three or more, once each. [default: an assumed one]",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     r"""Test whether a robot has changed since its model was identified.
 
     Tested are the gain and the bias of every torque sensor, friction, every link, a body on the
-    tip, all links together, and a delay of the torque. Residuals count by their effective sample
-    size, the uncertainty of the model is included, and p-values are corrected for the number of
-    tests.
+    tip, all links together, and a delay of the torque. What the model leaves on the rows that it
+    was tested on, its uncertainty, and the usual change of a healthy robot between two days are
+    no change; p-values are corrected for the number of tests.
 
     \b
     symgen watch results/arm monday.csv
     symgen watch results/arm monday.csv tuesday.csv --history results/arm/history.jsonl
+    symgen watch results/arm friday.csv --reference mon.csv --reference tue.csv --reference wed.csv
     symgen watch results/arm monday.csv --history h.jsonl --temperature motor_temp
     symgen report h.jsonl
 
@@ -80,15 +90,18 @@ def watch_command(
     lib = open_robot(robot or saved.robot, yes)
     notes = require_model(saved, lib, result)
     root = read_posterior(result, saved, lib).root(lib)
-    sigma = np.sqrt(np.mean(read_held_out(result, model_of(saved, lib)).rest ** 2, axis=0))
+    model = model_of(saved, lib)
+    sigma = np.sqrt(np.mean(read_held_out(result, model).rest ** 2, axis=0))
     if history is not None:
         read_history(history)  # before any work
     circumstances = [
         {"recorded": _recorded(log, date), "temperature": _temperature(log, recipe, temperature)}
         for log in logs
     ]
-    recordings = [_read(lib, saved, log, recipe) for log in logs]
-    verdicts = [verdict_of(lib, saved, root, sigma, each) for each in recordings]
+    recordings = _read_all(lib, saved, logs, recipe)
+    healthy = _read_all(lib, saved, references or [], recipe)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(result, model), healthy)
+    verdicts = [verdict_of(lib, baseline, each) for each in recordings]
     entries = [_facts(verdict) for verdict in verdicts]
     if history is not None:
         marks = _marks(result, lib)
@@ -115,16 +128,23 @@ def watch_command(
         raise typer.Exit(1)
 
 
-def _read(lib: Library, saved: SavedResult, log: str, recipe: str | None) -> Recording:
-    """The log, prepared as that of the result unless its recipe states a preparation."""
-    recording = saved.log_of(log, lib, recipe)
-    require_plausible(recording, lib)
-    steps = recording.preparation
-    if steps == Preparation():
-        steps = saved.preparation
-    steps = dataclasses.replace(steps, regressor="acceleration")
-    name = recording.name or Path(log).stem
-    return prepare(recording, steps, saved.friction, lib=lib).replace(name=name)
+def _read_all(
+    lib: Library, saved: SavedResult, logs: list[str], recipe: str | None
+) -> list[Recording]:
+    """Logs, prepared as that of the result unless their recipe states a preparation."""
+    stems = [Path(log).stem for log in logs]
+    recordings = []
+    for log, stem in zip(logs, stems, strict=True):
+        recording = saved.log_of(log, lib, recipe)
+        require_plausible(recording, lib)
+        steps = recording.preparation
+        if steps == Preparation():
+            steps = saved.preparation
+        steps = dataclasses.replace(steps, regressor="acceleration")
+        prepared = prepare(recording, steps, saved.friction, lib=lib)
+        # The name of a recipe is that of all its logs.
+        recordings.append(prepared.replace(name=stem if stems.count(stem) == 1 else log))
+    return recordings
 
 
 def _facts(verdict: Verdict) -> dict[str, Any]:
@@ -143,11 +163,14 @@ def _facts(verdict: Verdict) -> dict[str, Any]:
         "torque_error_percent": verdict.error,
         "sentence": verdict.sentence(),
         "tests": [_test_facts(test) for test in verdict.tests[:SHOWN]],
+        "beside": [_test_facts(test) for test in verdict.beside[:SHOWN]],
+        "references": verdict.references,
+        "hidden": verdict.hidden(),
     }
 
 
 def _test_facts(test: Change) -> dict[str, Any]:
-    keys = ("group", "where", "size", "unit", "p_value", "freedom", "score")
+    keys = ("group", "where", "size", "unit", "p_value", "freedom", "score", "least")
     return {key: getattr(test, key) for key in keys}
 
 
@@ -202,11 +225,13 @@ def _marks(result: Path, lib: Library) -> dict[str, Any]:
 
 def _show(verdict: Verdict) -> None:
     say(verdict.sentence())
-    table = Table("part", "where", title="best explanations of the residual")
+    title = "the change, and what it leaves" if verdict.changed else "closest to a change"
+    table = Table("part", "where", title=title)
     for head in ("size", "unit", "p, single test", "score"):
         table.add_column(head, justify="right")
-    for test in verdict.tests[:SHOWN]:
+    for test in (verdict.best, *verdict.beside[: SHOWN - 1]):
         size = "" if test.size is None else f"{test.size:+.3g}"
         row = (test.group, test.where or "robot", size, test.unit)
         table.add_row(*row, f"{test.p_value:.1e}", f"{test.score:.1f}")
     console.print(table)
+    say(verdict.hidden())

@@ -167,6 +167,8 @@ def write_result(result: Identification, folder: Path, command: str) -> ResultRe
         "before": result.before(result.test),
         "after": result.predict_test(),
     }
+    if test.base is None:  # scores of a later log are compared with those of these rows
+        arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
     if result.uncertainty is not None:
         write_posterior(folder, result.uncertainty, result.pi, len(result.log_names))
     with replacing(folder / "predictions.npz") as file:

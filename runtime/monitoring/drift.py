@@ -1,48 +1,51 @@
 """Has a robot changed since its model was made? Tests of single parts, with their number counted.
 
-For a hypothesis with the orthonormal columns Q of C_h over the noise, and residual e,
+The scores z of a log over all changes (`scores`) have the mean μ and the covariance C on a healthy
+robot: noise, misfit, the usual change between days, and the error of the model. A hypothesis is
+that some coefficients x moved, those of one part of the robot,
 
-    z = Qᵀ e,   cov z = S 1 + Qᵀ F L Lᵀ Fᵀ Q,   χ² = zᵀ (cov z)⁻¹ z
+    z − μ = Qᵀ H M x + e,   cov e = C:   x̂ of generalised least squares,   χ² = x̂ᵀ (cov x̂)⁻¹ x̂
 
-S is the density of the noise that the hypothesis leaves at the frequencies of its columns
-(`coloured_noise`), errors of the model included; F L is the posterior of the model in the rows of
-the log. The part is named by the likelihood with unknown noise per joint,
+M are the gain of one sensor, its bias, friction of one joint or of all, ten parameters of one link
+or of a body on the last one, all base parameters, or a delay of the torque. The headline is the
+hypothesis that explains most,
 
-    N_eff Σ_j log(‖e_j‖² / ‖e_j − C_h x‖²) − k log N_eff + 2 log prior          (Schwarz 1978)
+    χ² − k log N_eff + 2 log prior                                              (Schwarz 1978)
 
-a single inner link only where it explains clearly more than all base parameters do, and a single
-part only where it leaves no other significant change. The p-value of that hypothesis is multiplied
-by the number of hypotheses (Bonferroni).
-
-A hypothesis, one per part of the robot, is e = τ − τ̂ = C_h x + noise. The columns C_h are those of
-the gain of one sensor (τ̂_j), the bias of one sensor (1), friction of one joint or of all (τ_f
-without its offset), one link (its ten columns of Y), a body on the last link, all base parameters,
-or a delay of the torque (−dτ̂/dt).
+and the whole model where no single part explains half of what all changes do, or a single inner
+link explains hardly more than all base parameters. The others are stated by what it leaves.
+The p-value of a hypothesis is multiplied by their number (Bonferroni).
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.linalg import solve_triangular
+from scipy.special import fdtrc, fdtri, stdtrit
 
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import APART, posterior_of
-from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of, weights_from
+from runtime.estimators.regression.samples import Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.library.manifest import torque_units
 from runtime.library.parameters import link_columns
-from runtime.monitoring.model import MonitoredModel, model_of
+from runtime.monitoring.model import model_of
+from runtime.monitoring.scores import (
+    Changes,
+    Scores,
+    Usual,
+    changes_of,
+    expected,
+    scores_of,
+    usual_of,
+)
 from runtime.recording import Recording
-from runtime.recording.preprocessing.segments import rate_of
-from runtime.recording.settings import COLUMNS
 
 GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
 """Parts of a robot that are distinguished."""
-RARE = 0.01
+RARE = 0.001
 """Probability of a change of a link relative to one of the tip, where tools are changed."""
 ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""
@@ -50,66 +53,56 @@ MARGIN = 0.25
 """Lead of a single inner link over all base parameters, in parts of the difference of their
 penalties, below which the whole model is named. Bodies of 0.3 kg on one link of an ideal arm lead
 by 0.3 to 0.5, the best link of a virtual FR3 whose links all differ by 4 % by 0.2 and less."""
+HALF = 0.5
+"""Share of the explained χ² below which a part is not the change."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """Linear change of the torque.
+    """Change of one part of the robot.
 
     Attributes:
         group: of `GROUPS`.
         where: joint or link; "" for the whole robot.
-        columns: C, (N, n, k).
-        scale: factor from the first coefficient to the size that is stated.
-        unit: of that size.
+        moved: M, columns of all changes over its own coefficients, (K + n_b, k).
+        size: weights of the coefficients in the size that is stated, (k,).
+        unit: of that size; "" where there is none.
         prior: relative probability before the data.
     """
 
     group: str
     where: str
-    columns: Array
-    scale: float
+    moved: Array
+    size: Array
     unit: str
     prior: float = 1.0
 
 
-def hypotheses(
-    lib: Library, model: MonitoredModel, pi: Array, t: Array, samples: Samples
-) -> Iterator[Hypothesis]:
-    """Hypotheses on a log, one at a time.
-
-    pi (10 n,), t (N,) [s].
-    """
-    count, n = samples.tau.shape
-    rigid = samples.rigid(lib, pi)
-    friction = samples.friction(model.phi) if model.phi.size else np.zeros_like(rigid)
-    changing = [not COLUMNS[name].is_constant for name in model.terms.columns]
-    dry = samples.friction(model.phi * changing) if model.phi.size else friction
-    tau = rigid + friction
-    yield Hypothesis("clock", "", -rate_of(t, tau)[:, :, None], 1e3, "ms")
-    units = torque_units(lib.manifest)
-    for j, name in enumerate(lib.joint_names):
-        only = np.zeros((count, n, 1))
-        for group, values, scale, unit in (
-            ("sensor gain", tau[:, j], 100.0, "%"),
-            ("sensor bias", np.ones(count), 1.0, units[j]),
-            ("friction", dry[:, j], 100.0, "%"),
-        ):
-            if np.any(values):
-                columns = only.copy()
-                columns[:, j, 0] = values
-                yield Hypothesis(group, name, columns, scale, unit)
-    if dry.any():
-        yield Hypothesis("friction", "", dry[:, :, None], 100.0, "%")
-    rows = lib.regressor(samples.q, samples.dq, samples.ddq)
+def hypotheses(lib: Library, changes: Changes) -> list[Hypothesis]:
+    """Hypotheses on a log."""
+    named, base = len(changes.names), lib.base_matrix
+    eye = np.eye(named + len(base))
+    parts = []
+    for k, (group, where) in enumerate(changes.names):
+        if group != "friction":
+            unit, scale = changes.shown[k]
+            parts.append(Hypothesis(group, where, eye[:, [k]], np.array([scale]), unit))
+    for where in (*lib.joint_names, ""):
+        each = changes.of("friction", where or None)
+        if each.size:
+            moved = eye[:, each].sum(axis=1, keepdims=True)
+            parts.append(Hypothesis("friction", where, moved, np.array([100.0]), "%"))
+    first = np.eye(1, 10)[0]
     for k, name in enumerate(lib.link_names):
         is_tip = k == len(lib.link_names) - 1
-        columns = rows[:, :, link_columns(k)]
-        prior = 1.0 if is_tip else RARE
-        yield Hypothesis("payload" if is_tip else "links", name, columns, 1.0, "kg", prior)
-    yield Hypothesis("model", "", samples.base_rows(lib), 1.0, "")
+        moved = eye[:, named:] @ base[:, link_columns(k)]
+        group, prior = ("payload", 1.0) if is_tip else ("links", RARE)
+        parts.append(Hypothesis(group, name, moved, first, "kg", prior))
+    whole = eye[:, named:]
+    parts.append(Hypothesis("model", "", whole, np.zeros(len(base)), ""))
+    return parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +119,7 @@ class Change:
         size: estimated change, in `unit`; None where there is no single number.
         interval: its 95 % interval.
         unit: of the size.
+        least: smallest change that would count, in `unit`.
     """
 
     group: str
@@ -137,6 +131,7 @@ class Change:
     size: float | None
     interval: tuple[float, float] | None
     unit: str
+    least: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +145,10 @@ class Verdict:
         p_value: of it, corrected for the number of hypotheses.
         n_eff: effective number of samples.
         error: torque error of the model on the log, overall in %.
-        tests: all hypotheses, the best first.
+        tests: all hypotheses, each alone, the best first.
+        beside: the others, by what the best one leaves where it is the change.
+        references: number of logs from which the usual change between days was learnt; without
+            them it is assumed.
     """
 
     log: str
@@ -160,13 +158,34 @@ class Verdict:
     n_eff: float
     error: float
     tests: tuple[Change, ...]
+    beside: tuple[Change, ...] = ()
+    references: int = 0
+
+    def hidden(self) -> str:
+        """One sentence on the changes that are too small to count in this log."""
+        sizes: dict[tuple[str, str], list[float]] = {}
+        for test in self.tests:
+            if test.least is not None and (test.group != "friction" or not test.where):
+                sizes.setdefault((test.group, test.unit), []).append(test.least)
+        parts = []
+        for (group, unit), values in sizes.items():
+            low, high = min(values), max(values)
+            one = high <= 1.2 * low
+            parts.append(f"{group} {f'{high:.2g}' if one else f'{low:.2g} to {high:.2g}'} {unit}")
+        learnt = f"learnt from {self.references} logs" if self.references else "assumed"
+        advice = "" if self.references else ", logs of healthy days (--reference) determine it"
+        return (
+            f"{self.log}: hidden are changes below {', '.join(parts)}; the usual change between "
+            f"days is {learnt}{advice}"
+        )
 
     def sentence(self) -> str:
         """One sentence that names the part and the size."""
         if not self.changed:
             return (
-                f"{self.log}: no change; the torque error of {self.error:.2g} % is within what the "
-                f"model and {self.n_eff:.0f} independent samples allow (p = {self.p_value:.2g})"
+                f"{self.log}: no change; the torque error of {self.error:.2g} % is within the "
+                "noise, the errors of the model and the usual change between days "
+                f"(p = {self.p_value:.2g})"
             )
         best = self.best
         place = f" of {best.where}" if best.where else ""
@@ -177,46 +196,117 @@ class Verdict:
         return f"{self.log}: {best.group}{place} changed{size} (p = {self.p_value:.2g})"
 
 
-def verdict_of(
-    lib: Library, saved: SavedResult, root: Array, sigma: Array, recording: Recording
-) -> Verdict:
-    """Test whether a log is that of the robot of a result.
+@dataclass(frozen=True, slots=True, eq=False)
+class Baseline:
+    """What a healthy robot leaves, from the rows of a result and logs of reference.
+
+    Attributes:
+        saved: the result.
+        root: of the covariance of [β; φ], (p, columns).
+        over: 1/σ of its held-out residual, (n,) [1/(N·m)].
+        changes: that are distinguished.
+        usual: changes of a healthy robot, and errors of the model.
+        files: sha256 of the logs of the model and of reference, which are no later ones.
+    """
+
+    saved: SavedResult
+    root: Array
+    over: Array
+    changes: Changes
+    usual: Usual
+    files: frozenset[str] = frozenset()
+
+
+def baseline_of(
+    lib: Library,
+    saved: SavedResult,
+    root: Array,
+    sigma: Array,
+    test_rows: tuple[Array, Samples] | None = None,
+    references: Sequence[Recording] = (),
+) -> Baseline:
+    """Baseline of a result, with its own held-out rows (t, samples) and logs of reference.
 
     root (p, columns) [β; φ], sigma (n,) [N·m, N].
     """
+    model = model_of(saved, lib)
+    logs = [_rows(lib, each) for each in references]
+    every = [*([test_rows] if test_rows else []), *logs]
+    tau = np.concatenate([samples.tau for _, samples in every]) if every else sigma[None]
+    over = np.sqrt(weights_from(sigma, tau))
+    changes = changes_of(lib, model, tau)
+
+    def scores(log: tuple[Array, Samples]) -> Scores:
+        return scores_of(lib, model, saved.pi, *log, root, over)
+
+    usual = usual_of(
+        changes,
+        root.shape[1],
+        [scores(test_rows)] if test_rows else [],
+        [scores(each) for each in logs],
+    )
+    files = set(saved.record.provenance.files.values()) if saved.record else set()
+    files |= {each for log in references for each in log.source.values()}
+    return Baseline(saved, root, over, changes, usual, frozenset(files))
+
+
+def _rows(lib: Library, recording: Recording) -> tuple[Array, Samples]:
+    """Instants and samples of a prepared log, thinned."""
     step = max(1, -(-len(recording) // MOST_ROWS))
     recording = recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
-    samples = samples_of(recording, lib)
+    return recording.t, samples_of(recording, lib)
+
+
+def verdict_of(lib: Library, baseline: Baseline, recording: Recording) -> Verdict:
+    """Test whether a log is that of the robot of a result."""
+    saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
     model = model_of(saved, lib)
-    tau = torque_of(lib, samples, saved.pi, saved.phi)
-    rest = samples.tau - tau
-    over = np.sqrt(weights_from(sigma, samples.tau))
-    e = rest * over
-    known = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-    spread = (known * over[:, None]) @ root
-    # Noise of what all columns of the model leave, whatever has changed.
-    coloured = coloured_noise_of_rows(known * over[:, None], e)
-    n_eff = len(e) / max(coloured.inflation, 1.0)
-    parts = list(hypotheses(lib, model, saved.pi, recording.t, samples))
-    tests = [_tested(each, e, over, spread, n_eff) for each in parts]
-    ranked = _ranked(tests, n_eff)
-    if ranked[0].group != "model" and ranked[0].p_value * len(tests) < ALPHA:
-        (part,) = (each for each in parts if (each.group, each.where) == _part(ranked[0]))
-        left = _left(part, e, over)
-        others = [_tested(each, left, over, spread, n_eff) for each in parts if each is not part]
-        ranked = _whole_if_several(ranked, others)
-    # A part that is not the whole change is still evidence of one.
-    strongest = max(tests, key=lambda test: test.score)
-    p_value = min(1.0, min(ranked[0].p_value, strongest.p_value) * len(tests))
+    t, samples = _rows(lib, recording)
+    scores = scores_of(lib, model, saved.pi, t, samples, baseline.root, baseline.over)
+    mean, covariance = expected(changes, usual, scores)
+    freedom = max(usual.freedom + scores.blocks - 1, 1.0)
+    lower = np.linalg.cholesky(covariance)
+    y, columns = (
+        np.asarray(solve_triangular(lower, each, lower=True))
+        for each in (scores.z - mean, scores.columns)
+    )
+    parts = hypotheses(lib, changes)
+
+    def tested(values: Array) -> list[Change]:
+        level = ALPHA / len(parts)
+        return [_tested(each, values, columns, freedom, scores.n_eff, level) for each in parts]
+
+    tests = tested(y)
+    ranked = _ranked(tests, scores.n_eff)
+    strongest = min(tests, key=lambda test: test.p_value)
+    p_value = min(1.0, strongest.p_value * len(tests))
+    if recording.source and baseline.files.issuperset(recording.source.values()):
+        p_value = 1.0  # the log of the model itself cannot differ from it
+    best, beside = ranked[0], ranked[1:]
+    if p_value < ALPHA and best.group != "model":
+        everything = float(y @ y) - len(y)
+        if best.chi2 - best.freedom < HALF * everything:
+            whole = next(test for test in ranked if test.group == "model")
+            beside = tuple(test for test in ranked if test is not whole)
+            ranked = (whole, *beside)
+        else:
+            (part,) = (each for each in parts if (each.group, each.where) == _part(best))
+            moved = columns @ part.moved
+            left = y - moved @ posterior_of(moved, y, rank=APART).mean
+            others = _ranked(tested(left), scores.n_eff)
+            beside = tuple(each for each in others if _part(each) != _part(best))
+    rest = samples.tau - torque_of(lib, samples, saved.pi, saved.phi)
     error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
     return Verdict(
         recording.name or "log",
         p_value < ALPHA,
         ranked[0],
         p_value,
-        n_eff,
+        scores.n_eff,
         error,
         ranked,
+        beside,
+        usual.references,
     )
 
 
@@ -236,53 +326,35 @@ def _ranked(tests: list[Change], n_eff: float) -> tuple[Change, ...]:
     return tuple(ranked)
 
 
-def _whole_if_several(ranked: tuple[Change, ...], others: list[Change]) -> tuple[Change, ...]:
-    """The whole model first where a part leaves another change: it is not all of it then."""
-    count = len(others)
-    if not any(each.score > 0 and each.p_value * count < ALPHA for each in others):
-        return ranked
-    whole = next(test for test in ranked if test.group == "model")
-    return (whole, *(test for test in ranked if test is not whole))
-
-
 def _part(change: Change) -> tuple[str, str]:
     return change.group, change.where
 
 
-def _left(hypothesis: Hypothesis, e: Array, over: Array) -> Array:
-    """Residual e − C_h x of least squares, (N, n), over the noise."""
-    columns = hypothesis.columns * over[:, None]
-    x = posterior_of(columns.reshape(e.size, -1), e.ravel(), rank=APART).mean
-    return np.asarray(e - columns @ x)
+def _tested(
+    hypothesis: Hypothesis, y: Array, columns: Array, freedom: float, n_eff: float, level: float
+) -> Change:
+    """χ² of a hypothesis by scores of covariance 1, y (r,) and columns (r, K + n_b).
 
-
-def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:
-    """χ² of a hypothesis, with residuals e and posterior rows over the noise."""
-    columns = hypothesis.columns * over[:, None]
-    coloured = coloured_noise_of_rows(columns, e)
-    flat = columns.reshape(e.size, -1)
-    root = posterior_of(flat, rank=APART).root
-    q = flat @ root
-    z = q.T @ e.ravel()
-    model = q.T @ spread.reshape(e.size, -1)
-    covariance = max(coloured.density, 1e-300) * np.eye(len(z)) + model @ model.T
-    chi2 = float(z @ np.linalg.solve(covariance, z))
-    # The first coefficient: a mass, a relative change, a bias or a delay.
-    first = root[0]
-    size = float(first @ z) * hypothesis.scale
-    half = NORMAL_95 * float(np.sqrt(first @ covariance @ first)) * hypothesis.scale
-    k = len(z)
-    left = e - (q @ z).reshape(e.shape)
-    before, after = (np.sum(values**2, axis=0) + 1e-300 for values in (e, left))
-    gained = n_eff * float(np.sum(np.log(before / after)))
+    level: p-value below which a change counts.
+    """
+    fit = posterior_of(columns @ hypothesis.moved, y, rank=APART)
+    k = fit.root.shape[1]
+    chi2 = float(np.sum((columns @ hypothesis.moved @ fit.mean) ** 2))
+    size = float(hypothesis.size @ fit.mean)
+    sigma = float(np.linalg.norm(hypothesis.size @ fit.root))
+    half = float(stdtrit(freedom, 0.975)) * sigma
+    # With k coefficients a change counts from the quantile of F(k, ·) on.
+    least = sigma * math.sqrt(k * fdtri(k, freedom, 1 - level)) if k else 0.0
+    has_size = bool(hypothesis.unit)
     return Change(
         hypothesis.group,
         hypothesis.where,
         chi2,
         k,
-        float(chdtrc(k, chi2)),
-        gained - k * math.log(max(n_eff, math.e)) + 2 * float(np.log(hypothesis.prior)),
-        size if hypothesis.unit else None,
-        (size - half, size + half) if hypothesis.unit else None,
+        float(fdtrc(k, freedom, chi2 / max(k, 1))),
+        chi2 - k * math.log(max(n_eff, math.e)) + 2 * math.log(hypothesis.prior),
+        size if has_size else None,
+        (size - half, size + half) if has_size else None,
         hypothesis.unit,
+        least if has_size and least > 0 else None,
     )

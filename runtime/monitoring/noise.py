@@ -21,6 +21,7 @@ from scipy.fft import dct, idct
 
 from runtime.common.files import require_file
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings
@@ -122,6 +123,22 @@ def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
     }.get(preparation.filter)
     usable = ~near(t, model.is_slow(dq) | _is_unknown(t, dq, model), REVERSAL_S, REVERSAL_S)
     return HeldOutResidual(t, rest, usable, min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ)
+
+
+def read_test_rows(result: Path, model: MonitoredModel) -> tuple[Array, Samples] | None:
+    """Instants and samples of the test part; None where predictions.npz holds no accelerations."""
+    path = (result if result.is_dir() else result.parent) / "predictions.npz"
+    file = open_npz(require_file(path).read_bytes(), path.name)
+    if not {"q", "ddq", "columns"} <= set(file):
+        return None
+    names = ("t", "q", "dq", "ddq", "measured", "columns")
+    t, q, dq, ddq, tau, columns = (np.array(file[name], dtype=float) for name in names)
+    fits = q.shape == dq.shape == ddq.shape == tau.shape == (len(t), len(model.phi))
+    if not (fits and columns.shape == (*q.shape, model.phi.shape[1])):
+        return None
+    if not all(np.isfinite(each).all() for each in (t, q, dq, ddq, tau, columns)):
+        return None
+    return t, Samples(q, dq, ddq, tau, columns, coupling=model.coupling)
 
 
 def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> NDArray[np.bool_]:

@@ -20,6 +20,7 @@ import numpy as np
 from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
 from bench.fleet import FILTERED, joined
 from runtime import Recording, choose_default_friction
+from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import SavedPosterior, read_posterior
 from runtime.identification.result_file import write_result
@@ -27,10 +28,10 @@ from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Library
 from runtime.monitoring.calibration import calibrated, tails_of
-from runtime.monitoring.drift import Verdict, verdict_of
+from runtime.monitoring.drift import Verdict, baseline_of, verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import HeldOutResidual, read_held_out
+from runtime.monitoring.noise import HeldOutResidual, read_held_out, read_test_rows
 from runtime.monitoring.observation import (
     Detector,
     detector_for,
@@ -59,6 +60,7 @@ class Known:
     posterior: SavedPosterior
     model: MonitoredModel
     held_out: HeldOutResidual
+    test_rows: tuple[np.ndarray, Samples] | None
 
 
 def known_of(lib: Library, log: Recording, terms: Friction | None = None, **how: Any) -> Known:
@@ -72,7 +74,8 @@ def known_of(lib: Library, log: Recording, terms: Friction | None = None, **how:
         saved = read_result(folder)
         model = model_of(saved, lib)
         posterior = read_posterior(folder, saved, lib)
-        return Known(saved, posterior, model, read_held_out(folder, model))
+        held_out, rows = read_held_out(folder, model), read_test_rows(folder, model)
+        return Known(saved, posterior, model, held_out, rows)
 
 
 def lines_of(done: Path) -> Iterator[list[Any]]:
@@ -277,6 +280,8 @@ def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list
 CHANGES = ("sensor gain", "payload", "friction", "clock", "model")
 WEEKS_SEED, PAUSE_S = 1000, 0.5
 """Seed of the training log, and the pause between its two motions, s."""
+REFERENCES = range(10_000, 10_004)
+"""Weeks whose logs are those of reference."""
 
 
 def weeks(
@@ -287,13 +292,20 @@ def weeks(
     one, two = (record(lib, each, seed=WEEKS_SEED + k).recording for k, each in enumerate(designs))
     model = known_of(lib, joined(one, two, PAUSE_S))
     root, sigma = model.posterior.root(lib), model.held_out.rest.std(axis=0)
+    healthy = [
+        prepare(
+            changed_log(lib, designs, "", 1.0, week)[0], FILTERED, model.saved.friction, lib=lib
+        )
+        for week in REFERENCES
+    ]
+    baseline = baseline_of(lib, model.saved, root, sigma, model.test_rows, healthy)
     wanted = list(_wanted(counts))
     for level, change, week in wanted:
         if (level, change, week) in known:
             continue
         log, joint = changed_log(lib, designs, change, level, week)
         prepared = prepare(log, FILTERED, model.saved.friction, lib=lib)
-        verdict = verdict_of(lib, model.saved, root, sigma, prepared)
+        verdict = verdict_of(lib, baseline, prepared)
         known[level, change, week] = [verdict.changed, _is_right(verdict, change, joint)]
         with done.open("a") as file:
             best = [verdict.best.group, verdict.best.where, verdict.p_value]

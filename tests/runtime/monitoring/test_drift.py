@@ -209,3 +209,36 @@ def test_a_file_that_is_no_history_stays(
     assert ran.code == 2
     assert "--history" in ran.err
     assert (tmp_path / "mine.txt").read_text() == "mine\n"
+
+
+def test_the_usual_change_between_days_is_learnt(
+    command: Command,
+    arm: Path,
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Oracle: sensor offsets that differ from day to day are no change, a gain is; names differ."""
+    rng = np.random.default_rng(5)
+    names = []
+    for k in range(4):
+        log = later_log(lib, trajectories[k % 2], pi_true, "", seed=20 + k)
+        tau = log.tau + 0.2 * rng.standard_normal(lib.n_joints)
+        names.append(f"ur-19_10_0{k}.csv")
+        write_recording(log.replace(tau=tau, name="ur"), tmp_path / names[-1])
+        if k == 3:
+            names.append("ur-20.csv")
+            gain = np.where(np.arange(lib.n_joints) == 1, 1.08, 1.0)
+            write_recording(log.replace(tau=tau * gain, name="ur"), tmp_path / names[-1])
+    ran = command("watch", arm, names[3], "--json")
+    assert (ran.code, json.loads(ran.out)["group"]) == (1, "sensor bias")
+    words = [word for name in names[:3] for word in ("--reference", name)]
+    ran = command("watch", arm, *names[3:], *names[:1], *words, "--json")
+    clean, gain, known = json.loads(ran.out)["logs"]
+    assert [each["log"] for each in (clean, gain)] == ["ur-19_10_03", "ur-20"]
+    assert not clean["changed"]
+    assert (gain["changed"], gain["group"], gain["where"]) == (True, "sensor gain", "fr3_joint2")
+    assert known["p_value"] == 1.0
+    assert clean["references"] == 3
+    assert "hidden are changes below" in clean["hidden"]

@@ -21,11 +21,23 @@ from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
+from runtime.recording.row_marks import SAME
 
 ALIKE = "the log is prepared as the log of identify; --cutoff and --rate change that"
 RAW = (
     "the model was identified from a low-passed log, but this log is not filtered; give the same "
     "--cutoff and --rate as identify"
+)
+
+SEEN = (
+    "the model was fitted to {:.0f} % of the rows of this log: these are errors of the fit, not of "
+    "a test; give a log that identify has not read"
+)
+UNLIKE = 100.0
+"""Torque error above which the model is worse than no model, %."""
+WORSE = (
+    "an error of {:.0f} % is larger than the torque itself: order, sign or unit of the joints, the "
+    "payload or the robot of this log differ from those of identify; run: symgen inspect {}"
 )
 
 _FILTER = ("filter", "cutoff_hz", "window_s", "order")
@@ -97,6 +109,11 @@ def evaluate_command(
     else:
         notes += _other_filter(saved, prepared)
     percent, rms = error_parts(*errors)
+    fitted = saved.fitted_share(recording)
+    if fitted > SAME:
+        notes.insert(0, SEEN.format(100 * fitted))
+    if percent.after_overall is not None and percent.after_overall > UNLIKE:
+        notes.insert(0, WORSE.format(percent.after_overall, log))
     rotor = joint_friction(lib, terms, saved.phi).filled("armature")
     audit = audit_mass(lib, saved.pi, rotor)
     figures: dict[str, Any] = {
@@ -107,12 +124,13 @@ def evaluate_command(
         "torque_error_percent": msgspec.to_builtins(percent),
         "torque_rms": msgspec.to_builtins(rms),
         "mass_matrix": audit.to_facts(),
+        "fitted_share": fitted,
         "notes": notes,
     }
     if as_json:
         print(json.dumps(figures, indent=1))
     else:
-        console.print(torque_table(saved, percent, rms))
+        console.print(torque_table(saved, percent, rms, "fitted" if fitted > SAME else "test"))
         say(f"{audit.sentence()}.")
         for note in notes:
             say(f"note: {note}")

@@ -60,7 +60,7 @@ from runtime.common.terminal import say
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.identification.identify import SEVERAL_STREAMED, Source, identify
+from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings
 from runtime.identification.several_logs.joint_fit import NamedLog, read_carried
@@ -181,6 +181,7 @@ def identify_command(
             else _opened(logs[0], lib, recipe, run, stream, settings)
         )
         result = identify(opened, lib, settings, watch=watch)
+        result = with_row_marks(result, opened, settings.split)
     finish(result, folder, Outputs(report, save_statistics))
 
 

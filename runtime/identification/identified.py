@@ -18,6 +18,7 @@ from runtime.library.manifest import torque_units
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
 from runtime.recording import Friction, Recording, friction
 from runtime.recording.notebook import Framed, html_table
+from runtime.recording.row_marks import Marks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +93,7 @@ class Identification(Framed):
         symmetric: comparison of mirrored joints; empty where it was not requested.
         is_joined: the training part includes the validation part, which nothing is tuned by.
         agreement: comparison of several logs; None for one.
+        row_marks: of the rows that were fitted, by which they are recognised in other logs.
     """
 
     method: str
@@ -125,6 +127,7 @@ class Identification(Framed):
     is_joined: bool = False
     symmetric: tuple[Any, ...] = ()
     agreement: LogAgreement | None = None
+    row_marks: Marks | None = None
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"

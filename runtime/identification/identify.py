@@ -40,7 +40,10 @@ from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
-from runtime.recording import Recording, StreamedRecording
+from runtime.recording import Recording, Split, StreamedRecording
+from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.preprocessing import before_test
+from runtime.recording.row_marks import COUNT, row_marks, same_rows
 from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
@@ -111,7 +114,30 @@ def identify(
     seen = watch if progress is None else _Iterations(progress)
     if isinstance(log, (Recording, StreamedRecording)):
         return _of_one(log, lib, chosen, seen)
-    return _of_several([log] if isinstance(log, NamedLog) else log, lib, chosen, seen)
+    return _of_several(_named([log] if isinstance(log, NamedLog) else log), lib, chosen, seen)
+
+
+def with_row_marks(
+    result: Identification, log: Source | Sequence[Source], split: Split | None
+) -> Identification:
+    """The result with marks of the rows that were fitted, by which other commands know them.
+
+    A log that is left in its file has none.
+    """
+    every = [log] if isinstance(log, (Recording, StreamedRecording, NamedLog)) else log
+    logs = [each.recording if isinstance(each, NamedLog) else each for each in every]
+    marks = [
+        row_marks(
+            independent_joints(
+                each if result.trained is not None else before_test(each, split), result.lib
+            )
+        )
+        for each in logs
+        if isinstance(each, Recording)
+    ]
+    if len(marks) < len(logs):
+        return result
+    return replace(result, row_marks=np.unique(np.concatenate(marks))[:COUNT])
 
 
 @dataclass(frozen=True)
@@ -184,13 +210,12 @@ def _with_delay(result: Identification, facts: dict[str, Any], rows: int) -> Ide
 
 
 def _of_several(
-    logs: Sequence[Source], lib: Library, settings: Settings, watch: Watch
+    named: Sequence[NamedLog], lib: Library, settings: Settings, watch: Watch
 ) -> Identification:
     """One set of parameters from several logs, and the comparison of the logs.
 
     Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
-    named = _named(logs)
     _require_one_log("several", settings)
     method = chosen_method(settings.method, settings.preset, settings.prior)
     first = prepared_log(
@@ -224,6 +249,11 @@ def _of_several(
     if delays and result.agreement is not None:
         notes += delay_notes(delays)
         result = replace(result, agreement=replace(result.agreement, delays=tuple(delays)))
+    shared = same_rows([(each.name, each.recording) for each in named])
+    if shared and result.agreement is not None:
+        agreement = replace(result.agreement, shared=shared)
+        result = replace(result, agreement=agreement)
+        notes.insert(0, f"{agreement.sharing()}; give each log once")
     return replace(result, notes=(*notes, *result.notes))
 
 

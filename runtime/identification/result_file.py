@@ -160,7 +160,7 @@ def write_result(result: Identification, folder: Path, command: str) -> ResultRe
     require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
     record = record_of(result, command)
     test = samples_of(result.test, result.lib)
-    arrays = {
+    arrays: dict[str, Any] = {
         "t": np.asarray(result.test.t),
         "dq": test.dq,
         "measured": test.tau,
@@ -169,10 +169,12 @@ def write_result(result: Identification, folder: Path, command: str) -> ResultRe
     }
     if test.base is None:  # scores of a later log are compared with those of these rows
         arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
+    if result.row_marks is not None:
+        arrays["row_marks"] = result.row_marks
     if result.uncertainty is not None:
         write_posterior(folder, result.uncertainty, result.pi, len(result.log_names))
     with replacing(folder / "predictions.npz") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]  # noise does not compress
+        np.savez(file, **arrays)  # noise does not compress
     write_record(record, folder)
     return record
 

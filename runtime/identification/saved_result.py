@@ -13,11 +13,12 @@ from functools import reduce
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 
-from runtime.common.files import json_of, values_of
+from runtime.common.files import json_of, require_file, values_of
 from runtime.common.records import record_from_table
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
@@ -39,6 +40,7 @@ from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
+from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
 from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
 
@@ -68,6 +70,7 @@ class SavedResult(Framed):
         record: the whole content of the file; None of a model that is of no file.
         learned: friction beyond φ, where the method learned one.
         gains: of the motor currents of its log; None where the log held torques.
+        row_marks: of the rows that were fitted; None where the folder holds none.
     """
 
     robot: str
@@ -83,6 +86,13 @@ class SavedResult(Framed):
     record: ResultRecord | None = None
     learned: Learned | None = None
     gains: CurrentGains | None = None
+    row_marks: Marks | None = None
+
+    def fitted_share(self, log: Recording) -> float:
+        """Share of the rows of a log of `log_of` that the model was fitted to; 0 if unknown."""
+        if self.row_marks is None:
+            return 0.0
+        return share_of_rows(self.row_marks, row_hashes(log, with_torque=self.gains is None))
 
     def log_of(
         self, log: str, lib: Library, recipe: str | None = None, run: str | None = None
@@ -290,6 +300,16 @@ def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
     return (len(value), widths.pop() if len(widths) == 1 else -1)
 
 
+def _row_marks(file: Path) -> Marks | None:
+    """Marks of the rows that were fitted, from predictions.npz."""
+    try:
+        with np.load(require_file(file), allow_pickle=False) as arrays:
+            marks = arrays["row_marks"]
+    except (OSError, ValueError, LookupError, BadZipFile):
+        return None
+    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None
+
+
 def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
     """Read the result that `identify` wrote; learned friction is refused without `with_learned`."""
     file = folder / "result.json" if folder.is_dir() else folder
@@ -324,6 +344,7 @@ def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
             record=record,
             learned=_learned(record.method, terms.net),
             gains=_gains(record.current_gains),
+            row_marks=_row_marks(file.parent / "predictions.npz"),
         )
         bodies = n if saved.model is None else len(saved.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):

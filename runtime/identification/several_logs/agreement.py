@@ -52,6 +52,7 @@ class LogAgreement:
         masses: link masses identified from every log alone, (logs, n) kg.
         spread: standard deviation of each base parameter over the logs, (n_b,).
         expected_spread: the same predicted by the covariances of the single fits, (n_b,).
+        shared: pairs of logs with equal rows, and their share.
         delays: name, delay and standard deviation of every log [s]; None where not estimated.
     """
 
@@ -64,6 +65,7 @@ class LogAgreement:
     spread: Array
     expected_spread: Array
     delays: tuple[dict[str, Any], ...] | None = None
+    shared: tuple[tuple[str, str, float], ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -71,8 +73,17 @@ class LogAgreement:
         known = self.expected_spread > 0
         return float(np.sqrt(np.mean((self.spread[known] / self.expected_spread[known]) ** 2)))
 
+    def sharing(self) -> str:
+        """Which logs hold the same rows."""
+        pairs = (
+            f"{a} and {b} share {100 * share:.0f} % of their rows" for a, b, share in self.shared
+        )
+        return ", ".join(pairs)
+
     def sentence(self) -> str:
         """One sentence on whether the logs agree within their noise."""
+        if self.shared:
+            return f"{self.sharing()}: logs with common rows do not show whether results repeat"
         verdict = (
             "the logs agree within their noise"
             if self.ratio < AGREEING

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import write_recording
+from runtime import read_recording, write_recording
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.recording import Preparation
@@ -72,6 +72,24 @@ def test_another_filter_of_evaluate_is_reported(command, lib, folder, tmp_path):
     assert "low-pass at 5 Hz" in said[0]
     _, notes = errors(command, "one", log, *robot, *at_20)
     assert not any("do not compare" in note for note in notes)
+
+
+def test_fitted_rows_are_no_test(command, lib, folder, tmp_path):
+    """Property: under another name and format they are recognised, and a log given twice is named;
+    of a result without refit, the rows before its test part are.
+    """
+    robot, bare = ("--robot", lib.folder), ("--friction", "none", "--no-report")
+    write_recording(read_recording(folder / "0.npz"), tmp_path / "copy.csv")
+    assert command("identify", folder / "0.npz", *robot, *bare, "--out", "one").code == 0
+    assert "torque error on fitted data" in command("evaluate", "one", "copy.csv", *robot).out
+    assert "fitted to 100 % of the rows" in errors(command, "one", "copy.csv", *robot)[1][0]
+    assert not errors(command, "one", folder / "1.npz", *robot)[1]
+    words = ("--no-refit", "--out", "half")
+    assert command("identify", folder / "0.npz", *robot, *bare, *words).code == 0
+    assert "fitted to 6" in errors(command, "half", "copy.csv", *robot)[1][0]
+    ran = command("identify", folder / "0.npz", "copy.csv", *robot, *bare, "--out", "two")
+    assert "0 and copy share 100 % of their rows; give each log once" in ran.out
+    assert "agree within their noise" not in ran.out
 
 
 def test_logs_that_are_prepared_unlike_are_named(lib):

@@ -8,18 +8,22 @@ import msgspec
 import typer
 
 from runtime.cli.common import Yes, open_robot, torque_table
+from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import Recipe, Run
 from runtime.common.terminal import console, say
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
+from runtime.identification.free_base.evaluate import free_base_errors
 from runtime.identification.identified import torque_of
 from runtime.identification.mass_audit import audit_mass
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import error_parts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.library import Library
 from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
+from runtime.recording.free_base import read_free_base
 from runtime.recording.preprocessing import is_filtered, prepare
 from runtime.recording.row_marks import SAME
 
@@ -90,8 +94,11 @@ def evaluate_command(
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved = read_result(result, with_learned=True)
-    lib = open_robot(robot or saved.robot, yes)
+    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
     notes = list(require_model(saved, lib, result))
+    if saved.is_free:
+        _walking(saved, lib, log, cutoff, notes, as_json)
+        return
     recording = saved.log_of(log, lib, recipe, run)
     require_plausible(recording, lib)
     terms = saved.friction
@@ -134,6 +141,27 @@ def evaluate_command(
         say(f"{audit.sentence()}.")
         for note in notes:
             say(f"note: {note}")
+
+
+def _walking(
+    saved: SavedResult,
+    lib: Library,
+    log: str,
+    cutoff: float | None,
+    notes: list[str],
+    as_json: bool,
+) -> None:
+    """Print the errors of the rows of a free base, low-passed as the log of identify."""
+    band = saved.preparation.cutoff_hz if cutoff is None else cutoff
+    errors = free_base_errors(read_free_base(Path(log)), lib, saved, band)
+    columns = {key: getattr(errors, key).tolist() for key in ("size", "before", "after")}
+    if as_json:
+        facts = {"robot": lib.name, "rows": list(errors.names), "rms": columns, "notes": notes}
+        print(json.dumps(facts, indent=1))
+        return
+    print_errors(f"{lib.name}: errors on {Path(log).name}", errors.names, *columns.values())
+    for note in notes:
+        say(f"note: {note}")
 
 
 def _other_filter(saved: SavedResult, prepared: Recording) -> list[str]:

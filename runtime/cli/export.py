@@ -60,7 +60,7 @@ def export_command(
     names = tuple(EXPORT_FORMATS)
     kinds = listed(to, names, "--to") if to else names
     saved = read_result(result, with_learned=True)
-    lib = open_robot(robot or saved.robot, yes)
+    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
     notes = require_model(saved, lib, result, same_bodies=True)
     terms, folder = saved.friction, out or result / "export"
     done = export_model(

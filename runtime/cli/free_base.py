@@ -1,6 +1,6 @@
 """`symgen identify` of a robot with a free base."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,13 +12,19 @@ from runtime.cli.common import ResultFolder, require_result_folder
 from runtime.cli.log_options import fractions_of
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import IdentificationError
+from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.identification.free_base.drives import COLUMNS, EARLIEST_S, LATEST_S
-from runtime.identification.free_base.identify import SHARE, identify_free_base, write_free_base
-from runtime.identification.free_base.rows import CROSSTALK
+from runtime.identification.free_base.identify import SHARE, identify_free_base
+from runtime.identification.free_base.result import write_free_base
+from runtime.identification.free_base.rows import CROSSTALK, DELAY
+from runtime.identification.result_record import ResultRecord
 from runtime.identification.settings import AUTO, NO_FRICTION
 from runtime.library import Library
+from runtime.library.parameters import PI_NAMES
 from runtime.outputs.model_files import write_urdf
+from runtime.outputs.report import write_report
 from runtime.recording.free_base import FreeBaseRecording, read_free_base
 
 EquationRows = Annotated[
@@ -35,7 +41,8 @@ TAKEN = (
     *("friction", "delay", "report"),
 )
 """Parameters of the command that apply to a robot with a free base."""
-WRITTEN = ResultFolder("identify", ("result.json", "identified.urdf"), "free_base")
+_FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html")
+WRITTEN = ResultFolder("identify", _FILES, "robot")
 
 
 def require_fixed_base(lib: Library, rows: str | None) -> None:
@@ -78,9 +85,10 @@ def identify_free_base_log(
     options: WalkOptions,
     out: Path | None,
     overwrite: bool,
+    report: bool,
     given: dict[str, str],
 ) -> None:
-    """Read a log, identify, write result.json and identified.urdf, and print the errors."""
+    """Read a log, identify, write result.json, identified.urdf and report, and print the errors."""
     unused = [option for name, option in given.items() if name not in TAKEN]
     if unused:
         raise IdentificationError(
@@ -106,52 +114,75 @@ def identify_free_base_log(
         friction=friction,
         delay_s=delay,
     )
-    facts = write_free_base(result, folder, command_line())
-    table = Table("row", title=f"{lib.name}: errors on the last {result.seconds:.3g} s")
-    for head in ("RMS", "before RMS", "after RMS"):
-        table.add_column(head, justify="right")
-    for row in facts["errors"]:
-        table.add_row(row["row"], *(f"{row[key]:.4g}" for key in ("rms", "before", "after")))
-    console.print(table)
-    mass = facts["total_mass"]
-    low, high = mass["interval"]
-    say(
-        f"total mass: {mass['value']:.3f} kg, 95 % interval {low:.3f} to {high:.3f}, URDF "
-        f"{mass['urdf']:.3f}"
+    record = write_free_base(result, folder, command_line())
+    print_errors(
+        f"{lib.name}: errors on the last {result.seconds:.3g} s",
+        *(record.rows_of_errors[0], result.rms.tolist()),
+        *(record.torque_rms.before, record.torque_rms.after),
     )
-    if facts["vertical_force"] is not None:
-        force = facts["vertical_force"]
+    if record.total_mass is not None:
+        mass = record.total_mass
+        low, high = mass.interval
         say(
-            f"sum of vertical forces: error {force['after_percent']:.2f} % of {force['mean']:.1f} "
-            f"N, of the URDF {force['before_percent']:.2f} %"
+            f"total mass: {mass.value:.3f} kg, 95 % interval {low:.3f} to {high:.3f}, URDF "
+            f"{mass.urdf:.3f}"
         )
-    for sentence in _sentences(facts):
+    if record.vertical_force is not None:
+        force = record.vertical_force
+        say(
+            f"sum of vertical forces: error {force.after_percent:.2f} % of {force.mean:.1f} "
+            f"N, of the URDF {force.before_percent:.2f} %"
+        )
+    for sentence in _sentences(record):
         say(sentence)
     urdf = folder / "identified.urdf"
     say(f"URDF:   {urdf} ({write_urdf(lib, result.pi, urdf)})")
+    if report:
+        say(f"report: {write_report(folder)}")
+    else:
+        (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces
     say(f"result: {folder / 'result.json'}")
 
 
-def _sentences(facts: dict[str, Any]) -> Iterator[str]:
+def print_errors(title: str, names: Sequence[str], *columns: Sequence[float]) -> None:
+    """Print RMS values per row, before and after, in the units of the rows."""
+    table = Table("row", title=title)
+    for head in ("RMS", "before RMS", "after RMS"):
+        table.add_column(head, justify="right")
+    for name, *values in zip(names, *columns, strict=True):
+        table.add_row(name, *(f"{value:.4g}" for value in values))
+    console.print(table)
+
+
+def _sentences(record: ResultRecord) -> Iterator[str]:
     """Lines on sensors, drives, links, and notes."""
-    for name, value in facts["sensors"].items():
-        sigma = facts["sensor_sigma"][name]
+    for name, sensor in (record.sensors or {}).items():
+        value, sigma = sensor.value or 0.0, sensor.sigma or 0.0
         if name == "sharing":
             yield f"sensors: γ = {value:+.3f} ± {sigma:.3f} while contacts share the load"
         elif name in CROSSTALK:
             yield f"sensors: {value:+.3f} ± {sigma:.3f} N per N·m about {name[-1]} of the link"
         else:
             yield f"sensors: offset of {name} {value:+.2f} ± {sigma:.2f} N"
-    for name, coefficient in facts["drives"].items():
-        yield f"drives: {name} {_with_sigma(coefficient['value'], coefficient['sigma'])}"
-    for link in facts["links"]:
-        if link["not_identifiable"]:
-            yield f"link {link['link']}: not identifiable {', '.join(link['not_identifiable'])}"
-    for note in facts["notes"]:
+    friction = record.friction
+    if friction is not None:
+        sigmas = friction.sigma or friction.values
+        for joint, values, spread in zip(record.joints, friction.values, sigmas, strict=True):
+            for column, each, error in zip(friction.columns, values, spread, strict=True):
+                yield f"drives: {column}{OF}{joint} {_with_sigma(each, error)}"
+    for delay in record.delays:
+        yield f"drives: {DELAY} {_with_sigma(delay.value, delay.sigma)}"
+    uncertain = () if record.uncertainty is None else record.uncertainty.links
+    for link, known in zip(record.links, uncertain, strict=True):
+        pairs = zip(PI_NAMES, known.verdicts, strict=True)
+        unknown = [name for name, verdict in pairs if verdict == PRIOR_DOMINATED]
+        if unknown:
+            yield f"link {link.name}: not identifiable {', '.join(unknown)}"
+    for note in record.warnings:
         yield f"note: {note}"
 
 
-def _with_sigma(value: float, sigma: float | None) -> str:
+def _with_sigma(value: Any, sigma: Any) -> str:
     """A coefficient and its standard deviation."""
     return f"{value:.4g} ± {sigma:.2g}" if sigma is not None else "is not identifiable"
 

@@ -144,6 +144,7 @@ def identify_command(
             WalkOptions(rows, cutoff, split, known, friction, delay),
             out,
             overwrite,
+            report,
             given_options(context),
         )
         return

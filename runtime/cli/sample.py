@@ -72,7 +72,7 @@ def sample_command(
     files = tuple(path.name for path in paths)
     require_result_folder(folder, ResultFolder("sample", files, "factors"), overwrite)
     saved = read_result(result)
-    lib = open_robot(robot or saved.robot, yes)
+    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
     notes = require_model(saved, lib, result, same_bodies=True)
     posterior = read_posterior(result, saved, lib)
     with console.status("drawing models"):

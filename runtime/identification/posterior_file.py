@@ -109,17 +109,22 @@ class SavedPosterior:
 
 
 def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int = 0) -> None:
-    """Write posterior.npz into the folder of a result, as a whole or not at all."""
-    information = uncertainty.information
-    if information is None:
-        return
+    """Write posterior.npz into the folder of a result, where what it is computed from was kept."""
+    if uncertainty.information is not None:
+        store_posterior(folder, uncertainty.information, pi, uncertainty.root, logs)
+
+
+def store_posterior(
+    folder: Path, information: LogInformation, pi: Array, root: Array, logs: int = 0
+) -> None:
+    """Write posterior.npz, as a whole or not at all."""
     with replacing(folder / FILE) as file:
         np.savez(
             file,
             **asdict(information.statistics),
             centre=information.centre,
             pi=pi,
-            pi_root=uncertainty.root,
+            pi_root=root,
             density=information.density,
             kappa=information.kappa,
             logs=logs,

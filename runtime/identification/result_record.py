@@ -295,7 +295,31 @@ class ProvenancePart(Part, frozen=True):
     seed: Of[int | None, "of mini-batches and nets"]
 
 
-class ResultRecord(Part, frozen=True):
+class Coefficient(Part, frozen=True):
+    """A value with its standard deviation; null where the data do not determine it."""
+
+    value: Of[float | None, "in SI units"]
+    sigma: Of[float | None, "standard deviation"]
+
+
+class TotalMass(Part, frozen=True):
+    """Mass of all links [kg]."""
+
+    value: Of[float, "identified"]
+    sigma: Of[float, "standard deviation"]
+    interval: Of[tuple[float, float], "95 % interval"]
+    urdf: Of[float, "of the URDF"]
+
+
+class VerticalForcePart(Part, frozen=True):
+    """Sum of the vertical forces of the contacts on the test part."""
+
+    mean: Of[float, "of the measured sum [N]"]
+    before_percent: Of[float, "RMS error of the URDF over the mean [%]"]
+    after_percent: Of[float, "RMS error of the identified model over the mean [%]"]
+
+
+class ResultRecord(Part, frozen=True, omit_defaults=True):
     """Content of result.json."""
 
     format: Of[int, "number of the format"]
@@ -346,6 +370,17 @@ class ResultRecord(Part, frozen=True):
     trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit"]
     sessions: Of[SessionsPart | None, "comparison of several logs; null for one"]
     provenance: Of[ProvenancePart, "how to compute the result again"]
+    rows: Of[str, "free base: rows that were fitted, base, joints or all"] = ""
+    error_rows: Of[Texts, "rows whose errors are stated, where they are not the joints, (r,)"] = ()
+    error_units: Of[Texts, "their units, (r,)"] = ()
+    total_mass: Of[TotalMass | None, "free base: mass of the robot"] = None
+    vertical_force: Of[VerticalForcePart | None, "free base, where it was measured"] = None
+    sensors: Of[dict[str, Coefficient] | None, "free base: offset [N] by link, γ, crosstalk"] = None
+
+    @property
+    def rows_of_errors(self) -> tuple[Texts, Texts]:
+        """Names of the rows whose errors are stated, and their units."""
+        return (self.error_rows or self.joints, self.error_units or self.units)
 
     @property
     def delays(self) -> tuple[Delay, ...]:

@@ -94,6 +94,11 @@ class SavedResult(Framed):
             return 0.0
         return share_of_rows(self.row_marks, row_hashes(log, with_torque=self.gains is None))
 
+    @property
+    def is_free(self) -> bool:
+        """Whether the base of the robot is free, as that of one that walks."""
+        return self.record is not None and self.record.base == "free"
+
     def log_of(
         self, log: str, lib: Library, recipe: str | None = None, run: str | None = None
     ) -> Recording:
@@ -206,9 +211,8 @@ def migrated(facts: dict[str, Any], path: Path | str = "result.json") -> dict[st
         raise ValueError(f"format expects a whole number above 0, got {number!r:.40}")
     if "free_base" in facts:
         raise RecordingError(
-            f"'{path}' is the result of a robot with a free base, expected one of a fixed base; "
-            "use result.json and identified.urdf of its folder as they are, or build the robot "
-            "without --floating"
+            f"'{path}' is the result of a robot with a free base of format 2 or earlier, expected "
+            f"format {FORMAT}, which states its model; identify again with this version"
         )
     if number > FORMAT:
         versions = next((t for t, _ in _places(facts, "provenance.versions.symgen")), {})
@@ -260,13 +264,16 @@ def _require_shapes(record: ResultRecord) -> None:
 def _shapes(record: ResultRecord) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
     """Name, value and expected shape of the lists; a value that is no list is not of interest."""
     n, bodies = len(record.joints), len(record.links)
-    for name in (
-        *("units", "drive", "current_gains", "delay_s", "control_law.kp", "control_law.kd"),
-        *("torque_error_percent.before", "torque_error_percent.after"),
-        *("torque_rms.before", "torque_rms.after", "uncertainty.noise", "uncertainty.model_band"),
-        "uncertainty.white_lag_share",
-    ):
+    for name in ("units", "drive", "current_gains", "delay_s", "control_law.kp", "control_law.kd"):
         yield name, reduce(_field, name.split("."), record), (n,)
+    for name in ("noise", "model_band", "white_lag_share"):  # empty for a free base
+        value = getattr(record.uncertainty, name, None)
+        yield f"uncertainty.{name}", value if value or record.base == "fixed" else None, (n,)
+    rows = len(record.rows_of_errors[0])
+    yield "error_units", record.rows_of_errors[1], (rows,)
+    for name in ("torque_error_percent", "torque_rms"):
+        for when in ("before", "after"):
+            yield f"{name}.{when}", getattr(getattr(record, name), when), (rows,)
     for k, joint in enumerate(() if record.model is None else record.model.joints):
         yield f"model.joints[{k}].rotation", joint.rotation, (3, 3)
     if (friction := record.friction) is not None:

@@ -113,7 +113,13 @@ def draw_models(
     if count < 1:
         raise IdentificationError(f"expected one model or more, got {count}; correct --count")
     data, system = posterior.reduced(lib)
-    density = _density(lib, posterior, data)
+    try:
+        density = _density(lib, posterior, data)
+    except np.linalg.LinAlgError:
+        raise IdentificationError(
+            "the posterior is narrower than rounding, so that no model can be drawn from it; "
+            "identify a log with the noise of a measurement"
+        ) from None
     z, acceptance, kept = _chains(density, count, rng)
     pi = _with_error(density, density.pi(z), posterior.pi_root[:, lib.pi0.size :], rng)
     # φ | π is normal around what the result states at its π.

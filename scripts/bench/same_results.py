@@ -293,12 +293,37 @@ def _read_npz(path: Path) -> dict[str, Any]:
 
 def _present(value: Any) -> Any:
     """A document of an earlier format under the names of the present one."""
+    if isinstance(value, dict) and ("free_base" in value or value.get("base") == "free"):
+        return _walking(value)
     if isinstance(value, dict) and "torque_rms" in value and "format" in value:
         value = migrated(value)
     for row in value.get("rows", ()) if isinstance(value, dict) else ():
         if isinstance(row, dict) and "told_by_data" in row:
             row["determined"] = row.pop("told_by_data")  # of compare.json
     return value
+
+
+def _walking(value: dict[str, Any]) -> dict[str, Any]:
+    """What a result of a free base states in all formats."""
+    same = {key: value[key] for key in ("robot", "rows", "status", "total_mass", "pi", "beta")}
+    if "free_base" in value:
+        sensors, sigma = value["sensors"], value["sensor_sigma"]
+        return same | {
+            "n_eff": value["n_eff"],
+            "sigma": value["sigma"],
+            "notes": value["notes"],
+            "sensors": {name: [sensors[name], sigma[name]] for name in sensors},
+            "before": [row["before"] for row in value["errors"]],
+            "after": [row["after"] for row in value["errors"]],
+        }
+    return same | {
+        "n_eff": value["uncertainty"]["n_eff"],
+        "sigma": value["uncertainty"]["pi_sigma"],
+        "notes": value["warnings"],
+        "sensors": {k: list(each.values()) for k, each in (value.get("sensors") or {}).items()},
+        "before": value["torque_rms"]["before"],
+        "after": value["torque_rms"]["after"],
+    }
 
 
 def _read_csv(path: Path) -> Any:

@@ -102,7 +102,7 @@ AFTERWARDS: dict[str, tuple[str, ...]] = {
     "export": ("export", "OUT", "--to", "urdf", "--overwrite"),
     "observe": ("observe", "LOG", "--model", "OUT", "--overwrite"),
     "watch": ("watch", "OUT", "LOG"),
-    "sample": ("sample", "OUT", "--count", "2", "--overwrite"),
+    "sample": ("sample", "OUT", "--count", "2", "--to", "urdf", "--overwrite"),
 }
 """Command that follows → its words; LOG is the log itself, OUT the folder of the result."""
 
@@ -123,8 +123,9 @@ REASONS = {
     "h": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
           "needs"),
     "i": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
-    "j": ("free base|--cutoff needs a number above 0 here", "a free base has its own rows, "
-          "friction and result so far"),
+    "j": ("free base|fixed base|--cutoff needs a number above 0 here", "a free base has its own "
+          "rows and the method map; contacts enter its torques, which observers and watches do not "
+          "know"),
 }  # fmt: skip
 """Letter → what its sentence on stderr holds, and the reason in the table."""
 
@@ -201,7 +202,10 @@ def _poses(
 
 def write_walk(urdf: str, feet: tuple[str, ...], folder: Path) -> None:
     """Log of the robot `hopper`."""
-    np.savez(folder / "walk.npz", **virtual_log(urdf, feet, 0).arrays)
+    arrays, rng = virtual_log(urdf, feet, 0).arrays, np.random.default_rng(0)
+    for key, sigma in {"tau": 0.05, "contact_wrench": 0.3}.items():
+        arrays[key] = arrays[key] + sigma * rng.normal(size=arrays[key].shape)
+    np.savez(folder / "walk.npz", **arrays)
 
 
 def words_of(kind: Kind, feature: str, robot: Path) -> tuple[list[str], list[str]]:

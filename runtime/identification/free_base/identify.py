@@ -4,26 +4,26 @@ The rows of `rows` are given to the method map (entropic prior at the URDF, the 
 so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
-import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from runtime.common.files import replacing
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
+from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_of
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.samples import NORMAL_95, thesis_weights
-from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED, vague_posterior
+from runtime.estimators.regression.samples import thesis_weights
+from runtime.estimators.uncertainty import (
+    IDENTIFIED,
+    PRIOR_DOMINATED,
+    LogInformation,
+    vague_posterior,
+)
 from runtime.identification.free_base.contact_conventions import (
     require_contact_conventions,
     require_torque_sign,
@@ -56,11 +56,6 @@ from runtime.library import Array, Library
 from runtime.library.parameters import (
     MASS,
     N_PARAMETERS,
-    PI_NAMES,
-    centre_of_mass,
-    inertia,
-    links,
-    mass,
 )
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
@@ -98,6 +93,11 @@ class FreeBaseIdentification:
             crosstalk [1/m].
         sensor_sigma: their standard deviations.
         drives: friction, armature and delay of commanded torques by name, with σ.
+        name: of the recording.
+        duration: of the recording [s].
+        cutoff_hz: low-pass of the motion [Hz]; None without one.
+        information: data and prior of the posterior; φ is that of sensors, drives and delay.
+        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part.
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -121,6 +121,11 @@ class FreeBaseIdentification:
     vertical: VerticalForce | None
     sensor_sigma: dict[str, float]
     drives: dict[str, tuple[float, float]]
+    name: str
+    duration: float
+    cutoff_hz: float | None
+    information: LogInformation
+    predictions: dict[str, Array]
 
     @property
     def mass(self) -> tuple[float, float]:
@@ -191,12 +196,14 @@ def identify_free_base(
     else:
         problem = problem_of(lib, trained, tested, drives, sensed, sensor_columns)
     fit = fit_by(problem, "map", None, prior)
-    root, shares, deviations = _posterior(problem, fit, prior)
-    names, shown = _shown(tested, drives)
+    information, root, shares, deviations = _posterior(problem, fit, prior)
+    names, shown = tested.shown(drives is not None)
     measured = tested.samples.tau
     level = rms(shown(measured))
     by_columns = tested.samples.columns @ fit.phi[0]
-    after = rms(shown(tested.samples.rigid(lib, fit.pi) + by_columns - measured))
+    by_urdf = tested.samples.rigid(lib, lib.pi0)
+    by_result = tested.samples.rigid(lib, fit.pi) + by_columns
+    after = rms(shown(by_result - measured))
     sensor_names = error_names(motion.contacts)
     size = len(sensor_names)
     sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
@@ -212,7 +219,7 @@ def identify_free_base(
         rows=rows,
         row_names=names,
         rms=level,
-        before=rms(shown(tested.samples.rigid(lib, lib.pi0) - measured)),
+        before=rms(shown(by_urdf - measured)),
         after=after,
         n_train=len(data.train),
         n_test=len(data.test),
@@ -229,6 +236,16 @@ def identify_free_base(
         vertical=vertical_force(lib, data.test, fit.pi, fit.phi[:, :size]),
         sensor_sigma=dict(zip(sensor_names, deviations[:size].tolist(), strict=True)),
         drives={} if drives is None else _drives(lib, drives, fit.phi[0, size:], deviations[size:]),
+        name=recording.name,
+        duration=float(motion.t[-1] - motion.t[0]),
+        cutoff_hz=cutoff_hz,
+        information=information,
+        predictions={
+            "t": data.test.t,
+            "measured": shown(measured),
+            "before": shown(by_urdf),
+            "after": shown(by_result),
+        },
     )
 
 
@@ -352,8 +369,10 @@ def _drives(
     return {**named, DELAY: (drives.delay_s + late, spread)}
 
 
-def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Array, Array, Array]:
-    """Root of the covariance, share of the prior, and σ of φ.
+def _posterior(
+    problem: Problem, fit: Fit, prior: PriorFile | None
+) -> tuple[LogInformation, Array, Array, Array]:
+    """What the posterior is computed from, root of the covariance, share of the prior, σ of φ.
 
     With U φ = t − O π of the elimination, φ has the covariance of its own rows, and that of π.
     """
@@ -377,103 +396,5 @@ def _posterior(problem: Problem, fit: Fit, prior: PriorFile | None) -> tuple[Arr
         parts = np.column_stack([np.sqrt(level) * np.eye(rank), eliminated.over_pi @ root])
         lengths = np.linalg.norm(solve_triangular(eliminated.matrix, parts), axis=1)
         sigma[eliminated.order[:rank]] = lengths / eliminated.lengths[eliminated.order[:rank]]
-    return root, spread.share, sigma
-
-
-def _shown(
-    tested: FreeBaseRows, drives: Drives | None
-) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of the rows whose errors are stated, and the map to them."""
-    left = tested.samples.equations
-    if drives is not None:
-        return tested.names, tested.over_rows
-    names = tested.names if left == len(tested.names) else None
-    return names or tuple(f"equation {k + 1}" for k in range(left)), np.asarray
-
-
-def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, Any]:
-    """JSON-ready facts of result.json."""
-    total, sigma = result.mass
-    vertical = result.vertical
-    facts: dict[str, Any] = {
-        "free_base": 1,
-        "command": command,
-        "robot": result.lib.name,
-        "model_hash": result.lib.manifest.model_hash,
-        "rows": result.rows,
-        "n_train": result.n_train,
-        "n_test": result.n_test,
-        "n_eff": result.n_eff,
-        "status": result.status,
-        "notes": list(result.notes),
-        "total_mass": {
-            "value": total,
-            "sigma": sigma,
-            "interval": [total - NORMAL_95 * sigma, total + NORMAL_95 * sigma],
-            "urdf": float(mass(links(result.lib.pi0)).sum()),
-        },
-        "errors": [
-            {"row": name, "rms": r, "before": b, "after": a}
-            for name, r, b, a in zip(
-                result.row_names,
-                result.rms.tolist(),
-                result.before.tolist(),
-                result.after.tolist(),
-                strict=True,
-            )
-        ],
-        "vertical_force": None
-        if vertical is None
-        else {
-            "mean": vertical.weight,
-            "before_percent": 100 * vertical.before / abs(vertical.weight),
-            "after_percent": 100 * vertical.after / abs(vertical.weight),
-        },
-        "sensors": result.sensors,
-        "sensor_sigma": result.sensor_sigma,
-        "drives": {
-            name: {"value": value, "sigma": deviation if np.isfinite(deviation) else None}
-            for name, (value, deviation) in result.drives.items()
-        },
-        "links": _links(result),
-        "pi": result.pi.tolist(),
-        "sigma": np.linalg.norm(result.root, axis=1).tolist(),
-        "verdicts": list(result.verdicts),
-        "beta": (result.lib.base_matrix @ result.pi).tolist(),
-    }
-    return facts
-
-
-def _links(result: FreeBaseIdentification) -> list[dict[str, Any]]:
-    lib, size = result.lib, len(PI_NAMES)
-    sigma = np.linalg.norm(result.root, axis=1)
-    com = com_sigma(result.root, result.pi)
-    rows = []
-    for k, (name, pi) in enumerate(zip(lib.link_names, links(result.pi), strict=True)):
-        verdicts = result.verdicts[k * size : (k + 1) * size]
-        spread = com[k]
-        rows.append(
-            {
-                "link": name,
-                "mass": float(mass(pi)),
-                "mass_sigma": float(sigma[k * size]),
-                "com": centre_of_mass(pi).tolist(),
-                "com_sigma": None if spread is None else np.asarray(spread).tolist(),
-                "inertia": inertia(pi).tolist(),
-                "not_identifiable": [
-                    entry
-                    for entry, verdict in zip(PI_NAMES, verdicts, strict=True)
-                    if verdict == PRIOR_DOMINATED
-                ],
-            }
-        )
-    return rows
-
-
-def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> dict[str, Any]:
-    """Write result.json into a folder."""
-    facts = free_base_facts(result, command)
-    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with replacing(folder / "result.json") as file:
-        file.write(text.encode())
-    return facts
+    information = LogInformation(statistics, level, kappa, lib.pi0)
+    return information, root, spread.share, sigma

@@ -27,6 +27,7 @@ Forces, and the moment that remains, are shared by the contacts like the vertica
 contact carries the robot this is exact; the sum over contacts of equal axes always is.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,6 +190,14 @@ class FreeBaseRows:
     def over_rows(self, values: Array) -> Array:
         """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""
         return np.asarray(np.einsum("nkm,nm->nk", self.basis, values) @ self.root.T)
+
+    def shown(self, is_commanded: bool) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+        """Names of the rows whose errors are stated, and the map of equations to them."""
+        if is_commanded:
+            return self.names, self.over_rows
+        size = self.samples.equations
+        names = self.names if size == len(self.names) else None
+        return names or tuple(f"equation {k + 1}" for k in range(size)), np.asarray
 
     @property
     def left(self) -> NDArray[np.int64]:

@@ -11,7 +11,12 @@ from runtime.errors import ExportError, NotRealisableError
 from runtime.library import Library
 from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines import Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat, save
+from runtime.outputs.model_files.export_format import (
+    EXPORT_FORMATS,
+    ExportFormat,
+    require_base,
+    save,
+)
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 from runtime.recording import Friction
 
@@ -111,12 +116,14 @@ def export_model(
     for kind, path in paths.items():
         chosen = EXPORT_FORMATS[kind]
         try:
+            require_base(lib, chosen)
             # Joint friction does not depend on whether the identified links are consistent.
             shown = pi if chosen.holds_inertia else lib.pi0
             model = make_model(lib, shown, terms, phi, drives=drives)
             done.append(Exported(kind, path, _write(model, chosen, path)))
         except ExportError as error:
-            done.append(Exported(kind, None, str(error), is_optional=not chosen.holds_inertia))
+            is_optional = not chosen.holds_inertia or lib.manifest.floating
+            done.append(Exported(kind, None, str(error), is_optional))
     return done
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from runtime.common.files import replacing, replacing_folder
+from runtime.errors import ExportError
+from runtime.library import Library
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
 
@@ -29,6 +31,7 @@ class ExportFormat:
         holds_inertia: False for a file of joint friction alone. It is written for a model that is
             not physically consistent too, and refused for a model without friction.
         is_folder: whether `write` returns several files.
+        takes_free_base: whether the file can hold a robot with a free base.
     """
 
     name: str
@@ -38,6 +41,7 @@ class ExportFormat:
     check: Callable[[IdentifiedModel, Any], str]
     holds_inertia: bool = True
     is_folder: bool = False
+    takes_free_base: bool = False
 
 
 _FORMATS = "runtime.outputs.model_files.formats"
@@ -58,6 +62,16 @@ EXPORT_FORMATS = Registry(
         "header": f"{_FORMATS}.header:HEADER",
     },
 )
+
+
+def require_base(lib: Library, chosen: ExportFormat) -> None:
+    """Refuse a robot with a free base in a format that states fixed ones."""
+    if lib.manifest.floating and not chosen.takes_free_base:
+        known = ", ".join(each.name for each in EXPORT_FORMATS.records() if each.takes_free_base)
+        raise ExportError(
+            f"not written: the base of '{lib.name}' is free, and {chosen.name} states a fixed one; "
+            f"use --to {known}"
+        )
 
 
 def save(path: Path, written: str | Mapping[str, str]) -> None:

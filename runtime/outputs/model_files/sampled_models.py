@@ -18,7 +18,7 @@ from runtime.library import Library
 from runtime.library.parameters import centre_of_mass, links, mass
 from runtime.monitoring.posterior_draws import Draws
 from runtime.outputs.model_files.engines.answer import STATES, Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, save
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base, save
 from runtime.outputs.model_files.joint_friction import TERMS, joint_friction
 from runtime.outputs.model_files.model import make_model, require_consistent
 from runtime.outputs.model_files.urdf_tree import read_tree
@@ -38,6 +38,8 @@ def write_samples(
     lib: Library, saved: SavedResult, draws: Draws, kinds: Sequence[str], folder: Path, seed: int
 ) -> dict[str, Any]:
     """Write the model files of draws, samples.npz with π and φ, and samples.json with factors."""
+    for kind in kinds:
+        require_base(lib, EXPORT_FORMATS[kind])
     tree = read_tree(lib)
     sentences: dict[str, str] = {}
     for k, (pi, phi) in enumerate(zip(draws.pi, draws.phi, strict=True)):

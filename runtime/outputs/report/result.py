@@ -38,7 +38,8 @@ class Result:
 def read_result(folder: Path) -> Result:
     """Read a result folder."""
     record = read_record(folder / "result.json")
-    return Result(record, read_predictions(folder / "predictions.npz", len(record.joints)))
+    rows = len(record.rows_of_errors[0])
+    return Result(record, read_predictions(folder / "predictions.npz", rows))
 
 
 def read_predictions(path: Path, n: int) -> PredictedTorques:

@@ -111,12 +111,12 @@ def _errors(result: ResultRecord) -> Section:
     rows = tuple(
         (joint, *map(_percent, shares), *map(_number, sizes), _unit(unit))
         for joint, unit, *shares, sizes in zip(
-            *(result.joints, result.units, percent.before, percent.after),
+            *(*result.rows_of_errors, percent.before, percent.after),
             zip(rms.before, rms.after, strict=True),
             strict=True,
         )
     )
-    units = {_unit(unit) for unit in result.units}
+    units = {_unit(unit) for unit in result.rows_of_errors[1]}
     total: tuple[str, ...] = ("all joints", *map(_percent, _overall(result)))
     if len(units) == 1:  # N and N·m have no common mean
         overall = (_number(float(np.sqrt(np.mean(np.square(e))))) for e in (rms.before, rms.after))
@@ -147,8 +147,8 @@ def _shares(result: ResultRecord) -> Section | None:
 
 def _torques(result: Result) -> Section:
     p = result.prediction
-    units = [_unit(unit) for unit in result.record.units]
-    drawn = torques(result.record.joints, units, p.t, p.measured, p.before, p.after)
+    names, units = result.record.rows_of_errors
+    drawn = torques(names, [_unit(unit) for unit in units], p.t, p.measured, p.before, p.after)
     return Section(
         "Measured and predicted torque",
         "Left: torque over the test split. Right: measured minus predicted torque.",

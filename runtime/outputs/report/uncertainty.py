@@ -40,7 +40,7 @@ def uncertainty_sections(
             *((_percent(s.detectable_gain_error[k]),) if s.detectable_gain_error else ()),
         )
         for k, (joint, noise, band, white) in enumerate(
-            zip(joints, s.noise, s.model_band, s.white_lag_share, strict=True)
+            zip(joints if s.noise else (), s.noise, s.model_band, s.white_lag_share, strict=True)
         )
     )
     heads: tuple[str, ...] = (
@@ -57,7 +57,7 @@ def uncertainty_sections(
             "joints, may leave no trace in such a log."
         )
     edge = " A link is close to the limit of physical consistency." if s.boundary else ""
-    return (
+    sections = (
         Section(
             "Uncertainty of the links",
             f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ is computed with the URDF as "
@@ -74,3 +74,4 @@ def uncertainty_sections(
             ReportTable(heads, of_joints),
         ),
     )
+    return sections if s.noise else sections[:1]

@@ -207,7 +207,7 @@ def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command
     facts = json.loads((out / "result.json").read_text())
     low, high = facts["total_mass"]["interval"]
     assert low < true_pi(lib, log)[::10].sum() < high or abs(high - low) < 0.1
-    assert [link["link"] for link in facts["links"]] == list(lib.link_names)
+    assert [link["name"] for link in facts["links"]] == list(lib.link_names)
     assert (out / "identified.urdf").exists()
     done = command("identify", path, "--robot", lib.folder, "--friction", "viscous", "--out", out)
     assert done.code == 2

@@ -214,8 +214,14 @@ def test_command_states_drives(
     assert done.code == 0, done.err
     assert "drives: viscous of left_hip " in done.out
     assert "coulomb" not in done.out
-    drives = json.loads((out / "result.json").read_text())["drives"]
-    assert drives[DELAY] == {"value": 0.012, "sigma": 0.0}
+    facts = json.loads((out / "result.json").read_text())
+    assert facts["delay_s"] == {"value": 0.012, "sigma": 0.0}
+    assert facts["friction"]["columns"] == ["viscous", "rotor"]
+    assert np.shape(facts["friction"]["values"]) == np.shape(facts["friction"]["sigma"]) == (3, 2)
+    done = command("evaluate", out, path, "--robot", hopper.folder, "--json")
+    assert done.code == 0, done.err
+    rms = json.loads(done.out)["rms"]
+    assert (np.array(rms["after"]) < 0.5 * np.array(rms["before"])).all()
     done = command(*words, "--delay", "fast", "--overwrite")
     assert done.code == 2
     assert "--delay needs auto or a number of -0.03 to 0.1 s" in done.err

@@ -1,6 +1,7 @@
 """Contacts of free bases: measured for a part of the time, in another order, by other writers."""
 
 import itertools
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.contact_conventions import require_contact_conventions
-from runtime.identification.free_base.identify import free_base_facts, identify_free_base
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import record_of
+from runtime.identification.result_record import FORMAT
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -119,18 +122,40 @@ def test_priors_of_joints_are_refused(hopper: Library, arrays: Arrays, tmp_path:
         )
 
 
-def test_other_commands_name_the_free_base(
+def test_other_commands_read_the_result_of_a_free_base(
     hopper: Library, arrays: Arrays, tmp_path: Path, command: Command
 ) -> None:
-    """Property: a sound result of a free base is not called damaged."""
+    """Property: report, evaluate, export and sample take it; others say what they need."""
+    rng = np.random.default_rng(0)
+    log = dict(arrays)
+    for key, sigma in (("tau", 0.05), ("contact_wrench", 0.3)):
+        log[key] = arrays[key] + sigma * rng.normal(size=arrays[key].shape)
     path, out = tmp_path / "walk.npz", tmp_path / "out"
-    np.savez(path, **arrays)
+    np.savez(path, **log)
     done = command("identify", path, "--robot", hopper.folder, "--out", out, "--no-report")
     assert done.code == 0, done.err
-    for words in (("evaluate", out, path), ("export", out), ("report", out), ("sample", out)):
-        done = command(*words)
+    assert not (out / "report.html").exists()
+    facts = json.loads((out / "result.json").read_text())
+    assert (facts["base"], facts["format"]) == ("free", FORMAT)
+    done = command("evaluate", out, path, "--robot", hopper.folder, "--json")
+    assert done.code == 0, done.err
+    rms = json.loads(done.out)["rms"]
+    assert (np.array(rms["after"]) < np.array(rms["before"])).all()
+    for words in (("export", out, "--to", "urdf"), ("report", out)):
+        assert command(*words).code == 0
+    assert "force x" in (out / "report.html").read_text()
+    done = command("sample", out, "--count", "2", "--to", "urdf")
+    assert done.code == 0, done.err
+    for words in (("observe", path, "--model", out), ("watch", out, path)):
+        done = command(*words, "--robot", hopper.folder)
         assert done.code == 2
-        assert "is the result of a robot with a free base" in done.err, words
+        assert "needs a robot with a fixed base" in done.err
+    done = command("export", out, "--to", "mjcf")
+    assert (done.code, "use --to urdf" in done.out) == (2, True)
+    (out / "result.json").write_text(json.dumps({"free_base": 1, "pi": []}))
+    done = command("evaluate", out, path)
+    assert done.code == 2
+    assert "result of a robot with a free base of format 2 or earlier" in done.err
 
 
 def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arrays) -> None:
@@ -140,7 +165,7 @@ def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arr
     log = arrays | {"contact_wrench": wrench}
     result = identify_free_base(free_base_of(log, "log"), hopper, "base", share=0.5)
     assert result.vertical is None
-    assert free_base_facts(result, "")["vertical_force"] is None
+    assert record_of(result, "").vertical_force is None
     assert any("of the test part are zero throughout" in note for note in result.notes)
 
 

@@ -179,10 +179,10 @@ def test_unknown_rows_and_split(
     done = command(*words, "--split", "0.5,0.8")
     assert done.code == 0, done.err
     facts = json.loads((out / "result.json").read_text())
-    assert any("arrays that are not read: torque;" in note for note in facts["notes"])
-    assert not any("keep an error" in note for note in facts["notes"])
-    assert (facts["n_train"], facts["n_test"]) == (160, 40)
-    assert any("3 to 9 of 9 equations" in note for note in facts["notes"])
+    assert any("arrays that are not read: torque;" in note for note in facts["warnings"])
+    assert not any("keep an error" in note for note in facts["warnings"])
+    assert facts["recording"]["samples"] == {"train": 160, "validation": 0, "test": 40}
+    assert any("3 to 9 of 9 equations" in note for note in facts["warnings"])
     for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)

@@ -128,3 +128,4 @@ def test_command_states_the_sensors(hopper: Library, tmp_path: Path, command: Co
     assert f"sensors: offset of {FEET[0]} " in done.out
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert set(facts["sensors"]) == {*FEET, "sharing"}
+    assert all(each["sigma"] > 0 for each in facts["sensors"].values())

@@ -88,4 +88,5 @@ URDF = ExportFormat(
     "{robot}.urdf",
     urdf_text,
     check_urdf,
+    takes_free_base=True,
 )

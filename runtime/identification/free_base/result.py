@@ -1,0 +1,229 @@
+"""The result of a robot with a free base as result.json, predictions.npz and posterior.npz.
+
+Friction and armature of commanded torques are the friction of the record, their delay is its delay.
+Coefficients of sensors, and the delay, are eliminated from the posterior.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.common.files import replacing
+from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.convex import com_sigma
+from runtime.estimators.friction_bounds import OF
+from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.samples import NORMAL_95
+from runtime.estimators.uncertainty import PRIOR_DOMINATED
+from runtime.identification.free_base.identify import FreeBaseIdentification
+from runtime.identification.free_base.rows import DELAY
+from runtime.identification.posterior_file import store_posterior
+from runtime.identification.result_file import (
+    gaps,
+    link_parts,
+    link_uncertainties,
+    numbers,
+    require_size,
+    rows,
+    versions,
+    write_record,
+)
+from runtime.identification.result_record import (
+    FORMAT,
+    Coefficient,
+    Delay,
+    ErrorPercent,
+    ErrorRms,
+    FrictionPart,
+    ProvenancePart,
+    RecordingPart,
+    ResultRecord,
+    TotalMass,
+    UncertaintyPart,
+    VerticalForcePart,
+)
+from runtime.identification.saved_result import model_part
+from runtime.library import Array
+from runtime.library.manifest import file_units
+from runtime.library.parameters import N_PARAMETERS, links, mass
+from runtime.recording.recipes.recipe import COMMANDED, MEASURED
+from runtime.recording.settings import Friction
+
+
+def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
+    """Record of an identification with a free base."""
+    lib, units = result.lib, file_units(result.lib.manifest)
+    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
+    eigenvalues = lib.relative_eigenvalues(result.pi)
+    sizes = np.where(result.rms > 0, result.rms, np.nan)
+    late = result.drives.get(DELAY)
+    return ResultRecord(
+        format=FORMAT,
+        method="map",
+        robot=lib.name,
+        base="free",
+        model=model_part(lib),
+        status=result.status,
+        joints=lib.joint_names,
+        units=tuple(units),
+        recording=RecordingPart(
+            name=result.name,
+            duration=result.duration,
+            samples={"train": result.n_train, "validation": 0, "test": result.n_test},
+            history=(),
+            preparation={}
+            if result.cutoff_hz is None
+            else {"filter": "butterworth", "cutoff_hz": result.cutoff_hz},
+            split="",
+        ),
+        torque_source=MEASURED if late is None else COMMANDED,
+        control_law=None,
+        current_gains=None,
+        delay_s=None if late is None else Delay(value=late[0], sigma=_finite(late[1])),
+        symmetric=None,
+        drive=None,
+        torque_error_percent=ErrorPercent(
+            before=gaps(100 * result.before / sizes),
+            after=gaps(100 * result.after / sizes),
+            before_overall=_share(result.before, result.rms),
+            after_overall=_share(result.after, result.rms),
+        ),
+        torque_rms=ErrorRms(before=numbers(result.before), after=numbers(result.after)),
+        links=link_parts(lib, result.pi, eigenvalues),
+        consistent=result.is_consistent,
+        gap_to_convex_optimum=None,
+        uncertainty=_uncertainty(result, eigenvalues),
+        loss=None,
+        convex_optimum=None,
+        weights=(),
+        friction=_friction(result),
+        convergence=None,
+        iterations=None,
+        seconds=None,
+        warnings=result.notes,
+        pi=numbers(result.pi),
+        lam=numbers(lib.lam_from_pi(result.pi)) if result.is_consistent else None,
+        beta=numbers(lib.base_matrix @ result.pi),
+        condition_number=None,
+        trained=None,
+        sessions=None,
+        provenance=ProvenancePart(
+            command=command,
+            versions=versions() | lib.manifest.versions,
+            files={},
+            model_hash=lib.manifest.model_hash,
+            seed=None,
+        ),
+        rows=result.rows,
+        error_rows=result.row_names,
+        error_units=tuple(of_rows.get(name, "") for name in result.row_names),
+        total_mass=_total_mass(result),
+        vertical_force=_vertical(result),
+        sensors={
+            name: Coefficient(value=value, sigma=_finite(result.sensor_sigma[name]))
+            for name, value in result.sensors.items()
+        }
+        or None,
+    )
+
+
+def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> ResultRecord:
+    """Write result.json, predictions.npz and posterior.npz into a folder."""
+    record = record_of(result, command)
+    friction = record.friction
+    require_size(np.concatenate([result.pi, *(friction.values if friction is not None else ())]))
+    known = result.information
+    columns = 0 if friction is None else len(friction.columns) * len(record.joints)
+    first = len(result.sensors)
+    statistics = marginal(known.statistics, slice(first, first + columns))
+    store_posterior(folder, replace(known, statistics=statistics), result.pi, result.root)
+    with replacing(folder / "predictions.npz") as file:
+        np.savez(file, **result.predictions)  # type: ignore[arg-type]
+    write_record(record, folder)
+    return record
+
+
+def marginal(statistics: Statistics, kept: slice) -> Statistics:
+    """Statistics over [β; φ_kept]: the other columns of φ are eliminated by one QR."""
+    base, size = statistics.n_base, len(statistics.target)
+    chosen = np.arange(base, size)[kept]
+    others = np.setdiff1d(np.arange(base, size), chosen)
+    order = np.concatenate([others, np.arange(base), chosen])
+    whole = np.column_stack([statistics.factor[:, order], statistics.target])
+    triangle = np.asarray(np.linalg.qr(whole, mode="r"))
+    left = triangle[len(others) :, len(others) :]
+    return replace(statistics, factor=left[:, :-1], target=left[:, -1])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _share(error: Array, size: Array) -> float | None:
+    """Error of all rows together [%]; None without any torque or force."""
+    whole = float(np.linalg.norm(size))
+    return 100 * float(np.linalg.norm(error)) / whole if whole else None
+
+
+def _total_mass(result: FreeBaseIdentification) -> TotalMass:
+    total, sigma = result.mass
+    return TotalMass(
+        value=total,
+        sigma=sigma,
+        interval=(total - NORMAL_95 * sigma, total + NORMAL_95 * sigma),
+        urdf=float(mass(links(result.lib.pi0)).sum()),
+    )
+
+
+def _vertical(result: FreeBaseIdentification) -> VerticalForcePart | None:
+    vertical = result.vertical
+    if vertical is None:
+        return None
+    return VerticalForcePart(
+        mean=vertical.weight,
+        before_percent=100 * vertical.before / abs(vertical.weight),
+        after_percent=100 * vertical.after / abs(vertical.weight),
+    )
+
+
+def _friction(result: FreeBaseIdentification) -> FrictionPart | None:
+    """Friction and armature of commanded torques, (n, k)."""
+    names = [name.partition(OF)[0] for name in result.drives if name != DELAY]
+    columns = tuple(dict.fromkeys(names))
+    if not columns:
+        return None
+    values = np.array([pair for name, pair in result.drives.items() if name != DELAY])
+    phi, sigma = values.reshape(-1, len(columns), 2).transpose(2, 0, 1)
+    return FrictionPart(
+        columns=columns,
+        values=rows(phi),
+        coulomb_speed=Friction(columns).coulomb_speed,
+        sigma=tuple(map(gaps, sigma)),
+    )
+
+
+def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> UncertaintyPart:
+    lib, sigma = result.lib, np.linalg.norm(result.root, axis=1)
+    prior = [name for name, verdict in zip(lib.link_names, result.verdicts[::N_PARAMETERS],
+                                           strict=True) if verdict == PRIOR_DOMINATED]  # fmt: skip
+    return UncertaintyPart(
+        advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
+        "its contacts, or record a motion that moves it"
+        if prior
+        else "the log determines the masses of all links",
+        n_eff=result.n_eff,
+        inflation=result.n_train / result.n_eff,
+        excited=len(lib.base_columns),
+        weakest_direction=None,
+        boundary=bool(np.abs(eigenvalues).min() < BOUNDARY),
+        links=link_uncertainties(sigma, com_sigma(result.root, result.pi), result.verdicts),
+        pi_sigma=numbers(sigma),
+        posterior_over_prior=numbers(result.share),
+        beta_sigma=numbers(np.linalg.norm(lib.base_matrix @ result.root, axis=1)),
+        beta_verdicts=(),
+        noise=(),
+        model_band=(),
+        white_lag_share=(),
+        detectable_gain_error=(),
+    )

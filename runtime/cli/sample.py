@@ -21,6 +21,11 @@ from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import read_result, require_model
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.randomisation import (
+    RANDOMISERS,
+    randomiser_paths,
+    write_randomisers,
+)
 from runtime.outputs.model_files.sampled_models import TABLE, sample_paths, write_samples
 
 MOST = 100_000
@@ -34,8 +39,9 @@ def sample_command(
         str,
         typer.Option(
             metavar="A,B,…",
-            autocompletion=completing(EXPORT_FORMATS),
-            help="Formats with commas, such as mjcf,urdf.",
+            autocompletion=completing((*EXPORT_FORMATS, *RANDOMISERS)),
+            help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
+            "playground, mjlab, isaaclab, json.",
         ),
     ] = "mjcf",
     seed: Seed = 0,
@@ -58,27 +64,33 @@ def sample_command(
     \b
     symgen sample results/first-map --count 1000 --to mjcf --seed 1
     symgen sample results/first-map --count 20 --to mjcf,urdf --out robots/plausible
+    symgen sample results/first-map --count 1000 --to playground
 
-    Every file is read again by the program that it is meant for. samples.json lists the files and
-    the factors of each draw relative to the result, samples.npz π and φ.
+    Every model file is read again by the program that it is meant for. samples.json lists the
+    files and the factors of each draw relative to the result, samples.npz π and φ.
     """
     if not 1 <= count <= MOST:
         raise IdentificationError(f"expected --count from 1 to {MOST}, got {count}; correct it")
     formats = EXPORT_FORMATS.records()
     names = tuple(each.name for each in formats if each.holds_inertia and not each.is_folder)
-    kinds = listed(to, names, "--to")
+    chosen = listed(to, (*names, *RANDOMISERS), "--to")
+    kinds = tuple(kind for kind in chosen if kind in names)
+    randomisers = tuple(kind for kind in chosen if kind in RANDOMISERS)
     folder = out or (result if result.is_dir() else result.parent) / "samples"
-    paths = sample_paths(folder, count, kinds)
+    paths = [*sample_paths(folder, count, kinds), *randomiser_paths(folder, randomisers)]
     files = tuple(path.name for path in paths)
     require_result_folder(folder, ResultFolder("sample", files, "factors"), overwrite)
     saved = read_result(result)
     lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
     notes = require_model(saved, lib, result, same_bodies=True)
     posterior = read_posterior(result, saved, lib)
+    rng = np.random.default_rng(seed)
     with console.status("drawing models"):
-        draws = draw_models(lib, saved, posterior, count, np.random.default_rng(seed))
+        draws = draw_models(lib, saved, posterior, count, rng)
     with console.status("writing models"):
         facts = write_samples(lib, saved, draws, kinds, folder, seed)
+        if randomisers:
+            write_randomisers(lib, saved, draws, randomisers, folder, rng)
     say(
         f"{count} models, effective sample size {facts['effective_sample_size']:.0f}; "
         f"{100 * draws.acceptance:.0f} % of the trajectories were accepted"

@@ -160,7 +160,7 @@ def run_campaign(
                     )
                 _recorded(driver, slowed, path, name, safety, say)
                 say(f"motion {k} at {speed:g} %: released, {slowed.duration:g} s recorded")
-            log = smoothed(read_recording(path), lib)
+            log = smoothed(read_recording(path, joints=lib.joint_names), lib)
             unseen = 1.0 if k <= LEAST_MOTIONS else UNSEEN_LATER
             agreement = None if model is None else agreement_of(model, log, unseen)
             logs.append((name, log))

@@ -97,7 +97,10 @@ def released(
         reasons += [f"{log.name}: {each.sentence}" for each in errors]
         checked.append("torque of every joint against the URDF")
         reasons += [
-            f"{log.name}: {each}" for each in torque_faults(lib, smoothed(read_recording(log), lib))
+            f"{log.name}: {each}"
+            for each in torque_faults(
+                lib, smoothed(read_recording(log, joints=lib.joint_names), lib)
+            )
         ]
     if agreement is not None:
         checked.append("agreement of the last log with the model before it")

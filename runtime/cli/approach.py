@@ -140,7 +140,7 @@ def pose_of(lib: Library, text: str) -> Array:
         if not np.isfinite(q).all():
             raise RuntimeFault(f"--from needs finite numbers, got '{text}'")
         return q
-    log = read_recording(Path(text))
+    log = read_recording(Path(text), joints=lib.joint_names)
     if log.q.shape[1] != lib.n_joints:
         raise RecordingError(
             f"the log '{text}' has {log.q.shape[1]} joints and '{lib.name}' {lib.n_joints}; give a "

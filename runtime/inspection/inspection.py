@@ -195,15 +195,19 @@ def _read(
     rate_hz: float | None,
 ) -> tuple[Raw, list[Finding]]:
     """The log read by the recipe, else as `identify` reads it, else by a draft."""
+    names = lib.joint_names
     if recipe is not None:
-        return read_raw(place, load_recipe(recipe), run), []
+        return read_raw(place, load_recipe(recipe), run, names), []
     if place.is_dir() and not bare:
         try:
-            return read_raw(place, None, run), []
+            return read_raw(place, None, run, names), []
         except RecordingError:
             pass
-    plan, findings = draft(place, lib.joint_names, rate_hz)
-    return read_raw(place, plan, run), findings
+    plan, findings = draft(place, names, rate_hz)
+    try:
+        return read_raw(place, plan, run, names), findings
+    except RecordingError:  # a bag whose names have nothing in common with those of the robot
+        return read_raw(place, plan, run), findings
 
 
 def _of_file(raw: Raw) -> list[Finding]:

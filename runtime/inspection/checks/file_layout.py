@@ -39,7 +39,7 @@ def draft(
     """Draft a recipe from names and shapes."""
     if place.is_file() and not has_titles(place):
         return None, []
-    plan = _by_convention(place)
+    plan = _by_convention(place, names)
     if plan is not None and (plan.torque is not None or plan.law is not None):
         return None, []
     joints = len(names)
@@ -49,13 +49,14 @@ def draft(
     return _recipe(place, described, joints, rate_hz)
 
 
-def _by_convention(place: Path) -> Recipe | None:
+def _by_convention(place: Path, names: tuple[str, ...]) -> Recipe | None:
     """The recipe of a file that follows the default convention and has a clock."""
     if not place.is_file():
         return None
     try:
-        plan = LogFiles(place, Recipe()).plan()
-        timed = plan.time is not None and len(LogFiles(place, plan).table("time", plan.time).values)
+        files = LogFiles(place, Recipe(), names)
+        plan = files.plan()
+        timed = plan.time is not None and len(files.table("time", plan.time).values)
     except RecordingError:
         return None
     return plan if timed else None

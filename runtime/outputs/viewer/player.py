@@ -12,6 +12,7 @@ from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.outputs.viewer.scene import Scene
 from runtime.recording import read_recording
+from runtime.recording.coupled_joints import independent_joints
 
 RATE_HZ = 100.0
 
@@ -82,7 +83,7 @@ def read_motion(
         t = np.linspace(0, trajectory.duration, 1 + round(trajectory.duration * RATE_HZ))
         q, dq, ddq, _ = trajectory.at(lib, t)
         return PlayedMotion(path.name, t, q, dq, lib.inverse_dynamics(q, dq, ddq, lib.pi0))
-    log = read_recording(source, recipe, run)
+    log = independent_joints(read_recording(source, recipe, run, lib.joint_names), lib)
     if log.q.shape[1] != lib.n_joints:
         raise RecordingError(
             f"expected {lib.n_joints} joints of '{lib.name}', got {log.q.shape[1]} in '{source}'; "

@@ -61,8 +61,12 @@ class BagReader(LogReader):
     def _messages(self) -> JointLog:
         if self._merged is None:
             raw = self.raw
-            names = raw.recipe.joints or raw.joints
-            self._merged = read_joint_states(raw.hashed(), raw.recipe.topic, names)
+            self._merged = read_joint_states(
+                raw.hashed(),
+                raw.recipe.topic,
+                raw.recipe.joints,
+                () if raw.recipe.joints else raw.joints,
+            )
         return self._merged
 
 

@@ -12,7 +12,7 @@ row can follow, so that late messages are sorted in.
 
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.formats.bag_messages import Message, messages
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable, Spool
+from runtime.recording.joint_names import renamed_joints, renaming_note
 
 FIELDS = ("position", "velocity", "effort")
 
@@ -245,8 +246,13 @@ class MessageRows:
         return {kind: table[:, place] for kind, place in self.places.items()}
 
 
-def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointLog:
-    """Merged joint states of one topic of a bag, by default of all joints it names."""
+def read_joint_states(
+    path: Path, topic: str, wanted: tuple[str, ...], robot: tuple[str, ...] = ()
+) -> JointLog:
+    """Merged joint states of one topic of a bag, by default of all joints it names.
+
+    wanted: names of the log; robot: those of the robot, which may have another prefix.
+    """
     notes: list[str] = []
     topics: dict[str, Topic] = {}
     spool = Spool(path.name)
@@ -258,6 +264,11 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
         if message.names not in publishers:
             publishers[message.names] = Publisher(message.names, spool)
         publishers[message.names].add(message)
+    if not wanted and robot:
+        listed = {name for groups in topics.values() for group in groups for name in group}
+        wanted = renamed_joints(listed, robot) or robot
+        if wanted != robot:
+            notes.append(renaming_note(wanted, robot))
     chosen = _topic(path.name, topic, topics, wanted)
     publishers = topics[chosen]
     names = wanted or tuple(dict.fromkeys(name for group in publishers for name in group))
@@ -270,7 +281,8 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
         notes.append(f"Joint states were taken from the topic {chosen}.")
     whole = [p for group, p in publishers.items() if set(names) <= set(group)]
     parts = whole or [p for group, p in publishers.items() if set(names) & set(group)]
-    return _merged(path.name, parts, names, tuple(notes))
+    log = _merged(path.name, parts, names, tuple(notes))
+    return replace(log, names=robot) if robot and names == wanted else log
 
 
 def _topic(

@@ -282,3 +282,15 @@ def test_damaged_bags_are_one_sentence(tmp_path_factory, whole, kind, places, cu
         assert "Traceback" not in text
     else:
         assert np.isfinite(recording.q).all()
+
+
+def test_joints_of_another_prefix_and_more_joints(tmp_path):
+    """Property: robot_a … of the robot is arm_a … of the bag, whose gripper is left out; noted."""
+    names = ("arm_a", "arm_b", "arm_c", "hand_grip")
+    told = [(topic, t, names, *(np.append(x, 0) for x in xs)) for topic, t, _, *xs in states()]
+    path = mcap_json(tmp_path / "log.mcap", told)
+    robot = ("robot_c", "robot_a", "robot_b")
+    log = read_recording(path, joints=robot)
+    same(log, (2, 0, 1))
+    assert log.joint_names == robot
+    assert "The joints arm_c … arm_b of the log count as robot_c … robot_b" in str(log.history)

@@ -18,25 +18,10 @@ from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics
+from runtime.identification import result_record as schema
 from runtime.identification.friction_intervals import friction_intervals
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
-from runtime.identification.result_record import (
-    FORMAT,
-    ControlLaw,
-    ConvergencePart,
-    CurrentGain,
-    ErrorPercent,
-    ErrorRms,
-    FrictionPart,
-    LinkPart,
-    LinkUncertainty,
-    ProvenancePart,
-    RecordingPart,
-    ResultRecord,
-    TrainedPart,
-    UncertaintyPart,
-)
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST_VALUE, model_part
 from runtime.library import Array, Library
@@ -45,21 +30,17 @@ from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
 from runtime.recording.recipes.recipe import NUMBERS
 
-__all__ = [
-    "error_parts",
-    "versions",
-    "write_result",
-]
+__all__ = ["versions", "write_result"]
 
 
-def record_of(result: Identification, command: str) -> ResultRecord:
+def record_of(result: Identification, command: str) -> schema.ResultRecord:
     """Record of an identification."""
-    lib, drive, gains = result.lib, result.drive, result.train.gains
+    lib, drive = result.lib, result.drive
     before, after = torque_errors(result)
     percent, rms = error_parts(before, after, friction_error(result))
     columns = result.friction.columns
-    return ResultRecord(
-        format=FORMAT,
+    return schema.ResultRecord(
+        format=schema.FORMAT,
         method=result.method,
         robot=lib.name,
         base="fixed",
@@ -70,7 +51,7 @@ def record_of(result: Identification, command: str) -> ResultRecord:
         recording=_recording(result),
         torque_source=result.train.torque_source,
         control_law=_law(result),
-        current_gains=None if gains is None else tuple(CurrentGain(**x) for x in gains.facts()),
+        current_gains=_gains(result),
         delay_s=None if drive is None else drive.delay_parts(),
         symmetric=tuple(each.part() for each in result.symmetric) or None,
         drive=None if drive is None else drive.parts(lib.joint_names, result.phi, columns),
@@ -94,7 +75,7 @@ def record_of(result: Identification, command: str) -> ResultRecord:
         condition_number=condition_number(result),
         trained=_trained(result),
         sessions=None if result.agreement is None else result.agreement.part(),
-        provenance=ProvenancePart(
+        provenance=schema.ProvenancePart(
             command=command,
             versions=versions() | lib.manifest.versions,
             files=dict(result.train.source),
@@ -108,24 +89,15 @@ def error_parts(
     before: metrics.TorqueError,
     after: metrics.TorqueError,
     with_friction: metrics.TorqueError | None = None,
-) -> tuple[ErrorPercent, ErrorRms]:
-    """Torque errors of two models on the same samples.
-
-    Args:
-        before: errors of the first model.
-        after: errors of the second model.
-        with_friction: errors of the first model with fitted friction.
-
-    Returns:
-        Errors per joint and overall [%], RMS per joint [N·m, N]; null where they are not finite.
-    """
-    percent = ErrorPercent(
+) -> tuple[schema.ErrorPercent, schema.ErrorRms]:
+    """Errors of two models, and of the first with friction: [%], null if not finite; RMS."""
+    percent = schema.ErrorPercent(
         before=gaps(before.percent),
         after=gaps(after.percent),
         before_overall=before.overall,
         after_overall=after.overall,
     )
-    rms = ErrorRms(before=numbers(before.rms), after=numbers(after.rms))
+    rms = schema.ErrorRms(before=numbers(before.rms), after=numbers(after.rms))
     if with_friction is None:
         return percent, rms
     shares, overall = gaps(with_friction.percent), with_friction.overall
@@ -135,7 +107,7 @@ def error_parts(
     )
 
 
-def write_record(record: ResultRecord, folder: Path) -> None:
+def write_record(record: schema.ResultRecord, folder: Path) -> None:
     """Write result.json into a folder, as a whole or not at all."""
     facts = msgspec.to_builtins(record)
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -143,7 +115,7 @@ def write_record(record: ResultRecord, folder: Path) -> None:
         file.write(text.encode())
 
 
-def write_result(result: Identification, folder: Path, command: str) -> ResultRecord:
+def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
     """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
 
     Args:
@@ -231,7 +203,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def _recording(result: Identification) -> RecordingPart:
+def _recording(result: Identification) -> schema.RecordingPart:
     """Name, duration, rows, preparation and split of the log."""
     parts: Mapping[str, Any] = {
         "train": result.train,
@@ -249,7 +221,7 @@ def _recording(result: Identification) -> RecordingPart:
     ]
     ends = {name: ends[name] for name in counted}
     usual, steps = Preparation(), dataclasses.asdict(result.train.prepared or Preparation())
-    return RecordingPart(
+    return schema.RecordingPart(
         name=result.train.name.removesuffix("/train"),
         duration=float(sum(b - a for a, b in ends.values())),
         samples={name: samples[name] if name in counted else 0 for name in parts},
@@ -259,11 +231,11 @@ def _recording(result: Identification) -> RecordingPart:
     )
 
 
-def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, ...]:
+def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[schema.LinkPart, ...]:
     """Masses and centres of mass before and after, and consistency."""
     bodies = zip(lib.link_names, links(pi), links(lib.pi0), eigenvalues, strict=True)
     return tuple(
-        LinkPart(
+        schema.LinkPart(
             name=name,
             mass=float(mass(now)),
             mass_before=float(mass(then)),
@@ -275,7 +247,7 @@ def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, .
     )
 
 
-def _uncertainty(result: Identification) -> UncertaintyPart | None:
+def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
     """The posterior without its covariance, which stays with the `Identification`."""
     u, lib = result.uncertainty, result.lib
     if u is None:
@@ -283,7 +255,7 @@ def _uncertainty(result: Identification) -> UncertaintyPart | None:
     test = samples_of(result.test, lib)
     step = max(1, len(test) // BAND_SAMPLES)
     band = u.band_of(lib, test.rows(slice(None, None, step)))
-    return UncertaintyPart(
+    return schema.UncertaintyPart(
         advice=u.advice(),
         n_eff=u.n_eff,
         inflation=u.inflation,
@@ -304,11 +276,11 @@ def _uncertainty(result: Identification) -> UncertaintyPart | None:
 
 def link_uncertainties(
     sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
-) -> tuple[LinkUncertainty, ...]:
+) -> tuple[schema.LinkUncertainty, ...]:
     """σ of mass and centre of mass, and verdicts on π, of every link."""
     size = N_PARAMETERS
     return tuple(
-        LinkUncertainty(
+        schema.LinkUncertainty(
             mass_sigma=float(sigma[k * size]),
             com_sigma=None if each is None else tuple(np.asarray(each).tolist()),
             verdicts=tuple(verdicts[k * size : (k + 1) * size]),
@@ -317,7 +289,7 @@ def link_uncertainties(
     )
 
 
-def _friction(result: Identification) -> FrictionPart | None:
+def _friction(result: Identification) -> schema.FrictionPart | None:
     """Columns, coefficients and intervals; None where none was fitted."""
     if not result.phi.size:
         return None
@@ -325,7 +297,7 @@ def _friction(result: Identification) -> FrictionPart | None:
     if not result.log_names:
         names = result.train.column_names or names
     sigma, interval = friction_intervals(result)
-    return FrictionPart(
+    return schema.FrictionPart(
         columns=tuple(names),
         values=rows(result.usual_phi),
         coulomb_speed=terms.coulomb_speed,
@@ -338,31 +310,36 @@ def _friction(result: Identification) -> FrictionPart | None:
     )
 
 
-def _trained(result: Identification) -> TrainedPart | None:
+def _trained(result: Identification) -> schema.TrainedPart | None:
     """Parameters of the training rows; None where they are those of the result."""
     if result.trained is None:
         return None
     phi = dataclasses.replace(result, phi=result.trained.phi).usual_phi
-    return TrainedPart(pi=numbers(result.trained.pi), friction_values=rows(phi))
+    return schema.TrainedPart(pi=numbers(result.trained.pi), friction_values=rows(phi))
 
 
-def _convergence(result: Identification) -> ConvergencePart | None:
+def _convergence(result: Identification) -> schema.ConvergencePart | None:
     """Losses by iteration; None for methods without iterations."""
     trace = result.trace
     if trace is None:
         return None
-    return ConvergencePart(
+    return schema.ConvergencePart(
         iteration=tuple(trace.iteration),
         training=tuple(trace.training),
         validation=tuple(trace.validation),
     )
 
 
-def _law(result: Identification) -> ControlLaw | None:
+def _gains(result: Identification) -> tuple[schema.CurrentGain, ...] | None:
+    gains = result.train.gains
+    return None if gains is None else tuple(schema.CurrentGain(**x) for x in gains.facts())
+
+
+def _law(result: Identification) -> schema.ControlLaw | None:
     """Numbers of the control law; a gain that varies over the log has none."""
     law = result.train.law
     if law is None:
         return None
     given = {key: getattr(law, key) for key in NUMBERS}
     known = {key: None if isinstance(each, str) else each for key, each in given.items()}
-    return ControlLaw(law=law.law, **known)
+    return schema.ControlLaw(law=law.law, **known)

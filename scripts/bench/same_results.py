@@ -307,12 +307,11 @@ def _walking(value: dict[str, Any]) -> dict[str, Any]:
     """What a result of a free base states in all formats."""
     same = {key: value[key] for key in ("robot", "rows", "status", "total_mass", "pi", "beta")}
     if "free_base" in value:
-        sensors, sigma = value["sensors"], value["sensor_sigma"]
         return same | {
             "n_eff": value["n_eff"],
             "sigma": value["sigma"],
             "notes": value["notes"],
-            "sensors": {name: [sensors[name], sigma[name]] for name in sensors},
+            "sensors": value["sensors"],
             "before": [row["before"] for row in value["errors"]],
             "after": [row["after"] for row in value["errors"]],
         }
@@ -320,7 +319,7 @@ def _walking(value: dict[str, Any]) -> dict[str, Any]:
         "n_eff": value["uncertainty"]["n_eff"],
         "sigma": value["uncertainty"]["pi_sigma"],
         "notes": value["warnings"],
-        "sensors": {k: list(each.values()) for k, each in (value.get("sensors") or {}).items()},
+        "sensors": {k: each["value"] for k, each in (value.get("sensors") or {}).items()},
         "before": value["torque_rms"]["before"],
         "after": value["torque_rms"]["after"],
     }

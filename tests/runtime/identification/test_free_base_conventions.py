@@ -186,7 +186,8 @@ def test_unknown_rows_and_split(
     for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)
-    for option in ("--encoder-bias", "--stream", "--save-statistics", "--coulomb-speed=0.1"):
+    refused = ("--encoder-bias", "--stream", "--save-statistics", "--coulomb-speed=0.1")
+    for option in (*refused, "--no-refit", "--seed=1"):
         done = command(*words, "--overwrite", option)
         assert done.code == 2
         assert f"{option.partition('=')[0]} does not apply to a robot with a free base" in done.err

@@ -176,7 +176,8 @@ def given_options(context: typer.Context) -> dict[str, str]:
         name = str(one.name)
         # A command that Python calls without a command line has no sources.
         if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT":
-            given[name] = one.opts[0]
+            is_off = context.params[name] is False and one.secondary_opts
+            given[name] = one.secondary_opts[0] if is_off else one.opts[0]
     return given
 
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
     from runtime.recording import Recording, read_recording, write_recording
+    from runtime.tapes.doors import jax, torch
 
 __version__ = "0.1.0"
 """Version of the package, that of symgen."""
@@ -61,9 +62,11 @@ __all__ = [
     "identify",
     "identify_gains",
     "identify_payload",
+    "jax",
     "load",
     "read_recording",
     "to_pinocchio_order",
+    "torch",
     "write_recording",
 ]
 
@@ -86,9 +89,11 @@ _MODULES = {
     "identify": "runtime.identification.identify",
     "identify_gains": "runtime.identification.sensor_gains.estimate",
     "identify_payload": "runtime.identification.payload.estimate",
+    "jax": "runtime.tapes.doors",
     "load": "runtime.library",
     "read_recording": "runtime.recording",
     "to_pinocchio_order": "runtime.library",
+    "torch": "runtime.tapes.doors",
     "write_recording": "runtime.recording",
 }
 """Module of every name: imported at the first use, since scipy takes most of a second."""

@@ -55,6 +55,8 @@ LIBRARIES = {
     "pydrake": (ENGINES,),
     "pxr": (ENGINES,),
     "yaml": (ENGINES,),
+    "torch": ("runtime.tapes",),
+    "jax": ("runtime.tapes",),
     "jinja2": ("runtime.outputs.report",),
     "matplotlib": ("runtime.outputs.report", "runtime.experiments.report"),  # there for types
 }

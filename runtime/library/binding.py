@@ -4,7 +4,7 @@ import ctypes
 import math
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -114,6 +114,8 @@ LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 Sorted: a processor that runs one runs those before it."""
 
 
+DOUBLE = 8
+"""Bytes of a number."""
 PART = 4096
 """Samples per piece of a batch. Sums go piece by piece and do not depend on the threads."""
 THREAD_OPERATIONS = 2e7
@@ -211,7 +213,7 @@ class Binding:
 
         values (N, *shape) → (N, *shape).
         """
-        kernel = self._kernel(name)
+        kernel = self.kernel(name)
         arrays = [
             _checked(name, argument, value)
             for argument, value in zip(kernel.inputs, values, strict=True)
@@ -224,31 +226,57 @@ class Binding:
             raise ShapeError(f"{name} needs inputs with equally many samples, got {shown}")
         batched = bool(lengths)
         n = lengths.pop() if batched else 1
-        starts = range(0, max(n, 1), PART)
-        outputs = [np.empty((len(starts) if a.summed else n, a.size)) for a in kernel.outputs]
+        outputs = [np.empty((1 if a.summed else n, a.size)) for a in kernel.outputs]
         steps = [a.size if x.ndim == 2 else 0 for a, x in zip(kernel.inputs, arrays, strict=True)]
-
-        def part(k: int) -> None:
-            first = starts[k]
-            where: list[int] = []
-            for x, step in zip(arrays, steps, strict=True):
-                where += (x.ctypes.data + first * step * x.itemsize, step)
-            for argument, out in zip(kernel.outputs, outputs, strict=True):
-                row = k if argument.summed else first
-                where.append(out.ctypes.data + row * argument.size * out.itemsize)
-            self._functions[name](min(PART, n - first), *where)
-
-        self._each(part, len(starts), n * kernel.operations)
-        outputs = [
-            np.sum(out, axis=0) if a.summed else out
-            for a, out in zip(kernel.outputs, outputs, strict=True)
-        ]
+        places = [x.ctypes.data for x in arrays]
+        self.run(name, n, places, steps, [out.ctypes.data for out in outputs])
         return tuple(
             out.reshape(a.shape if a.summed or not batched else (n, *a.shape))
             for a, out in zip(kernel.outputs, outputs, strict=True)
         )
 
-    def _kernel(self, name: str) -> KernelFacts:
+    def run(
+        self,
+        name: str,
+        n: int,
+        places: Sequence[int],
+        steps: Sequence[int],
+        results: Sequence[int],
+    ) -> None:
+        """Call a kernel on memory: see `Library.run_kernel`."""
+        kernel = self.kernel(name)
+        function = self._functions[name]
+        pairs = [each for pair in zip(places, steps, strict=True) for each in pair]
+        starts = range(0, max(n, 1), PART)
+        if len(starts) == 1:
+            function(n, *pairs, *results)
+            return
+        sums = {
+            k: np.empty((len(starts), a.size)) for k, a in enumerate(kernel.outputs) if a.summed
+        }
+
+        def part(k: int) -> None:
+            first = starts[k]
+            where: list[int] = []
+            for place, step in zip(places, steps, strict=True):
+                where += (place + first * step * DOUBLE, step)
+            for index, (argument, result) in enumerate(zip(kernel.outputs, results, strict=True)):
+                whole = sums[index].ctypes.data if argument.summed else result
+                row = k if argument.summed else first
+                where.append(whole + row * argument.size * DOUBLE)
+            function(min(PART, n - first), *where)
+
+        self._each(part, len(starts), n * kernel.operations)
+        for index, parts in sums.items():
+            total = parts.sum(axis=0)
+            ctypes.memmove(results[index], total.ctypes.data, total.nbytes)
+
+    def address(self, name: str) -> int:
+        """Address of the batch function of a kernel."""
+        self.kernel(name)
+        return int(ctypes.cast(self._functions[name], ctypes.c_void_p).value or 0)  # type: ignore[arg-type]
+
+    def kernel(self, name: str) -> KernelFacts:
         """Facts of a kernel; an omitted one raises an error that names what to use instead."""
         kernel = self._manifest.kernels.get(name)
         if kernel is None:

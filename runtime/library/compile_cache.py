@@ -97,6 +97,30 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
     return root / name
 
 
+def compiled_file(source: Path, flags: Words) -> Path:
+    """Shared library of one C file, compiled once with these flags for this machine."""
+    compiler = find_compiler()
+    words = [source.read_text(encoding="utf-8"), flags, compiler, machine(), sys.platform]
+    digest = hashlib.sha256(json.dumps(words).encode()).hexdigest()[:16]
+    version = hashlib.sha256(compiler_version(compiler).encode()).hexdigest()[:8]
+    name = Path(f"{source.stem}-{digest}", version)
+    library = f"lib{source.stem}.so"
+    roots = _roots()
+    for root in roots:
+        if is_whole(root / name, source.stem):
+            return _used(root / name) / library
+    root = _writable(roots)
+    with _lock(root / name.parent):
+        if not is_whole(root / name, source.stem):
+            with _new_folder(root / name) as made_in:
+                command = (*compiler, "-O2", "-shared", "-fPIC", *flags, str(source.resolve()))
+                run((*command, "-o", library), made_in)
+                (made_in / library).chmod(0o755)
+                record = {"sha256": sha256_of(made_in / library), "commands": [shlex.join(command)]}
+                (made_in / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+    return root / name / library
+
+
 def prune(root: Path, robot: str) -> list[Path]:
     """Delete the libraries of a robot that have not been used for `UNUSED_S`."""
     ages = {}

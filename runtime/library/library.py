@@ -32,7 +32,7 @@ from runtime.library.control_kernels import ControlKernels
 from runtime.library.fixed_base_kernels import FixedBaseKernels
 from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_kernels import JointKernels
-from runtime.library.manifest import read_manifest
+from runtime.library.manifest import KernelFacts, read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 
@@ -141,6 +141,52 @@ class Library(
             return path.read_text(encoding="utf-8")
         except OSError:
             raise LibraryError(f"'{path}' is missing; run: python -m symgen build") from None
+
+    # --- kernels on memory of other libraries --------------------------------------------------
+
+    def kernel_facts(self, kernel: str) -> KernelFacts:
+        """Arguments of a kernel.
+
+        Args:
+            kernel: its name in the manifest.
+
+        Returns:
+            Inputs and outputs with their shapes and units.
+
+        Raises:
+            LibraryError: the robot has no such kernel.
+        """
+        return self._binding.kernel(kernel)
+
+    def run_kernel(
+        self,
+        kernel: str,
+        n: int,
+        places: Sequence[int],
+        steps: Sequence[int],
+        results: Sequence[int],
+    ) -> None:
+        """Call a kernel over n samples on memory that the caller holds, without a copy.
+
+        Args:
+            kernel: its name in the manifest.
+            n: samples.
+            places: addresses of its inputs, contiguous doubles.
+            steps: doubles from one sample to the next, per input; 0: one value for all.
+            results: addresses of its outputs, contiguous doubles.
+        """
+        self._binding.run(kernel, n, places, steps, results)
+
+    def batch_address(self, kernel: str) -> int:
+        """Address of the C function of a batch, for callers in C.
+
+        Args:
+            kernel: its name in the manifest.
+
+        Returns:
+            Address of `void f(long n, const double *, long step, …, double *, …)`.
+        """
+        return self._binding.address(kernel)
 
     # --- programs in C: descents, convex estimators, excitation -------------------------------
 

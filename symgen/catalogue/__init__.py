@@ -6,7 +6,12 @@ Batches run over time samples, over links (maps of one body) or over points of a
 from dataclasses import dataclass, field
 
 from symgen.catalogue.bodies import body_kernels
-from symgen.catalogue.design import proof_kernels, safety_kernels, trajectory_kernels
+from symgen.catalogue.design import (
+    proof_kernels,
+    safety_kernels,
+    torque_derivatives,
+    trajectory_kernels,
+)
 from symgen.catalogue.loops import loop_kernels, without_seeds
 from symgen.catalogue.motion import control_kernels, motion_kernels, passive_kernels
 from symgen.catalogue.omitted import omitted_kernels, shortened
@@ -45,6 +50,8 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
             *proof_kernels(chain),
             *passive_kernels(chain),
         )
+    elif "torque_derivatives" not in omitted:
+        kernels = (*kernels, torque_derivatives(chain))
     kernels = (*kernels, *control_kernels(chain, omitted), *loop_kernels(chain))
     shipped, dropped = shortened(chain, without_seeds(chain, kernels))
     return Catalogue(shipped, base, omitted | dropped)

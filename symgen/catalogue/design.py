@@ -36,34 +36,43 @@ def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:
     return arguments, [a.symbol() for a in arguments]
 
 
+def torque_derivatives(chain: Chain) -> Kernel:
+    """Return the kernel of ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq, of a free base by its coordinates."""
+    n, links = chain.freedom, len(chain.joints)
+    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3)]
+    q, dq, ddq = symbols = [a.symbol() for a in arguments]
+    pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
+    pi = pi_.symbol()
+    tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
+    slope = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
+    slopes = {
+        Argument(name, (n, n), f"d tau / d {STATE[k]}"): slope[:, k * n : (k + 1) * n]
+        for k, name in enumerate(("dtau_dq", "dtau_dv", "dtau_da"))
+    }
+    return make_kernel(
+        "torque_derivatives",
+        dict(zip(arguments, symbols, strict=True)) | {pi_: pi},
+        {Argument("tau", (n,), effort_unit(chain)): tau, **slopes},
+        "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
+        rare=True,
+    )
+
+
 def _torques(chain: Chain) -> tuple[Kernel, ...]:
     n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)
     arguments, symbols = _motion(chain, 5)
     q, dq, ddq, dddq, _ = symbols
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
-    with_ddq = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
     with_dddq = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
     with_ddddq = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
     tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
     rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
     second = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
-    names = ("dtau_dq", "dtau_dv", "dtau_da")
-    slope = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
-    slopes = {
-        Argument(name, (n, n), f"d tau / d {STATE[k]}"): slope[:, k * n : (k + 1) * n]
-        for k, name in enumerate(names)
-    }
     seed_ = Argument("seed", (n,), "d cost / d tau_rate")
     seed = seed_.symbol()
     return (
-        make_kernel(
-            "torque_derivatives",
-            with_ddq,
-            {Argument("tau", (n,), effort): tau, **slopes},
-            "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
-            rare=True,
-        ),
+        torque_derivatives(chain),
         make_kernel(
             "torque_rate",
             with_dddq,

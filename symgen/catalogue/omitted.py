@@ -18,8 +18,6 @@ _FREE_BASE = {
     "harmonic_basis": _FIXED,
     "transfer_basis": _FIXED,
     "regressor_adjoint": _FIXED,
-    "torque_derivatives": "use mass_matrix for the derivative by ddq and differences of "
-    "inverse_dynamics for the others",
     "torque_rate": "use differences of inverse_dynamics along the motion",
     "torque_rate_adjoint": _FIXED,
     "torque_course": "use differences of inverse_dynamics along the motion",
@@ -40,7 +38,8 @@ _LARGE = {
     "momentum_regressor": "use base_regressor with differentiated velocities",
     "energy_regressor": "use base_regressor with differentiated velocities",
     "regressor_adjoint": _PART,
-    "torque_derivatives": _FREE_BASE["torque_derivatives"],
+    "torque_derivatives": "use mass_matrix for the derivative by ddq and differences of "
+    "inverse_dynamics for the others",
     "torque_rate": _FREE_BASE["torque_rate"],
     "torque_rate_adjoint": _PART,
     "torque_course": _FREE_BASE["torque_course"],

@@ -26,6 +26,7 @@ from rich.table import Column, Table
 
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.common.terminal import completing, console, program
+from runtime.common.user_builds import built_robots
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
 from runtime.identification.result_record import ErrorPercent, ErrorRms, ResultRecord
 from runtime.identification.saved_result import SavedResult
@@ -60,11 +61,11 @@ MODELS = (
 
 
 def _robots(incomplete: str) -> list[str]:
-    """Names of generated robots, of the package and of the working directory, for a shell."""
+    """Names of generated robots: of the package, the working directory and all builds."""
     package = Path(__file__).parents[1]
     roots = [folder / "generated" for folder in (package, package.parent, Path())]
     names = {path.parent.name for root in roots for path in root.glob("*/manifest.json")}
-    return completing(names)(incomplete)
+    return completing(names | built_robots().keys())(incomplete)
 
 
 Robot = Annotated[

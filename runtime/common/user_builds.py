@@ -68,19 +68,29 @@ def is_user_build(library: Path, sha256: str) -> bool:
 
 def built_folders(robot: str) -> list[Path]:
     """Folders in which this user has built a robot of a name, the last build first."""
+    return [folder for name, folder in _builds() if name == robot]
+
+
+def built_robots() -> dict[str, Path]:
+    """Names of all robots that this user has built → folder of the last build."""
+    return dict(reversed(_builds()))
+
+
+def _builds() -> list[tuple[str, Path]]:
+    """Robot and folder of every build that still exists, the last one first."""
     records = records_folder()
     if not is_safe_from_others(records):
         return []
-    folders = []
+    builds = []
     for path in records.glob("*.json"):
         try:
             facts, written = json_of(path), path.stat().st_mtime
-            if is_safe_from_others(path) and facts["robot"] == robot:
-                folders.append((written, Path(facts["folder"])))
+            if is_safe_from_others(path) and NAME.fullmatch(facts["robot"]):
+                builds.append((written, str(facts["robot"]), Path(facts["folder"])))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # a record that is being replaced, or a damaged one
-    newest_first = dict.fromkeys(folder for _, folder in sorted(folders, reverse=True))
-    return [folder for folder in newest_first if (folder / "manifest.json").is_file()]
+    newest_first = dict.fromkeys((name, folder) for _, name, folder in sorted(builds, reverse=True))
+    return [each for each in newest_first if (each[1] / "manifest.json").is_file()]
 
 
 def records_folder() -> Path:

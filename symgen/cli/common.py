@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.common.user_builds import built_robots
 from symgen.errors import BuildError
 
 RootOption = Annotated[
@@ -88,7 +89,9 @@ def read_arguments(items: list[str]) -> dict[str, str]:
 
 
 def generated_here(out: Path) -> list[Path]:
-    """Generated folders: those in a folder, and for `DEFAULT_ROOT` those of the package too."""
+    """Generated folders: those in a folder; for `DEFAULT_ROOT` those of the package and all builds
+    of this user too.
+    """
     package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
     roots = [out]
     if out == DEFAULT_ROOT:
@@ -98,7 +101,8 @@ def generated_here(out: Path) -> list[Path]:
         for folder in sorted(root.glob("[a-z]*/")):
             if (folder / "manifest.json").exists():
                 folders.setdefault(folder.name, folder)
-    return list(folders.values())
+    others = built_robots() if out == DEFAULT_ROOT else {}
+    return list((others | folders).values())
 
 
 def folders_of(out: Path, robot: str | None) -> list[Path]:

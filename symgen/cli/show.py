@@ -11,6 +11,7 @@ from rich.text import Text
 
 from runtime.common.files import json_of
 from runtime.common.terminal import console, say
+from runtime.common.user_builds import built_robots
 from symgen.cli.common import DEFAULT_ROOT, RootOption, folders_of, generated_here
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
@@ -41,7 +42,8 @@ def list_command(out: RootOption = DEFAULT_ROOT) -> None:
             unknown = unknown or library == "built?"
         generated = "" if name not in folders else "yes"
         if name in folders and folders[name].parent != out:
-            generated = "with the package"
+            here = built_robots().get(name) == folders[name]
+            generated = str(folders[name]) if here else "with the package"
         table.add_row(name, "yes" if name in bundled_robots() else "", generated, library)
     console.print(table)
     if unknown:

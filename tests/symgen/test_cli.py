@@ -9,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from runtime.cli.common import _robots as complete_robot
+from runtime.common.user_builds import record_build
 from runtime.library import Library
 from symgen.cli import main
+from symgen.cli.common import DEFAULT_ROOT, generated_here
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.robots import ONE_LEVEL
 from tests.symgen.builds import snapshot
@@ -295,3 +298,16 @@ def test_describe_prints_names_as_they_are(tiny: Path, capsys: pytest.CaptureFix
     path.write_text(path.read_text().replace('"name": "swing"', '"name": "[/swing]"'))
     code, said, _ = run(capsys, "describe", "tiny", "--out", tiny.parent)
     assert (code, "[/swing]" in said) == (0, True)
+
+
+def test_every_build_of_the_user_is_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tiny: Path
+) -> None:
+    """Property: `list`, `describe` and completion know a robot that was built in another folder."""
+    monkeypatch.setenv("SYMGEN_BUILDS", str(tmp_path / "builds"))
+    monkeypatch.chdir(tmp_path)
+    assert "tiny" not in [folder.name for folder in generated_here(DEFAULT_ROOT)]
+    assert record_build("tiny", tiny, "0" * 64) == ""
+    assert tiny.resolve() in generated_here(DEFAULT_ROOT)
+    assert tiny.resolve() not in generated_here(tmp_path)
+    assert complete_robot("ti") == ["tiny"]

@@ -139,6 +139,7 @@ def inspect_log(
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
     if at_rest is None:
         findings += signals.constant_torque(recording, lib)
+    findings += signals.unsigned_torque(recording)
     _check_torque(checks, lib, propose, blind=blind)
     if not has_gains:
         checks.plan, checks.findings = stated(checks.plan, checks.findings)
@@ -165,8 +166,8 @@ def _check_torque(checks: CheckRun, lib: Library, propose: bool, *, blind: bool)
     elif blind or "position_range" in kinds:
         sentence = "the torque was not checked; correct the clock and the positions first"
         findings.append(Finding("not_judged", INFO, sentence))
-    elif "constant_torque" in kinds:
-        sentence = "the other torques were not checked; log the constant ones first"
+    elif kinds & {"constant_torque", "unsigned_torque"}:
+        sentence = "the torque was not checked further; log all torques with their signs first"
         findings.append(Finding("not_judged", INFO, sentence))
     elif recording.torque_source == COMMANDED:
         check_commanded(checks, lib)

@@ -21,7 +21,7 @@ from runtime.inspection.checks import (
     torque_signs,
 )
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
-from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
 from runtime.recording.friction import DRIVE, ROTOR, names_where
@@ -29,16 +29,12 @@ from runtime.recording.preprocessing import before_test
 from runtime.recording.reader import Raw, recording_of
 from runtime.recording.rest_speeds import as_rest_speed
 
-_AGAINST_THE_LINKS = (
-    column_faults.column_faults,
-    torque_signs.scale,
-    gravity.gravity,
-)
-"""Checks of τ that compare it with the torque of the URDF's links."""
 _LOWERED = 5
 """Largest number of lower cut-offs that are tried."""
 WORSE = 0.05
 """Excess of a candidate's score over the best one up to which it may replace the chosen one."""
+ROTORS = 0.7
+"""Residual with rotor inertia over that without, below which the checks of τ include it."""
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 """Factors of decimation that are proposed."""
 
@@ -82,8 +78,12 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
     """Order, sign and unit of τ, then its fit to the model."""
     terms = checks.plan.friction or proposed_terms(checks.plan)
     try:
-        for check in () if lib.placeholders else _AGAINST_THE_LINKS:
-            checks.run_on_torque(check, lib, terms)
+        if not lib.placeholders:  # comparisons with the torque of the URDF's links
+            checks.run_on_torque(column_faults.column_faults, lib, terms)
+            _merge_orders(checks, lib)
+            terms = _with_rotors(checks, lib, terms)
+            checks.run_on_torque(torque_signs.scale, lib, terms)
+            checks.run_on_torque(gravity.gravity, lib, terms)
         checks.findings += _placeholders(lib)
         preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
@@ -100,7 +100,44 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
         _check_fit(checks, lib, terms)
     except RuntimeFault as fault:
         sentence = f"the torque could not be checked: {fault}"
-        checks.findings.append(Finding("not_judged", WARNING, sentence))
+        # Poses at rest need no accelerations: nothing is wrong with their log.
+        posed = any(f.kind == "static_poses" for f in checks.findings)
+        checks.findings.append(Finding("not_judged", INFO if posed else WARNING, sentence))
+
+
+def _with_rotors(checks: CheckRun, lib: Library, terms: Friction) -> Friction:
+    """Friction columns with rotors, where these take a part of what links and friction leave.
+
+    The torque of motors, commanded or computed from currents, includes what accelerates rotors.
+    """
+    if checks.plan.friction is not None or ROTOR.name in terms.columns:
+        return terms
+    shares = drives.shares_of(checks.recording, lib, checks.plan.preparation)
+    if shares is None or shares.drives > ROTORS * shares.friction:
+        return terms
+    return replace(terms, columns=(*terms.columns, ROTOR.name))
+
+
+def _merge_orders(checks: CheckRun, lib: Library) -> None:
+    """One finding where all signals were put into another order, and the torque back again."""
+    kinds = {f.kind: f for f in checks.findings if f.kind in {"joint_order", "torque_order"}}
+    torque, position = checks.plan.torque, checks.plan.position
+    if len(kinds) < 2 or torque is None or position is None or not position.order:
+        return
+    if torque.order != tuple(range(lib.n_joints)):
+        return
+    order = list(position.order)
+    moved = [j for j, column in enumerate(order) if column != j]
+    sentence = (
+        f"the positions and velocities of {joint_list(lib.joint_names, moved)} are exchanged: in "
+        f"the order {', '.join(map(str, order))} (counted from 0) they fit limits, gravity and the "
+        f"torques, whose order is right; compare with the logger, and set order = {order} under "
+        "[position] and [velocity]"
+    )
+    evidence = {"joints": moved, "order": order}
+    first = checks.findings.index(kinds["joint_order"])
+    checks.findings[first] = Finding("position_order", WARNING, sentence, evidence)
+    checks.findings.remove(kinds["torque_order"])
 
 
 def check_commanded(checks: CheckRun, lib: Library) -> None:
@@ -189,6 +226,8 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     guessed = guessed or not checks.has_gains
     if not strange and not guessed:  # wrong gains look like a tool or a coupling
         checks.findings += gain
+        if checks.has_gains and not lib.placeholders:
+            checks.findings += model_fit.hidden_gains(torque_rows)
         no_tool = bool(gain or lib.placeholders)
         tool = [] if no_tool else model_fit.tool(torque_rows)
         coupled = [] if gain else model_fit.coupling(torque_rows, matrix, terms)

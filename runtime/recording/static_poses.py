@@ -7,7 +7,6 @@ the mean. The rows have dq = ddq = 0 and contain gravity alone.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -90,14 +89,24 @@ def _visits(recording: Recording, still: np.ndarray) -> list[_Visit]:
 
 def _pairs(visits: list[_Visit]) -> list[tuple[int, int]]:
     """Visits of one pose from opposite sides, the closest first; each belongs to one pair."""
+    if not visits:
+        return []
+    q, approach = (np.array([getattr(each, key) for each in visits]) for key in ("q", "approach"))
+    is_far = np.abs(approach).min(axis=1) > LEAST_TRAVEL
+    # Along the joint of the widest range, visits of one pose are neighbours of the sorted ones.
+    widest = int(np.argmax(np.ptp(q, axis=0)))
+    order = np.argsort(q[:, widest], kind="stable")
+    last = np.searchsorted(q[order, widest], q[order, widest] + SAME)
     near = []
-    for a, b in combinations(range(len(visits)), 2):
-        one, other = visits[a], visits[b]
-        gap = float(np.abs(one.q - other.q).max())
-        opposite = (one.approach * other.approach < 0).all()
-        is_far = min(np.abs(one.approach).min(), np.abs(other.approach).min()) > LEAST_TRAVEL
-        if gap < SAME and opposite and is_far:
-            near.append((gap, a, b))
+    for place, end in enumerate(last.tolist()):
+        a, others = int(order[place]), order[place + 1 : end]
+        gaps = np.abs(q[others] - q[a]).max(axis=1)
+        opposite = (approach[others] * approach[a] < 0).all(axis=1)
+        fits = (gaps < SAME) & opposite & is_far[others] & is_far[a]
+        near += [
+            (float(gap), min(a, int(b)), max(a, int(b)))
+            for gap, b in zip(gaps[fits], others[fits], strict=True)
+        ]
     taken: set[int] = set()
     pairs = []
     for _, a, b in sorted(near):

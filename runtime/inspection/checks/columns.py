@@ -28,6 +28,10 @@ DERIVATIVE = 0.9
 """Least correlation, median over joints, of a derivative with the signal that it is."""
 ACCELERATION = 0.95
 """The same for accelerations: a torque that only accelerates a mass comes close to them."""
+ALIKE = 0.15
+"""Largest deviation of the slopes of an acceleration from one unit for all joints."""
+NOISY = 0.6
+"""Least correlation of a second derivative: noise of positions grows, but not its slopes."""
 COPY = 0.98
 """Least correlation of two copies of one signal."""
 _SMOOTHING = 9
@@ -167,8 +171,14 @@ def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
                 named[k], named[copied] = (kind, reason), ("", f"smoother copy of the {kind}")
             else:
                 named[k] = ("", f"smoother copy of the {kind}" if kind else "copy")
-        elif b in named and by[b, k] >= ACCELERATION and len(blocks) > len(named) + 1:
-            named[k] = ("acceleration", f"derivative of the velocity (correlation {by[b, k]:.3f})")
+        elif b in named and by[b, k] >= ACCELERATION:
+            # The slope of d(dq)/dt on ddq is that of dq/dt on dq; on a torque it is 1 / inertia.
+            ratio = _slopes(rates[b], level[k]) / np.median(_slopes(rates[a], level[b]))
+            if len(blocks) > len(named) + 1 or (np.abs(ratio - 1.0) < ALIKE).all():
+                reason = f"derivative of the velocity (correlation {by[b, k]:.3f})"
+                named[k] = ("acceleration", reason)
+        elif b not in named and _is_second_derivative(blocks[a], blocks[k]):
+            named[k] = ("acceleration", "second derivative of the position")
     rest = [k for k in count if k not in named]
     for place, k in enumerate(rest):
         named[k] = ("", "not recognised") if place else ("torque", "no derivative of the others")
@@ -185,6 +195,23 @@ def _derivative(block: FloatArray) -> FloatArray:
     """Central difference of the moving average per row, (N − 10, n)."""
     smooth = _averaged(block)
     return smooth[2:] - smooth[:-2]
+
+
+def _slopes(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Slope of every column of one block on that of another, (n,), of those that vary."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    power = (b * b).sum(axis=0)
+    return np.asarray((a * b).sum(axis=0)[power > 0] / power[power > 0])
+
+
+def _is_second_derivative(q: FloatArray, block: FloatArray) -> bool:
+    """Whether a block is d²q/dt² in one unit for all joints; torques have inertias of their own."""
+    twice = _derivative(_derivative(q))
+    inside = _averaged(_averaged(block))[2:-2]
+    slopes = _slopes(twice, inside)
+    if not slopes.size or _correlation(twice, inside) < NOISY:
+        return False
+    return bool((np.abs(slopes / np.median(slopes) - 1.0) < ALIKE).all())
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:

@@ -100,7 +100,7 @@ def delay(
 
 
 @dataclass(frozen=True, slots=True)
-class _Shares:
+class Shares:
     """Median of ‖rest_j‖/‖τ_j‖ over the moving joints, and rotor inertia (n,) [kg·m², kg].
 
     The median leaves out a gripper that presses against its stop.
@@ -118,7 +118,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> 
     Measured: share of the torque that the links of the URDF leave, alone, with friction and with
     rotor inertia as well.
     """
-    shares = _shares(recording, lib, plan.preparation)
+    shares = shares_of(recording, lib, plan.preparation)
     if shares is None or shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:
         return []
     columns = plan.friction.columns if plan.friction else ()
@@ -148,7 +148,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> 
     return [Finding("rotor", level, sentence, evidence)]
 
 
-def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Shares | None:
+def shares_of(recording: Recording, lib: Library, preparation: Preparation) -> Shares | None:
     """Shares of the joints that move; None where none does."""
     late = preparation.torque_delay_s
     usual = replace(filtered(recording, preparation), torque_delay_s=late)
@@ -166,7 +166,7 @@ def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Sh
         return float(np.median(np.linalg.norm(values[:, moving], axis=0) / size[moving]))
 
     armature = np.where(moving, np.maximum(x[:, DRIVE.index(ROTOR.name)], 0.0), 0.0)
-    return _Shares(share(rest), share(friction), share(drives), armature)
+    return Shares(share(rest), share(friction), share(drives), armature)
 
 
 def _left(samples: Samples, rest: Array, columns: int) -> tuple[Array, Array]:

@@ -24,6 +24,8 @@ GOOD, BETTER = 0.5, 0.6
 the order is changed."""
 BEYOND = 0.2
 """Distance beyond a limit [rad or m] that is accepted: offsets and soft limits."""
+ALIKE = 0.05
+"""Difference of E that decides nothing: wrist joints carry little gravity torque."""
 ROWS = 60
 """Number of rows that E is computed on."""
 
@@ -44,7 +46,10 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
     if not len(orders):
         return plan, []
     errors = mismatches(q, tau, orders, lib)
-    best, least = orders[int(np.argmin(errors))], float(errors.min())
+    # Joints along gravity carry none of it: of orders that fit alike the one that moves fewest.
+    near = np.flatnonzero(errors <= errors.min() + ALIKE)
+    chosen = near[np.argmin(np.sum(orders[near] != np.arange(n), axis=1))]
+    best, least = orders[chosen], float(errors[chosen])
     same = np.array_equal(best, np.arange(n))
     if same or least > GOOD or (fits and least > BETTER * stands):
         return plan, []

@@ -10,9 +10,10 @@ import numpy as np
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.deviation_tests import gain_test
 from runtime.estimators.regression.posterior import least_squares, posterior_of
+from runtime.inspection.checks.signals import LITTLE
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.checks.torque_signs import slopes_to_model
-from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Array
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
 from runtime.recording import Friction
@@ -265,6 +266,21 @@ def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
             {"joint": test.joint, "gain": gain, "statistic": test.statistic},
         )
     ]
+
+
+def hidden_gains(torque_rows: TorqueRows) -> list[Finding]:
+    """Note on joints of much torque whose gain the URDF does not confirm."""
+    _, is_used = slopes_to_model(torque_rows)
+    rms = np.sqrt(np.mean(torque_rows.whole.required("tau") ** 2, axis=0))
+    hidden = [int(j) for j in np.flatnonzero(~is_used & (rms >= LITTLE * rms.max()))]
+    if not hidden:
+        return []
+    names = joint_list(torque_rows.lib.joint_names, hidden)
+    sentence = (
+        f"a wrong torque gain of {names} would not be reported: the links of the URDF explain too "
+        "little of the torque there; symgen gains determines it with a known load"
+    )
+    return [Finding("hidden_gains", INFO, sentence, {"joints": hidden})]
 
 
 def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:

@@ -25,6 +25,8 @@ STOP_SHARE = 0.01
 """Share of the rows at a stop above which it is reported."""
 MOVING_ROWS = 20
 """Rows of a moving joint that a torque must vary over."""
+FEWEST_SIGNED = 3
+"""Joints with a varying torque, from which on one sign of all is none of gravity."""
 REST_SHARE = 0.05
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
@@ -141,6 +143,32 @@ def constant_torque(recording: Recording, lib: Library) -> list[Finding]:
     ]
 
 
+def unsigned_torque(recording: Recording) -> list[Finding]:
+    """Torques or currents that are never negative at any joint.
+
+    Measured: sign of all values of the joints whose τ varies. Friction takes the sign of dq, and
+    noise about zero both signs, so that a few joints of one sign may be loaded by gravity, all not.
+    """
+    tau = recording.tau
+    if tau is None:
+        return []
+    varying = np.flatnonzero(np.ptp(tau, axis=0) > 0)
+    if len(varying) < FEWEST_SIGNED or not np.ptp(recording.q) or tau.min() * tau.max() < 0:
+        return []
+    side = "negative" if tau.min() >= 0 else "positive"
+    return [
+        Finding(
+            "unsigned_torque",
+            ERROR,
+            f"no torque or current of {len(varying)} joints is ever {side}: the register or the "
+            "logger has dropped the sign, without which friction and gravity cannot be "
+            "separated; log the signed value (with the sign bit of the register), or describe the "
+            "control law in the recipe, whose commanded torque has a sign",
+            {"joints": [int(j) for j in varying], "range": [float(tau.min()), float(tau.max())]},
+        )
+    ]
+
+
 def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
     """Intervals in which no joint moves.
 
@@ -200,7 +228,8 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
             "little_torque",
             INFO,
             f"{joint_list(lib.joint_names, few)} carries little torque (RMS {listed} N·m or N, the "
-            f"most loaded joint {rms.max():.3g}): use its RMS error, not the error in percent",
+            f"most loaded joint {rms.max():.3g}): use its RMS error, not the error in percent; a "
+            "wrong gain there may not be reported",
             {"joints": few, "rms": [float(x) for x in rms]},
         )
     ]

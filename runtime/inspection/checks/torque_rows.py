@@ -13,6 +13,7 @@ from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction
+from runtime.recording.friction import ROTOR
 from runtime.recording.preprocessing import prepare
 from runtime.recording.rest_speeds import rest_speeds
 
@@ -37,12 +38,14 @@ class TorqueRows:
         whole: the recording on its grid, filtered, not decimated and with its rests.
         rows: indices of the thinned rows in which the arm moves, (N,).
         samples: samples of these rows, with friction columns.
+        has_rotors: whether rotor inertia is among these columns.
     """
 
     lib: Library
     whole: Recording
     rows: NDArray[np.int64]
     samples: Samples
+    has_rotors: bool = False
 
     def model_torque(self) -> tuple[Array, Array]:
         """Inertial and gravity part of the torque of the URDF at the rows, (N, n) each, N·m or
@@ -78,7 +81,7 @@ def torque_rows_of(
     moving = np.any(np.abs(samples.dq) >= rest_speeds(lib), axis=1)
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
     rows = rows[:: max(1, len(rows) // ROWS)]
-    return TorqueRows(lib, whole, rows, samples.rows(rows))
+    return TorqueRows(lib, whole, rows, samples.rows(rows), ROTOR.name in terms.columns)
 
 
 def _without_springs(samples: Samples, lib: Library) -> Samples:

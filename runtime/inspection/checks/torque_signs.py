@@ -86,6 +86,8 @@ def _regressed(torque_rows: TorqueRows, model: Array, j: int) -> tuple[float, fl
     s = torque_rows.samples
     dq = s.dq[:, j]
     others = np.column_stack([dq, np.tanh(dq / EPSILON), np.ones_like(dq)])
+    if torque_rows.has_rotors:
+        others = np.column_stack([others, s.ddq[:, j]])
     _, tau = least_squares(others, s.tau[:, j])
     _, rigid = least_squares(others, model[:, j])
     size = float(np.linalg.norm(rigid))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.checks.joint_order import BEYOND, ROWS, beyond_limits, mismatches
-from runtime.inspection.finding import ERROR, WARNING, Finding, numbers
+from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import slopes_of, unwrap
@@ -45,7 +45,12 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
                 f"torque, mismatch {mismatch:.2f})"
             )
             factor = None
-    if factor is None:
+    turned = _turned(recording.q, lib) if factor is None and not plan.gear else []
+    if turned:
+        plan, negated = _with_signs(plan, turned, lib)
+        findings.append(negated)
+        factor = 1.0
+    elif factor is None:
         findings.append(_out_of_reach(recording.q, plan, lib, doubt))
         factor = 1.0
     if abs(factor - 1.0) > 1e-9:
@@ -178,6 +183,38 @@ def _position_factor(q: Array, lib: Library) -> float | None:
             return 180 / np.pi
         return 1.0
     return next((f for f in (np.pi / 180, 180 / np.pi) if costs[f] <= BEYOND), None)
+
+
+def _turned(q: Array, lib: Library) -> list[int]:
+    """Joints whose negated positions alone lie within the limits, where that helps all of them."""
+    beyond = np.diag(beyond_limits(q, lib))
+    outside = [int(j) for j in np.flatnonzero(beyond > BEYOND)]
+    sign = np.where(beyond > BEYOND, -1.0, 1.0)
+    within = bool((np.diag(beyond_limits(q * sign, lib)) <= BEYOND).all())
+    # Motor angles are far outside: those of a joint have its range.
+    return outside if within and 2 * len(outside) < len(sign) else []
+
+
+def _with_signs(plan: Recipe, joints: list[int], lib: Library) -> tuple[Recipe, Finding]:
+    """The plan with the opposite sign of q and dq of these joints, and its finding."""
+    n = lib.n_joints
+    sign = np.where(np.isin(np.arange(n), joints), -1.0, 1.0)
+    changes = {
+        kind: replace(
+            each,
+            sign=tuple(float(s) for s in np.broadcast_to(np.asarray(each.sign), (n,)) * sign),
+            offset=tuple(float(x) for x in np.broadcast_to(np.asarray(each.offset), (n,)) * sign),
+        )
+        for kind, each in plan.signals().items()
+        if kind in {"position", "velocity"}
+    }
+    names = joint_list(lib.joint_names, joints)
+    sentence = (
+        f"position and velocity of {names} have the opposite sign of the model's joint: as they "
+        "are they exceed its limits, negated they lie within; correct sign under [position] and "
+        "[velocity], or turn the axis in the URDF"
+    )
+    return plan.replace(**changes), Finding("position_sign", WARNING, sentence, {"joints": joints})
 
 
 def _turns(recording: Recording, lib: Library) -> bool:

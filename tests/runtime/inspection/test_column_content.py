@@ -81,3 +81,12 @@ def test_the_table_is_printed(command, lib, signals, tmp_path) -> None:
     assert ran.code == 1
     assert "columns by content, counted from 0" in ran.out
     assert "row counter" in ran.out
+
+
+@pytest.mark.parametrize("names", [("q", "dq", "ddq"), ("q", "ddq", "tau"), ("q", "tau", "ddq")])
+def test_accelerations_are_no_torque(signals, names) -> None:
+    """Oracle: the order in which the columns were written, without torque or without velocity."""
+    n = signals["q"].shape[1]
+    blocks = blocks_by_content(np.column_stack([signals["t"], *(signals[k] for k in names)]), n)
+    kinds = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
+    assert [block.kind for block in blocks] == ["time", *(kinds[name] for name in names)]

@@ -13,6 +13,7 @@ import pytest
 
 from runtime import Recording
 from runtime.inspection import inspect_log, recipe_text
+from runtime.inspection.checks.signals import unsigned_torque
 from runtime.library import Library
 from runtime.recording import Friction, load_recipe
 from runtime.recording.preprocessing import differentiate
@@ -269,3 +270,32 @@ def test_a_constant_torque_is_the_only_accused(lib, clean, saved, value) -> None
     result = inspect_log(saved(clean, tau=tau), lib)
     assert set(sentences(result)) == {"constant_torque"}
     assert "fr3_joint7" in sentences(result)["constant_torque"]
+
+
+def test_torques_without_sign_are_named(lib, clean, saved) -> None:
+    """Property: of every joint; the sign of three joints of a log with signs may be one."""
+    result = inspect_log(saved(clean, tau=np.abs(clean.tau)), lib)
+    assert set(sentences(result)) == {"unsigned_torque"}
+    assert unsigned_torque(clean) == []
+    signs = np.where(np.arange(7) < 3, np.sign(clean.tau), 1.0)
+    assert unsigned_torque(clean.replace(tau=clean.tau * signs)) == []
+
+
+def test_a_position_beyond_its_limits_may_be_negated(lib, clean, saved, tmp_path) -> None:
+    """Property: joint 4 of an FR3 is never positive; the recipe turns it back."""
+    sign = np.where(np.arange(7) == 3, -1.0, 1.0)
+    log = saved(clean, q=clean.q * sign, dq=clean.dq * sign)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"position_sign"}
+    np.testing.assert_allclose(result.recording.q, clean.q)
+    require_no_warning(result, log, lib, tmp_path)
+
+
+def test_positions_exchanged_beyond_their_limits(lib, clean, saved, tmp_path) -> None:
+    """Property: the torques are in order, so that not all signals are exchanged."""
+    order = [0, 1, 2, 3, 4, 6, 5]
+    log = saved(clean, q=clean.q[:, order], dq=clean.dq[:, order])
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"position_order"}
+    np.testing.assert_array_equal(result.recording.q, clean.q)
+    require_no_warning(result, log, lib, tmp_path)

@@ -1,0 +1,213 @@
+"""Faults planted into published logs of real robots, at every joint, and what `inspect` says.
+
+The logs are thinned, so that the table takes some minutes. A fault counts as named where a warning
+of its kind has its joints, as stated where the log is said not to show it, and as wrong where a
+warning is there that the unchanged log does not have. The commanded torques of control laws are
+taken as measured ones.
+"""
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.front import Sheet
+from bench.real_logs import library_of
+from runtime.inspection import INFO, Finding, inspect_log
+from runtime.library import Array, Library
+from runtime.recording import read_recording
+
+Arrays = dict[str, Array]
+LOGS = (
+    ("Panda", "fr3", "panda_gaz", 5),
+    ("TX40", "tx40", "tx40_figaroh", 20),
+    ("LWR 4+", "kuka_lwr4", "lwr4_flobaroid", 1),
+    ("Z1", "unitree_z1", "unitree_air/z1.npz", 1),
+    ("Go2", "go2", "unitree_air/go2.npz", 1),
+)
+"""Robot of the table, key of `library_of`, place below data/, and step of the rows."""
+LATE_S, GAIN = (0.03, 0.1), 2.5
+NAMED, STATED, SILENT, WRONG = "named", "stated", "silent", "wrong"
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """One fault of one log."""
+
+    name: str
+    kinds: tuple[str, ...]  # of the findings that name it
+    joints: tuple[int, ...]  # that it must state; none of a fault of all
+    arrays: Arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Result of one fault."""
+
+    log: str
+    fault: str
+    joints: tuple[int, ...]
+    outcome: str
+    kinds: tuple[str, ...]  # warnings that the unchanged log does not have
+
+
+def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterator[Row]:
+    """Inspect the unchanged logs, then every fault."""
+    with tempfile.TemporaryDirectory() as scratch:
+        root = builds or Path(scratch)
+        for name, robot, place, step in LOGS:
+            if only not in {None, name}:
+                continue
+            lib = library_of(robot, shared, root)
+            arrays = arrays_of(shared / "data" / place, step)
+            usual = warned(arrays, lib, Path(scratch))
+            yield Row(name, "unchanged", (), SILENT, tuple(f.kind for f in usual[0]))
+            for plant in plants(arrays, lib):
+                yield _row(name, plant, usual[0], warned(plant.arrays, lib, Path(scratch)), lib)
+
+
+def arrays_of(place: Path, step: int) -> Arrays:
+    """Signals of a published set as its recipe reads them; τ of a control law as a measured one."""
+    recipe = None if place.suffix else place.name
+    log = read_recording(place, recipe, run="1" if place.name.startswith("lwr4") else None)
+    parts = {"t": log.t, "q": log.q, "dq": log.dq, "tau": log.tau}
+    return {key: part[::step] for key, part in parts.items() if part is not None}
+
+
+def warned(arrays: Arrays, lib: Library, folder: Path) -> tuple[list[Finding], list[Finding]]:
+    """Warnings and errors, and all findings, of one log."""
+    np.savez(folder / "log.npz", **arrays)
+    findings = [*inspect_log(folder / "log.npz", lib).findings]
+    return [f for f in findings if f.level != INFO], findings
+
+
+def plants(log: Arrays, lib: Library) -> Iterator[Plant]:
+    """All faults of one log; wrong joints are neighbours."""
+    n = lib.n_joints
+    sides, moves = ["tau"], [key for key in ("q", "dq") if key in log]
+
+    def changed(keys: list[str], change: object) -> Arrays:
+        return log | {key: change(log[key]) for key in keys}  # type: ignore[operator]
+
+    for j in range(n):
+        here = np.arange(n) == j
+        sign = np.where(here, -1.0, 1.0)
+        yield Plant(
+            "torque 0", ("constant_torque",), (j,), changed(sides, lambda x, z=here: x * ~z)
+        )
+        yield Plant(
+            "torque negated", ("torque_sign",), (j,), changed(sides, lambda x, s=sign: x * s)
+        )
+        yield Plant(
+            "motion negated", ("position_sign",), (j,), changed(moves, lambda x, s=sign: x * s)
+        )
+        factor = np.where(here, GAIN, 1.0)
+        yield Plant(
+            f"gain × {GAIN}",
+            ("torque_gain", "torque_unit"),
+            (j,),
+            changed(sides, lambda x, f=factor: x * f),
+        )
+    for j in range(n - 1):
+        order = np.arange(n)
+        order[[j, j + 1]] = j + 1, j
+        pair = (j, j + 1)
+        yield Plant(
+            "torques exchanged",
+            ("torque_order",),
+            pair,
+            changed(sides, lambda x, o=order: x[..., o]),
+        )
+        yield Plant(
+            "motions exchanged",
+            ("position_order", "joint_order"),
+            pair,
+            changed(moves, lambda x, o=order: x[..., o]),
+        )
+    yield Plant("every torque negated", ("torque_sign",), (), changed(sides, lambda x: -x))
+    yield Plant("torque in mN·m", ("torque_unit",), (), changed(sides, lambda x: 1e3 * x))
+    yield Plant("degrees", ("position_unit",), (), changed(moves, np.degrees))
+    still = np.zeros_like(log["q"])
+    falls = lib.inverse_dynamics(log["q"], still, still, lib.pi0)
+    yield Plant("gravity reversed", ("gravity",), (), changed(sides, lambda x: x - 2 * falls))
+    for late in LATE_S:
+        shifted = np.stack([np.interp(log["t"] - late, log["t"], x) for x in log["tau"].T], axis=1)
+        yield Plant(f"{1e3 * late:.0f} ms late", ("time_shift",), (), log | {"tau": shifted})
+
+
+def _row(
+    log: str,
+    plant: Plant,
+    usual: list[Finding],
+    seen: tuple[list[Finding], list[Finding]],
+    lib: Library,
+) -> Row:
+    """Whether the fault is named, stated as hidden, not mentioned, or something else is accused."""
+    before = {f.kind for f in usual}
+    right = [f for f in seen[0] if f.kind in plant.kinds or _is_rival(f, plant)]
+    right = [f for f in right if all(_has(f, j, lib) for j in plant.joints)]
+    kinds = [f.kind for f in seen[0] if f.kind not in before]
+    others = [kind for kind in kinds if kind not in {f.kind for f in right}]
+    hidden = next((f.evidence for f in seen[1] if f.kind == "hidden_faults"), None)
+    unsure = {"hidden_gains", "little_torque"}
+    gains = {j for f in seen[1] if f.kind in unsure for j in f.evidence["joints"]}
+    outcome = SILENT
+    if right:
+        outcome = NAMED
+    elif others:
+        outcome = WRONG
+    elif ("torque_gain" in plant.kinds and plant.joints[0] in gains) or (
+        hidden
+        and "torque_gain" not in plant.kinds
+        and (
+            set(plant.joints) & {*hidden["resting"], *hidden["unexplained"]}
+            or (len(plant.joints) == 1 and plant.joints[0] in hidden["signs"])
+            or list(plant.joints) in hidden["pairs"]
+        )
+    ):
+        outcome = STATED
+    return Row(log, plant.name, plant.joints, outcome, tuple(kinds))
+
+
+def _is_rival(finding: Finding, plant: Plant) -> bool:
+    """Whether a finding names the fault beside one that explains as much."""
+    return bool(set(finding.evidence.get("rivals", ())) & set(plant.kinds))
+
+
+def _has(finding: Finding, joint: int, lib: Library) -> bool:
+    return lib.joint_names[joint] in finding.sentence or finding.kind == "torque_unit"
+
+
+def sheet(rows: list[Row]) -> Sheet:
+    """One line per fault, one column per log: joints whose fault is named, and the others."""
+    logs = list(dict.fromkeys(row.log for row in rows))
+    names = [name for name in dict.fromkeys(row.fault for row in rows) if name != "unchanged"]
+    lines = []
+    for name in names:
+        cells = [[r.outcome for r in rows if r.fault == name and r.log == log] for log in logs]
+        lines.append((name, *(_cell(Counter(cell)) for cell in cells)))
+    every = [Counter(r.outcome for r in rows if r.log == log and r.fault in names) for log in logs]
+    lines.append(("**all**", *(f"**{_cell(each)}**" for each in every)))
+    unchanged = {
+        r.log: ", ".join(f"`{k}`" for k in r.kinds) or "none"
+        for r in rows
+        if r.fault == "unchanged"
+    }
+    lines.append(("warnings on the unchanged log", *(unchanged[log] for log in logs)))
+    notes = [
+        f"{r.log}, {r.fault} {r.joints}: {r.outcome} ({', '.join(r.kinds)})"
+        for r in rows
+        if r.outcome in {SILENT, WRONG} and r.fault in names
+    ]
+    return Sheet("planted_faults", ("fault", *logs), lines, rows, notes=notes)
+
+
+def _cell(count: Counter) -> str:
+    """Counts of the outcomes."""
+    if not count:
+        return ""
+    others = ", ".join(f"{count[k]} {k}" for k in (STATED, SILENT, WRONG) if count[k])
+    return f"{count[NAMED]} of {count.total()}" + (f" ({others})" if others else "")

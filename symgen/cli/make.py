@@ -33,7 +33,7 @@ from symgen.make import bundled_name, bundled_robots
 from symgen.make.compiler import levels_of_processor
 from symgen.make.config import RobotConfig, read_config, read_masses, reduced_config
 from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
-from symgen.make.pipeline import build, generate
+from symgen.make.pipeline import build, generate, write_controller
 from symgen.make.request import BuildRequest, bundled_request, request_from_folder
 from symgen.sources import Packages, Source, published_urdf, read_source, split_by_use
 
@@ -136,6 +136,17 @@ def build_command(
             help="Compile every level of this machine, for a library that others will load.",
         ),
     ] = False,
+    kernels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,…",
+            help="Write only these kernels, as one C file and one header for a microcontroller in "
+            "OUT/NAME/controller/, and compile nothing.",
+        ),
+    ] = None,
+    precision: Annotated[
+        str, typer.Option(help="Numbers of the files of --kernels: double or single.")
+    ] = "double",
     watch_size: Annotated[
         bool,
         typer.Option(
@@ -161,6 +172,7 @@ def build_command(
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     python -m symgen build --robot fr3 --name fr3_six --lock fr3_joint7=0
+    python -m symgen build --robot fr3 --kernels inverse_dynamics --precision single
     """
     options = ChainOptions(
         base, tip, vector_of(gravity), read_locks(lock or []), snap, floating=floating
@@ -186,6 +198,12 @@ def build_command(
         )
         source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())), model)
         request = request_from_urdf(source, name, options, project, config, densities)
+    if kernels is not None:
+        names = [word.strip() for word in kernels.split(",")]
+        say(f"{write_controller(request, out, names, precision, overwrite)}: written")
+        return
+    if precision != "double":
+        raise BuildError("--precision belongs to --kernels; name the kernels to write")
     levels = levels_of(level, all_levels, request.name)
     with console.status(f"building {request.name}"):
         watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None

@@ -77,7 +77,7 @@ def emit(
     Raises:
         BuildError: an instruction of a kernel has no C text.
     """
-    render = _renderer()
+    render = renderer()
     referenced = kernels
     if longest_reference is not None:
         # Without `torque` the run time does not list the level of this file.
@@ -102,7 +102,8 @@ def emit(
     digest.update(json.dumps(forms.bodies, sort_keys=True).encode())
     digest.update(repr((forms.tiles, forms.products)).encode())
     for template in sorted(_TEMPLATES.iterdir()):  # programs and structs are shared by both sides
-        digest.update(template.read_bytes())
+        if not template.name.startswith("controller."):  # in no library
+            digest.update(template.read_bytes())
     manifest["model_hash"] = digest.hexdigest()
     context |= {
         "bodies": forms.bodies,
@@ -158,7 +159,7 @@ def _kernel_entry(kernel: Kernel) -> dict[str, Any]:
 
 
 @cache
-def _renderer() -> Callable[[str, dict[str, Any]], str]:
+def renderer() -> Callable[[str, dict[str, Any]], str]:
     """Templates and their filters; parsed templates are kept, half of the time of a small robot."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),

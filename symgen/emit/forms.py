@@ -66,7 +66,7 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     called = {kernel.name for kernel in composed}
     whole = [kernel for kernel in kernels if not kernel.factors and kernel.name not in called]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
-    bodies |= {k.name: _composed_body(robot, k, by_name) for k in composed}
+    bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
     factors = {name for kernel in kernels for name in kernel.factors}
     # Products need the structure of their factors, even of those without vector code.
     forms = {k.name: tile_program(k) for k in whole if not k.rare or k.name in factors}
@@ -130,7 +130,7 @@ def compositions(kernels: Kernels) -> list[Kernel]:
     return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
 
 
-def _composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
+def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
     """C statements of a composition for one sample."""
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]

@@ -28,6 +28,7 @@ from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
 from symgen.emit import Early, EmittedRobot, emit, ignored
+from symgen.emit.controller import controller_files
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make.compiler import (
@@ -160,6 +161,26 @@ def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
     return _emitted(request, draft), draft.notes
 
 
+def write_controller(
+    request: BuildRequest, root: Path, kernels: Sequence[str], precision: str, overwrite: bool
+) -> Path:
+    """Write some kernels for a microcontroller to root/NAME/controller, and compile nothing."""
+    folder = root / request.name / "controller"
+    present = [path for end in ("c", "h") if (path := folder / f"{request.name}.{end}").exists()]
+    if present and not overwrite:
+        raise BuildError(f"'{present[0]}' exists; choose another --out or give --overwrite")
+    draft = _draft(request)
+    files = controller_files(request.name, draft.kernels, kernels, precision, _versions())
+    with _write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_files(folder, files)
+    return folder
+
+
+def _versions() -> dict[str, str]:
+    return {"symgen": __version__, "casadi": version("casadi")}
+
+
 @dataclass(frozen=True, slots=True)
 class _Draft:
     """A robot whose model and configuration were read and checked."""
@@ -179,9 +200,8 @@ def _draft(request: BuildRequest) -> _Draft:
 
 
 def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
-    versions = {"symgen": __version__, "casadi": version("casadi")}
     longest = LONG if draft.chain.is_large else None
-    robot = emit(request.name, draft.kernels, draft.facts, versions, early, longest)
+    robot = emit(request.name, draft.kernels, draft.facts, _versions(), early, longest)
     files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
     files["compile.json"] = _compile_facts(files)
     return EmittedRobot(files, robot.model_hash)

@@ -18,7 +18,13 @@ from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
-from runtime.monitoring.calibration import FreeMotion, Tail, calibrated, tails_of, verified
+from runtime.monitoring.calibration import (
+    FreeMotion,
+    Tail,
+    calibrated_on,
+    rate_interval,
+    verified,
+)
 from runtime.monitoring.contacts import wrench_at
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
@@ -43,6 +49,8 @@ _WRITTEN = ResultFolder(
     ("contacts.json", "external_torque.npz", "external_torque.png", *FILES, *torque_mcap.FILES),
     "contacts",
 )
+RAISED = 2.0
+"""Threshold by a calibration over that without, from which it is said."""
 OFTEN = 2.0
 """Expected over stated rate of false alarms from which it is said."""
 SHOWN = 20
@@ -82,9 +90,13 @@ def observe_command(
         typer.Option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
     ] = None,
     within: Annotated[
-        float,
-        typer.Option(metavar="S", help="Time in which the observer shows 95 % of a contact, s."),
-    ] = WITHIN_S,
+        float | None,
+        typer.Option(
+            metavar="S",
+            help=f"Time in which the observer shows 95 % of a contact, s; default {WITHIN_S:g}, or "
+            "three samples.",
+        ),
+    ] = None,
     mcap: Annotated[
         bool,
         typer.Option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
@@ -105,7 +117,8 @@ def observe_command(
     contact is reported where it exceeds a threshold; thresholds follow from the stated rate of
     false alarms, the model's posterior and the residuals of its test part. With --calibrate their
     level is fitted to the largest residuals of free motion: half an hour of it gives rates down to
-    one alarm per hour, where residuals are not Gaussian.
+    one alarm per hour, where residuals are not Gaussian. Biases and friction that differ from day
+    to day are learnt while the observer runs, from the first 0.3 s on. --recipe holds for all logs.
 
     \b
     symgen observe second.csv --model results/first-map --false-alarms "1 per hour"
@@ -127,25 +140,30 @@ def observe_command(
     data = _read(lib, known, saved.log_of(log, lib, recipe, run))
     root, note = _root(model, saved, lib)
     held_out = read_held_out(model, known)
-    free_motion = [_read(lib, known, saved.log_of(each, lib, recipe)) for each in calibrate or ()]
+    rate_hz = data.rate_hz  # of the observer; free motion at another one is interpolated
+    free_motion = [
+        _read(lib, known, saved.log_of(each, lib, recipe), rate_hz) for each in calibrate or ()
+    ]
     # The observer that is calibrated is chosen on the same motion, so that no contact decides.
     chosen_on = free_motion[0] if free_motion else data
     detector = detector_for(lib, known, chosen_on, held_out, rate, within, root)
     tails: tuple[Tail, ...] = ()
+    raised: list[str] = []
     if free_motion:
-        signals = (signals_of(lib, detector, each) for each in free_motion)
-        tails = tails_of(signals, detector.settings.rate_hz)
-        detector = calibrated(detector, tails)
-    seen = observation_of(lib, detector, signals_of(lib, detector, data))
+        plain = detector
+        detector, tails = calibrated_on(lib, plain, free_motion)
+        raised = _raised(lib, plain, detector)
+    signals = signals_of(lib, detector, data)
+    seen = observation_of(lib, detector, signals)
     check = None
     if free is not None:
-        check = verified(lib, detector, _read(lib, known, saved.log_of(free, lib, recipe)))
+        check = verified(lib, detector, _read(lib, known, saved.log_of(free, lib, recipe), rate_hz))
     bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if mcap else None
-    texts, left_out = _in_c(lib, detector, seen)
+    texts, left_out = _in_c(lib, detector, np.median(signals.model_band, axis=0))
     if bag is not None:
         texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
     facts = _facts(lib, detector, seen, check, data, link, tails) | {
-        "notes": notes + note + left_out
+        "notes": notes + note * (not tails) + raised + left_out
     }
     _write(lib, saved, seen, facts, folder)
     for name, content in texts.items():
@@ -160,13 +178,32 @@ def observe_command(
         _show(facts, folder)
 
 
-def _read(lib: Library, model: MonitoredModel, recording: Recording) -> Recording:
+def _read(
+    lib: Library, model: MonitoredModel, recording: Recording, rate_hz: float | None = None
+) -> Recording:
     require_plausible(recording, lib)
     if recording.tau is None:
         raise IdentificationError(
             f"expected torque in the log '{recording.name}', and there is none; record tau"
         )
-    return prepared_for(recording, model)
+    return prepared_for(recording, model, rate_hz)
+
+
+def _raised(lib: Library, plain: Detector, fitted: Detector) -> list[str]:
+    """Joints whose threshold a calibration has raised so far that contacts may be lost."""
+    return [
+        f"the calibration raises the threshold of {name} from {old:.3g} to {new:.3g} {unit}: a "
+        "contact below that is not found; if the motion contains contacts or another load, "
+        "calibrate with another log"
+        for name, unit, old, new in zip(
+            lib.joint_names,
+            file_units(lib.manifest),
+            plain.thresholds,
+            fitted.thresholds,
+            strict=True,
+        )
+        if new > RAISED * old
+    ]
 
 
 def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, list[str]]:
@@ -177,11 +214,10 @@ def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, 
         return None, [f"thresholds are without the uncertainty of the model: {error}"]
 
 
-def _in_c(lib: Library, detector: Detector, seen: Observation) -> tuple[dict[str, str], list[str]]:
+def _in_c(lib: Library, detector: Detector, band: Array) -> tuple[dict[str, str], list[str]]:
     """Texts of the observer in C; a note where a part of the model has no C code."""
-    variance = np.median(seen.sigma**2, axis=0) - detector.noise.sigma**2
     try:
-        return observer_c(lib, detector, np.sqrt(np.maximum(variance, 0.0))), []
+        return observer_c(lib, detector, band), []
     except ExportError as error:
         return {}, [str(error)]
 
@@ -219,7 +255,7 @@ def _facts(
             "expected_in_log": detector.rate.per_second * seen.seconds,
             "by_stretches_per_hour": None if tails else detector.expected_rate * 3600,
         },
-        "calibration": _calibration(tails) if tails else None,
+        "calibration": _calibration(tails, detector) if tails else None,
         "free_motion": None if check is None else asdict(check),
         "observer": {
             "bandwidth": settings.bandwidth,
@@ -231,10 +267,12 @@ def _facts(
     }
 
 
-def _calibration(tails: tuple[Tail, ...]) -> dict[str, Any]:
-    """Duration, and what was fitted to every joint."""
+def _calibration(tails: tuple[Tail, ...], detector: Detector) -> dict[str, Any]:
+    """Duration, 95 % interval of the rate, and what was fitted to every joint."""
+    low, high = rate_interval(tails, detector.levels)
     return {
         "seconds": tails[0].seconds,
+        "per_hour_95": [3600 * low, 3600 * high],
         "peaks": [len(tail.peaks) - 1 for tail in tails],
         "largest": [float(tail.peaks[0]) for tail in tails],
         "shape": [tail.shape for tail in tails],
@@ -273,7 +311,11 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
             "hour are to be expected; --calibrate with free motion gives the stated rate"
         )
     if facts["calibration"] is not None:
-        say(f"thresholds are fitted to {facts['calibration']['seconds']:.3g} s of free motion")
+        low, high = facts["calibration"]["per_hour_95"]
+        say(
+            f"thresholds are fitted to {facts['calibration']['seconds'] / 60:.2g} min of free "
+            f"motion: {stated['stated']} means {low:.2g} to {high:.2g} per hour"
+        )
     for contact in facts["contacts"][:SHOWN]:
         say(f"contact: {contact['time_s']:.3f} s, {contact['joint']}, {contact['torque']:+.3g}")
     if alarms > SHOWN:

@@ -1,35 +1,50 @@
 """Thresholds that are fitted to free motion, and verification of a stated rate.
 
-A joint raises an alarm where s = (|r| − extra)/σ exceeds its level z. The residuals of a model are
+A joint raises an alarm where s = (|r| − w extra)/σ exceeds its level z, with w = 0 or 1, whichever
+gives the smaller thresholds, and σ of r in free motion. The residuals of a model are
 not Gaussian: friction that no column describes is bounded, and the noise of p grows with M(q). The
 tail of s is therefore fitted to motion without contacts. Peaks s_i are separated as contacts are;
 their excess over the (k + 1)-th largest one, u, has a generalised Pareto tail in the square,
 
     P(s² − u² > y) = (1 + ξ y/c)^(−1/ξ),   ξ ~ N(0, 0.1²),
 
-whose centre ξ = 0 is the Gaussian tail. z solves (k/T) P(s > z) = rate/n. Source: Coles
-2001, Ch. 4; Pickands 1975.
+whose centre ξ = 0 is the Gaussian tail; ξ is common to the joints. z solves (k/T) P(s > z) = rate/n
+in the mean over the posterior of ξ and c. Runs of exceedances count once, so that no extremal index
+of coloured noise is assumed. Source: Coles 2001, Ch. 4 and 5; Pickands 1975.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import pdtrc
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import PAUSE_S, RELEASE
-from runtime.monitoring.observation import Detector, Signals, observe
+from runtime.monitoring.observation import Detector, Signals, both_torques, observe, signals_of
+from runtime.monitoring.session import usual_torque
 from runtime.recording import Recording
 
-PEAKS = 100
+PEAKS = 300
 """Largest number k of peaks per joint to which a tail is fitted."""
 LEAST_PEAKS = 30
-"""Smallest number of peaks."""
+"""Smallest number of peaks of the joint that has most; one that rests has fewer."""
 SHAPE = 0.1
 """Standard deviation of ξ before the peaks are seen."""
+LEAST_S = 10.0
+"""Shortest free motion [s]."""
+LEAST_LEVEL = 4.0
+"""Smallest level of a joint with fewer peaks than that."""
+DIRECT_LOWER = 1.1
+"""Threshold of the direct torque over that of r, below which it is used: it is faster."""
+DIRECT_MARGIN = 1.15
+"""Factor on the level of the direct torque: it lags behind accelerations, and further motions may
+have larger ones."""
+_SHAPES = np.arange(-0.495, 0.5, 0.03)
+_LOG_SCALES = np.linspace(-1.2, 0.8, 101)
+"""Grid of the posterior: ξ, and ln c relative to the mean excess."""
+_DRAWS = 2000
 HIGH = 0.9
 """Quantile of s above which peaks are looked for."""
 
@@ -98,48 +113,194 @@ def _edge(s: Array, k: int, way: int, low: float) -> int:
         size *= 4
 
 
+def _log_posterior(peaks: Array) -> tuple[Array, Array]:
+    """log p(excesses | ξ, c) of one joint on the grid of ξ and ln c, (G, H), and the scales c."""
+    excess = peaks[:-1] ** 2 - peaks[-1] ** 2
+    mean = max(float(excess.mean()), 1e-300)
+    xi, log_c = _SHAPES[:, None, None], _LOG_SCALES[None, :, None]
+    z = 1 + xi * (excess / mean) / np.exp(log_c)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logs = np.log(np.where(z > 0, z, np.nan))
+        # ξ = 0 is not on the grid.
+        values = -len(excess) * _LOG_SCALES - ((1 / xi + 1) * logs).sum(axis=2)
+    return np.where(np.isfinite(values), values, -np.inf), mean * np.exp(_LOG_SCALES)
+
+
+def _weights(tails: Sequence[Tail]) -> tuple[Array, list[Array], list[Array]]:
+    """p(ξ | all joints), and per joint p(c | ξ) with the scales c."""
+    grids = [_log_posterior(tail.peaks) for tail in tails]
+    log_shape = -((_SHAPES / SHAPE) ** 2) / 2
+    given = []
+    for values, _ in grids:
+        top = values.max(axis=1, keepdims=True)
+        shares = np.exp(values - np.where(np.isfinite(top), top, 0.0))
+        total = shares.sum(axis=1)
+        log_shape = log_shape + np.log(np.maximum(total, 1e-300)) + top[:, 0]
+        given.append(shares / np.maximum(total, 1e-300)[:, None])
+    weights = np.exp(log_shape - log_shape.max())
+    return weights / weights.sum(), given, [scales for _, scales in grids]
+
+
 def tail_of(peaks: Array, seconds: float) -> Tail:
     """Generalised Pareto tail of the squares of peaks, most probable a posteriori."""
-    kept = np.sort(peaks)[::-1][: PEAKS + 1]
-    excess = kept[:-1] ** 2 - kept[-1] ** 2
-    mean = max(float(excess.mean()), 1e-300)
-    y = excess / mean
-
-    def loss(x: Array) -> float:
-        """−log p(y | ln c, ξ) − log p(ξ)."""
-        z = 1 + x[1] * y / np.exp(x[0])
-        if z.min() <= 0:
-            return float("inf")
-        logs = np.log(z).sum() / x[1] if abs(x[1]) > 1e-6 else y.sum() / np.exp(x[0])
-        return float(len(y) * x[0] + logs + np.log(z).sum() + (x[1] / SHAPE) ** 2 / 2)
-
-    scale, shape = minimize(loss, [0.0, 0.01], method="Nelder-Mead").x
-    return Tail(kept, seconds, float(mean * np.exp(scale)), float(shape))
+    return fitted([peaks], seconds)[0]
 
 
-def tails_of(signals: Iterable[Signals], rate_hz: float) -> tuple[Tail, ...]:
-    """Tail of every joint over several logs."""
+def fitted(peaks: Sequence[Array], seconds: float) -> tuple[Tail, ...]:
+    """Tails of several joints with a common shape, most probable a posteriori."""
+    # A joint with less than two peaks has lower ones, at most, and one of the size of σ.
+    padded = [x if len(x) > 1 else np.array([*x, 1.0, RELEASE]) for x in peaks]
+    kept = [np.sort(each)[::-1][: PEAKS + 1] for each in padded]
+    start = [Tail(each, seconds, 0.0, 0.0) for each in kept]
+    shapes, given, scales = _weights(start)
+    best = int(np.argmax(shapes))
+    return tuple(
+        Tail(each, seconds, float(scale[np.argmax(share[best])]), float(_SHAPES[best]))
+        for each, share, scale in zip(kept, given, scales, strict=True)
+    )
+
+
+def _rates(tails: Sequence[Tail], levels: Array) -> tuple[Array, list[Array], list[Array]]:
+    """Weights of the shapes; per joint p(c | ξ) and the rate at a level over ξ and c [1/s]."""
+    shapes, given, scales = _weights(tails)
+    rates = []
+    for tail, scale, level in zip(tails, scales, levels, strict=True):
+        y = max(level**2 - tail.peaks[-1] ** 2, 0.0) / scale
+        base = np.maximum(1 + _SHAPES[:, None] * y, 0.0)
+        with np.errstate(divide="ignore"):
+            beyond = np.where(base > 0, np.exp(-np.log(base) / _SHAPES[:, None]), 0.0)
+        rates.append(beyond * ((len(tail.peaks) - 1) / tail.seconds))
+    return shapes, given, rates
+
+
+def levels_of(tails: Sequence[Tail], rate: float) -> Array:
+    """Levels at which every joint has an n-th of a rate, in the mean over the posterior."""
+    low = np.array([tail.peaks[-1] for tail in tails])
+    high = np.full(len(tails), 1e3) * np.maximum(low, 1.0)
+    for _ in range(60):
+        middle = (low + high) / 2
+        shapes, given, rates = _rates(tails, middle)
+        mean = [shapes @ (w * r).sum(axis=1) for w, r in zip(given, rates, strict=True)]
+        is_rare = np.array(mean) < rate / len(tails)
+        low, high = np.where(is_rare, low, middle), np.where(is_rare, middle, high)
+    is_thin = np.array([len(tail.peaks) <= LEAST_PEAKS for tail in tails])
+    return np.where(is_thin, np.maximum(high, LEAST_LEVEL), high)
+
+
+def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
+    """95 % interval of the rate that levels have, from the posterior of the tails [1/s].
+
+    The number of peaks above the lowest one has a Poisson distribution.
+    """
+    rng = np.random.default_rng(0)
+    shapes, given, rates = _rates(tails, levels)
+    drawn = rng.choice(len(shapes), size=_DRAWS, p=shapes)
+    total = np.zeros(_DRAWS)
+    for tail, share, rate in zip(tails, given, rates, strict=True):
+        sums = np.cumsum(share[drawn], axis=1)
+        column = (sums < rng.uniform(size=(_DRAWS, 1)) * sums[:, -1:]).sum(axis=1)
+        count = len(tail.peaks) - 1
+        total += (
+            rate[drawn, np.minimum(column, rate.shape[1] - 1)]
+            * rng.gamma(count, size=_DRAWS)
+            / count
+        )
+    low, high = np.quantile(total, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def calibrated_on(
+    lib: Library, detector: Detector, logs: Sequence[Recording]
+) -> tuple[Detector, tuple[Tail, ...]]:
+    """The detector with scales, terms and levels from free motion, and the tails of its joints."""
+    detector, scale = _scaled(lib, detector, logs)
+    rate_hz = detector.settings.rate_hz
+    peaks: dict[float | None, list[list[Array]]] = {0.0: [], 1.0: [], None: []}
+    seconds, sizes = 0.0, []
+    for log in logs:
+        seen = signals_of(lib, detector, log)
+        seconds += _seconds(seen, rate_hz)
+        for share in (0.0, 1.0):
+            peaks[share].append([peaks_of(s, rate_hz) for s in seen.normalised(share, 0.0).T])
+        direct = np.where(np.isfinite(seen.r), seen.direct, np.nan)
+        peaks[None].append([peaks_of(s, rate_hz) for s in direct.T])
+        sizes.append((np.nanmedian(seen.sigma, axis=0), seen.extra.mean(axis=0)))
+    sigma, extra = np.mean(sizes, axis=0)
+    by = {
+        key: [np.concatenate(x) for x in zip(*parts, strict=True)] for key, parts in peaks.items()
+    }
+    _require_peaks(by[0.0], seconds)
+    tails = {key: fitted(each, seconds) for key, each in by.items()}
+    rate = detector.rate.per_second
+    thresholds = {
+        share: levels_of(tails[share], rate) * sigma + share * extra for share in (0.0, 1.0)
+    }
+    share = min(thresholds, key=lambda each: float(np.log(thresholds[each]).sum()))
+    kept = tails[share]
+    # Each of both torques has half of the rate.
+    first, second = levels_of(kept, rate / 2), levels_of(tails[None], rate / 2)
+    is_lower = second * scale < DIRECT_LOWER * (first * sigma + share * extra)
+    detector = replace(
+        detector, share=share, ratio=np.where(is_lower, first / (DIRECT_MARGIN * second), 0.0)
+    )
+    if is_lower.any():
+        both = (signals_of(lib, detector, log) for log in logs)
+        kept = tails_of(both, rate_hz, share, detector.ratio)
+    return calibrated(detector, kept), kept
+
+
+def _scaled(lib: Library, detector: Detector, logs: Sequence[Recording]) -> tuple[Detector, Array]:
+    """The detector with σ of r and of the direct torque in free motion, and the latter."""
+    squares, count = np.zeros((2, lib.n_joints)), np.zeros((2, lib.n_joints))
+    s = detector.settings
+    for log in logs:
+        r, direct, features = both_torques(lib, detector.model, s, log)
+        for k, torque in enumerate((r, direct)):
+            rough = np.nanstd(torque, axis=0)
+            usual, variance = usual_torque(torque, features, rough, s.rate_hz)
+            rest = np.where(variance < rough**2, torque - usual, np.nan)
+            squares[k] += np.nansum(rest**2, axis=0)
+            count[k] += np.isfinite(rest).sum(axis=0)
+    sigma, direct = np.sqrt(squares / np.maximum(count, 1))
+    fast = np.minimum(detector.noise.fast, sigma)
+    noise = replace(
+        detector.noise, slow=np.sqrt(sigma**2 - fast**2), fast=fast, largest=np.zeros(lib.n_joints)
+    )
+    # Residuals of free motion contain the error of the model.
+    return replace(detector, noise=noise, direct=direct, root=None), direct
+
+
+def _seconds(seen: Signals, rate_hz: float) -> float:
+    return float(np.isfinite(seen.r[:, 0]).sum() / rate_hz)
+
+
+def tails_of(
+    signals: Iterable[Signals], rate_hz: float, share: float = 1.0, ratio: Array | float = 0.0
+) -> tuple[Tail, ...]:
+    """Tail of every joint over several logs, by share and ratio of a detector."""
     by_log: list[list[Array]] = []
     seconds = 0.0
     for each in signals:
-        s = each.normalised
-        seconds += float(np.isfinite(s[:, 0]).sum() / rate_hz)
-        by_log.append([peaks_of(column, rate_hz) for column in s.T])
+        seconds += _seconds(each, rate_hz)
+        by_log.append([peaks_of(column, rate_hz) for column in each.normalised(share, ratio).T])
     by_joint = [np.concatenate(parts) for parts in zip(*by_log, strict=True)]
-    fewest = min(map(len, by_joint))
-    if fewest <= LEAST_PEAKS:
+    _require_peaks(by_joint, seconds)
+    return fitted(by_joint, seconds)
+
+
+def _require_peaks(by_joint: Sequence[Array], seconds: float) -> None:
+    most = max(map(len, by_joint))
+    if most <= LEAST_PEAKS or seconds < LEAST_S:
         raise IdentificationError(
-            f"expected free motion with {LEAST_PEAKS + 1} or more separate peaks of the residual "
-            f"per joint, got {fewest} in {seconds:.3g} s; calibrate with a longer log"
+            f"expected {LEAST_S:g} s of free motion or more, with {LEAST_PEAKS + 1} separate peaks "
+            f"of a residual, got {most} in {seconds:.3g} s; calibrate with a longer log"
         )
-    return tuple(tail_of(peaks, seconds) for peaks in by_joint)
 
 
 def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:
     """The detector with levels from the tails of free motion."""
-    each = detector.rate.per_second / len(tails)
-    levels = np.array([tail.level(each) for tail in tails])
     noise = replace(detector.noise, largest=np.zeros(len(tails)))
+    levels = levels_of(tails, detector.rate.per_second)
     return replace(detector, levels=levels, noise=noise)
 
 

@@ -87,15 +87,23 @@ class Contact:
 
 
 def contacts_of(
-    t: Array, r: Array, sigma: Array, threshold: Array, names: Sequence[str], within_s: float
+    t: Array,
+    r: Array,
+    sigma: Array,
+    threshold: Array,
+    names: Sequence[str],
+    within_s: float,
+    direct: Array | float = 0.0,
 ) -> tuple[Contact, ...]:
     """Contacts in the order of time.
 
-    t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N].
+    t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N], direct (N, n):
+    size of a second torque for the same threshold [N·m, N].
     """
     contacts = []
+    sizes = np.maximum(np.abs(np.nan_to_num(r)), direct)
     for j, name in enumerate(names):
-        size = np.abs(np.nan_to_num(r[:, j]))
+        size = sizes[:, j]
         for first, last in _intervals(t, size, threshold[:, j]):
             shown = first + int(np.searchsorted(t[first : last + 1] - t[first], within_s))
             inside = r[first : last + 1, j]

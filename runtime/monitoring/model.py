@@ -119,6 +119,26 @@ class MonitoredModel:
         moving = friction.columns(JointMotion(still, q, dq, lib, zeta, signals), self.terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
+    def session_features(
+        self,
+        lib: Library,
+        q: Array,
+        dq: Array,
+        zeta: Array | None = None,
+        signals: Signals = NO_SIGNALS,
+    ) -> Array:
+        """1, viscous and dry friction of the model: what a session scales, (N, n, 3)."""
+        _, columns = self.columns(lib, q, dq, zeta, signals)
+        records = [COLUMNS[name] for name in self.terms.columns]
+        is_viscous = np.array([each.model_term == "damping" for each in records], dtype=bool)
+        # Whatever follows the sign of the speed, or has a memory.
+        is_dry = np.array(["coulomb_speed" in each.widths for each in records], dtype=bool)
+        parts = [
+            friction.torque(columns, self.phi * kind, self.coupling)
+            for kind in (is_viscous, is_dry | self.memory)
+        ]
+        return np.stack([np.ones_like(q), *parts], axis=2)
+
     @property
     def memory(self) -> NDArray[np.bool_]:
         """Whether each friction column has a memory, (k,)."""

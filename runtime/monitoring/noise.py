@@ -95,8 +95,12 @@ class ObserverNoise:
 
     def thresholds(self, levels: Array, band: Array | float = 0.0) -> Array:
         """Thresholds z √(σ² + band²), not below what free motion has shown."""
-        least = MARGIN * self.largest + self.fast
-        return np.maximum(levels * np.sqrt(self.sigma**2 + band**2), least)
+        return np.maximum(levels * np.sqrt(self.sigma**2 + band**2), self.least)
+
+    @property
+    def least(self) -> Array:
+        """Smallest thresholds, (n,) [N·m, N]."""
+        return MARGIN * self.largest + self.fast
 
 
 def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:

@@ -1,14 +1,22 @@
 """Observation of a log: external torque with σ, thresholds as functions of the state, contacts.
 
-    threshold_j(t) = z_j √(σ_j² + band_j(t)²) + dry_j(t) + Δ |dτ_j/dt|
+    threshold_j(t) = z_j √(σ_j² + band_j(t)²) + w (dry_j(t) + Δ |dτ_j/dt|) + rest_j(t)
 
 σ_j is the noise of r in free motion, band_j the standard deviation of the model's torque by its
-posterior at the present state, z_j follows from the rate of false alarms. Without
-further logs z_j is that of a Gaussian sequence; `runtime.monitoring.calibration` takes it from free
-motion. dry_j is twice the dry
+posterior at the present state and of what is learnt of the session (`runtime.monitoring.session`),
+z_j follows from the rate of false alarms. Without further logs w = 1 and z_j is that of a Gaussian
+sequence; `runtime.monitoring.calibration` takes both from free motion. dry_j is twice the dry
 friction of the joint at rest and for 0.1 s after a reversal, where it may act in either direction,
 else 0; of friction with a memory (dahl) it is F exp(−travel / z_c), because its first state is
 unknown. Δ |dτ_j/dt| covers torque and position that lie up to a sampling step Δ apart.
+
+rest_j is `REST` times the limit of the torque while a joint rests whose dry friction the model does
+not contain: there it may change the torque of the motor without a contact.
+
+A stiff arm that is stopped shows its contact in the torque of the motor first, while the rate of
+the momentum, by differences of a measured speed, has more noise than signal. A calibrated observer
+takes that rate over `DIRECT_S` as well, with the torque as it was measured, and finds a contact by
+either of both, in joints where the second has the smaller threshold.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +27,7 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import Contact, contacts_of
 from runtime.monitoring.false_alarms import AlarmRate, levels, rate_by_stretches
-from runtime.monitoring.model import CHUNK, NO_SIGNALS, MonitoredModel
+from runtime.monitoring.model import CHUNK, NO_SIGNALS, SLOW, MonitoredModel
 from runtime.monitoring.model import Signals as FurtherSignals
 from runtime.monitoring.noise import (
     REVERSAL_S,
@@ -32,15 +40,24 @@ from runtime.monitoring.observer import (
     ObserverSettings,
     averaged,
     external_torque,
+    external_torques,
     observer_settings,
     window_mean,
 )
+from runtime.monitoring.session import usual_torque
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction import motion_of
 from runtime.recording.preprocessing import differentiate, on_grid, segments
 
 WITHIN_S = 0.025
-"""Time in which r shows 95 % of a step unless it is stated [s]."""
+"""Time in which r shows 95 % of a step unless it is stated, or three samples if these are longer
+[s]."""
+LEAST_SAMPLES = 3
+"""Samples in which a step can be shown."""
+REST = 0.02
+"""Dry friction of a resting joint that the model does not contain, as a share of its limit."""
+DIRECT_S = 0.1
+"""Time over which the direct torque takes the rate of the momentum [s]."""
 WINDOWS = (0.0, 1 / 6, 1 / 3, 2 / 3)
 """Candidates of the averaging window, as shares of that time."""
 EXCERPT_S = 60.0
@@ -49,8 +66,9 @@ RATE_OFF = 0.01
 """Relative difference of rates up to which two logs count as equally fast."""
 SLOPE_STEPS = 10
 """Samples over which the slope of the torque is taken, at least."""
-BAND_HZ = 100.0
-"""Rate at which the model's band is evaluated; it changes with the motion [Hz]."""
+BAND_HZ = 20.0
+"""Rate at which the model's band is evaluated: it changes with the motion, and differences of a
+noisy speed over shorter times would enlarge it [Hz]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +83,9 @@ class Detector:
         noise: of r in free motion.
         levels: z, (n,).
         root: root of the covariance of [β; φ], (p, columns); None where it is not known.
+        share: w of dry friction and timing in the thresholds.
+        direct: σ of the direct torque, (n,) [N·m, N]; None before a calibration.
+        ratio: level of the torque over that of the direct one, (n,); 0 where it is not used.
     """
 
     model: MonitoredModel
@@ -74,6 +95,9 @@ class Detector:
     noise: ObserverNoise
     levels: Array
     root: Array | None
+    share: float = 1.0
+    direct: Array | None = None
+    ratio: Array | float = 0.0
 
     @property
     def thresholds(self) -> Array:
@@ -111,7 +135,7 @@ class Observation:
 
 def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
     """Observers that show 95 % of a step in a stated time, by window and source of the speed."""
-    if not within_s * rate_hz >= 3 - 1e-9:
+    if not within_s * rate_hz >= LEAST_SAMPLES * (1 - RATE_OFF):
         raise IdentificationError(
             f"expected three samples or more in which a contact is shown, got {within_s:g} s at "
             f"{rate_hz:g} Hz; raise --within"
@@ -127,10 +151,12 @@ def detector_for(
     recording: Recording,
     held_out: HeldOutResidual,
     rate: AlarmRate,
-    within_s: float = WITHIN_S,
+    within_s: float | None = None,
     root: Array | None = None,
 ) -> Detector:
     """The observer with the smallest thresholds on a log."""
+    if within_s is None:
+        within_s = max(WITHIN_S, LEAST_SAMPLES / recording.rate_hz)
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
     signals = part.t, part.q, part.required("dq"), part.required("tau"), _further(part, model)
@@ -150,39 +176,119 @@ class Signals:
 
     Attributes:
         t: (N,) [s].
-        r: (N, n) external torque, NaN where unknown [N·m, N].
-        band: (N, n) standard deviation of the model's torque [N·m, N].
+        r: (N, n) external torque without what is usual in this session, NaN where unknown [N·m, N].
         sigma: (N, n) standard deviation of r in free motion, band included [N·m, N].
+        model_band: (N, n) standard deviation of the model's torque [N·m, N].
+        band: (N, n) the same with that of what is usual [N·m, N].
         extra: (N, n) dry friction and timing in the thresholds [N·m, N].
+        rest: (N, n) unknown dry friction of resting joints [N·m, N].
+        direct: (N, n) level of the direct torque, 0 where unknown.
     """
 
     t: Array
     r: Array
-    band: Array
     sigma: Array
+    model_band: Array
+    band: Array
     extra: Array
+    rest: Array
+    direct: Array
 
-    @property
-    def normalised(self) -> Array:
-        """(|r| − extra)/σ, (N, n): the level z at which a sample is an alarm; NaN where unknown."""
-        return np.asarray((np.abs(self.r) - self.extra) / np.maximum(self.sigma, 1e-300))
+    def normalised(self, share: float, ratio: Array | float) -> Array:
+        """Level z at which a sample is an alarm, (N, n); NaN where r is unknown."""
+        beyond = np.abs(self.r) - share * self.extra - self.rest
+        z = beyond / np.maximum(self.sigma, 1e-300)
+        return np.asarray(np.maximum(z, np.where(np.isfinite(z), ratio * self.direct, z)))
 
 
 def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signals:
     """External torque of a log and the terms of its thresholds."""
-    rate = detector.settings.rate_hz
-    if abs(recording.rate_hz - rate) > RATE_OFF * rate:
+    s, model = detector.settings, detector.model
+    if abs(recording.rate_hz - s.rate_hz) > RATE_OFF * s.rate_hz:
         raise IdentificationError(
-            f"expected a log at {rate:g} Hz, for which the observer was made, got "
+            f"expected a log at {s.rate_hz:g} Hz, for which the observer was made, got "
             f"{recording.rate_hz:g} Hz; give logs of one rate"
         )
     t, q = recording.t, recording.q
     dq, tau = recording.required("dq"), recording.required("tau")
-    model, further = detector.model, _further(recording, detector.model)
-    r = external_torque(lib, model, detector.settings, t, q, dq, tau, further)
-    state = t, q, dq, tau, further
-    band, extra = state_terms(lib, model, detector.settings, detector.root, *state)
-    return Signals(t, r, band, np.sqrt(detector.noise.sigma**2 + band**2), extra)
+    r, direct, features = both_torques(lib, model, s, recording)
+    band, extra = state_terms(
+        lib, model, s, detector.root, t, q, dq, tau, _further(recording, model)
+    )
+    rest = at_rest(lib, model, s, t, q, dq)
+    sigma = detector.noise.sigma
+    usual, variance = usual_torque(r, features, sigma, s.rate_hz)
+    known = np.sqrt(band**2 + variance)
+    size = np.zeros_like(r)
+    if detector.direct is not None:
+        usual_direct, variance = usual_torque(direct, features, detector.direct, s.rate_hz)
+        total = np.sqrt(detector.direct**2 + band**2 + variance)
+        beyond = np.abs(direct - usual_direct) - rest
+        size = np.maximum(np.nan_to_num(beyond / np.maximum(total, 1e-300)), 0.0)
+    total = np.sqrt(sigma**2 + known**2)
+    return Signals(t, r - usual, total, band, known, extra, rest, size)
+
+
+def both_torques(
+    lib: Library, model: MonitoredModel, s: ObserverSettings, recording: Recording
+) -> tuple[Array, Array, Array]:
+    """r, the direct torque with the rate of the momentum over `DIRECT_S`, and the features.
+
+    The features (N, n, 3) are what differs between sessions, at the means of the window.
+    """
+    t, q = recording.t, recording.q
+    dq, tau = recording.required("dq"), recording.required("tau")
+    further = _further(recording, model)
+    overs = 1, direct_steps(s.rate_hz)
+    r, direct = external_torques(lib, model, s, t, (q, dq, tau), further, overs)
+    features = _features(lib, model, s, t, q, dq, further)
+    return r, np.where(np.isfinite(r), direct, np.nan), features
+
+
+def unknown_dry_friction(lib: Library, model: MonitoredModel) -> Array:
+    """Dry friction of resting joints of which the model contains none, (n,) [N·m, N]."""
+    is_known = (model.dry_friction > 0) | (model.lasting_friction > 0)
+    limits = lib.limits()["effort"]
+    return np.where(is_known | ~np.isfinite(limits), 0.0, REST * limits)
+
+
+def at_rest(
+    lib: Library, model: MonitoredModel, s: ObserverSettings, t: Array, q: Array, dq: Array
+) -> Array:
+    """Unknown dry friction while a joint rests and shortly after, (N, n) [N·m, N]."""
+    rest, size = np.zeros_like(q), unknown_dry_friction(lib, model)
+    if size.any():
+        for part in segments(t):
+            if part.stop - part.start > s.steps + 1:
+                _, speed, _ = averaged(s, q[part], dq[part], q[part])
+                is_slow = np.abs(speed) < SLOW * model.terms.coulomb_speed
+                rest[part][s.steps :] = near(t[part][s.steps :], is_slow, 0.0, REVERSAL_S) * size
+    return rest
+
+
+def direct_steps(rate_hz: float) -> int:
+    """Steps over which the direct torque takes the rate of the momentum."""
+    return max(round(DIRECT_S * rate_hz), 1)
+
+
+def _features(
+    lib: Library,
+    model: MonitoredModel,
+    s: ObserverSettings,
+    t: Array,
+    q: Array,
+    dq: Array,
+    signals: FurtherSignals,
+) -> Array:
+    """What a session scales, at the means of the window, (N, n, 3)."""
+    features = np.zeros((*q.shape, 3))
+    for part in segments(t):
+        if part.stop - part.start > s.steps + 1:
+            position, speed, _ = averaged(s, q[part], dq[part], q[part])
+            further = {key: window_mean(s, values[part]) for key, values in signals.items()}
+            known = model.session_features(lib, position, speed, signals=further)
+            features[part][s.steps :] = known
+    return features
 
 
 def observe(lib: Library, detector: Detector, recording: Recording) -> Observation:
@@ -192,21 +298,33 @@ def observe(lib: Library, detector: Detector, recording: Recording) -> Observati
 
 def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observation:
     """Contacts by the thresholds of a detector."""
-    threshold = detector.noise.thresholds(detector.levels, seen.band) + seen.extra
+    threshold = detector.noise.thresholds(detector.levels, seen.band)
+    threshold += detector.share * seen.extra + seen.rest
+    # The direct torque in units in which its threshold is that of r.
+    direct = seen.direct * (detector.ratio / detector.levels) * threshold
     contacts = contacts_of(
-        seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s
+        seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s, direct
     )
     seconds = float(np.isfinite(seen.r[:, 0]).sum() / detector.settings.rate_hz)
     return Observation(seen.t, seen.r, seen.sigma, threshold, contacts, seconds)
 
 
-def prepared_for(recording: Recording, model: MonitoredModel) -> Recording:
-    """The log on a uniform grid with dq, its torque without delay, unfiltered."""
+def prepared_for(
+    recording: Recording, model: MonitoredModel, rate_hz: float | None = None
+) -> Recording:
+    """The log on a uniform grid with dq, its torque without delay, unfiltered.
+
+    A log whose rate is not the stated one is interpolated to it.
+    """
     steps = recording.preparation
     if steps == Preparation():
         steps = model.preparation
     if steps.max_gap_s is None:
         steps = replace(steps, max_gap_s=3.0 / recording.rate_hz)
+    if rate_hz is not None:
+        usual_hz = steps.grid_hz or recording.rate_hz
+        if abs(usual_hz - rate_hz) > RATE_OFF * rate_hz:
+            steps = replace(steps, grid_hz=rate_hz)
     data = on_grid(recording, steps)
     return differentiate(data) if data.dq is None else data
 

@@ -258,13 +258,28 @@ def external_torque(
     t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N], signals that the
     columns need → (N, n) [N·m, N].
     """
-    r = np.full_like(q, np.nan)
+    return external_torques(lib, model, settings, t, (q, dq, tau), signals, (1,))[0]
+
+
+def external_torques(
+    lib: Library,
+    model: MonitoredModel,
+    settings: ObserverSettings,
+    t: Array,
+    motion: tuple[Array, Array, Array],
+    signals: Signals,
+    overs: tuple[int, ...],
+) -> tuple[Array, ...]:
+    """r from q, dq and τ for one step; for more, dp/dt − u over them, not low-passed."""
+    result = tuple(np.full_like(motion[0], np.nan) for _ in overs)
     for part in segments(t):
-        if part.stop - part.start > settings.steps + 1:
+        if part.stop - part.start > settings.steps + max(overs):
             further = {key: values[part] for key, values in signals.items()}
-            values = _segment(lib, model, settings, (q[part], dq[part], tau[part]), further)
-            r[part][settings.steps + 1 :] = values
-    return r
+            q, dq, tau = (each[part] for each in motion)
+            values = _segment(lib, model, settings, (q, dq, tau), further, overs)
+            for r, over, value in zip(result, overs, values, strict=True):
+                r[part][settings.steps + over :] = value
+    return result
 
 
 def _segment(
@@ -273,11 +288,19 @@ def _segment(
     s: ObserverSettings,
     motion: tuple[Array, Array, Array],
     signals: Signals,
-) -> Array:
-    """r of one segment without the first steps + 1 samples, from its q, dq and τ."""
+    overs: tuple[int, ...],
+) -> list[Array]:
+    """r of one segment without the first samples, from its q, dq and τ."""
     position, speed, torque = averaged(s, *motion)
     further = {key: window_mean(s, values) for key, values in signals.items()}
     p, force = model.balance(lib, position, speed, signals=further)
     rate = torque + force
-    w = np.diff(p, axis=0) * s.rate_hz - (rate[1:] + rate[:-1]) / 2
-    return np.asarray(scipy_signal().lfilter([1 - s.decay], [1, -s.decay], w, axis=0))
+    shown = []
+    for over in overs:
+        change = (p[over:] - p[:-over]) * (s.rate_hz / over)
+        if over > 1:
+            shown.append(change - (motion[2][s.steps + over :] + force[over:]))
+            continue
+        w = change - (rate[1:] + rate[:-1]) / 2
+        shown.append(scipy_signal().lfilter([1 - s.decay], [1, -s.decay], w, axis=0))
+    return shown

@@ -2,7 +2,8 @@
 
 It needs kernels.c of the generated robot and <math.h>; it allocates nothing, and one state serves
 one thread. The model's band is constant there, its median over the observed log; all other terms
-of the thresholds follow the state.
+of the thresholds follow the state. What a session changes is learnt as `runtime.monitoring.session`
+does.
 """
 
 from string import Template
@@ -11,9 +12,15 @@ import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
+from runtime.monitoring import session
 from runtime.monitoring.model import SLOW
 from runtime.monitoring.noise import REVERSAL_S
-from runtime.monitoring.observation import SLOPE_STEPS, Detector
+from runtime.monitoring.observation import (
+    SLOPE_STEPS,
+    Detector,
+    direct_steps,
+    unknown_dry_friction,
+)
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
 FORMS = {
@@ -31,18 +38,27 @@ HEADER = Template("""/* $robot: external joint torque by a momentum observer, wr
 #ifndef ${upper}_OBSERVER_H
 #define ${upper}_OBSERVER_H
 
+/* Bias and relative changes of viscous and dry friction, with their covariance. */
+typedef struct {
+    double theta[3], p[3][3], sum_f[3], sum_r;
+    int samples, taken, left_out, started;
+} ${robot}_session;
+
 /* All that the observer remembers; {0} is the first state. */
 typedef struct {
     double window[$steps + 1][3 * $n];
     double torque[$lag + 1][$n];
     double p[$n], u[$n], r[$n];
     double place[$n], travel[$n], z[$n];
+    double momentum[$over + 1][$n];
+    ${robot}_session session[2][$n]; /* of r and of the direct torque */
     long samples, means;
     int slow[$n];
 } ${robot}_observer;
 
 /* Adds one sample at $rate Hz: q [rad, m], dq, tau of the motors [N m, N]. Writes the external
- * torque r and the thresholds, and returns a bit per joint whose |r| is above its threshold. */
+ * torque r and the thresholds, and returns a bit per joint whose |r| is above its threshold, or
+ * whose direct torque, with the rate of the momentum over $over steps, is above its own. */
 unsigned ${robot}_observer_update(${robot}_observer *o, const double q[$n], const double dq[$n],
                                   const double tau[$n], double r[$n], double threshold[$n]);
 
@@ -60,7 +76,7 @@ SOURCE = Template("""/* $robot: external joint torque by a momentum observer, wr
 #include "$robot.h"
 #include "observer.h"
 
-enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests };
+enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = $over };
 
 #define RATE $rate
 #define DECAY $decay
@@ -71,10 +87,79 @@ enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests };
 static const double beta[BASE] = {$beta};
 static const double friction[N][$columns] = {$phi};
 static const double rotor[N] = {$rotor};
-/* Thresholds: z sqrt(sigma^2 + band^2) or the largest slow residual, and twice the dry friction. */
-static const double usual[N] = {$usual};
+/* Thresholds: z sqrt(variance), with the floor of the largest slow residual, and dry friction. */
+static const double variance[N] = {$variance};
+static const double level[N] = {$level};
+static const double least[N] = {$least};
 static const double dry[N] = {$dry};
+static const double still[N] = {$still};
 static const double lasting[N] = {$lasting};
+/* The session: variance of the noise of r and of the direct torque, whose level 0 is unused. */
+static const double noise[2][N] = {{$noise}, {$direct_noise}};
+static const double direct_level[N] = {$direct_level};
+
+/* Usual torque of the session for the features f, and its variance; takes r after its use. */
+static double session_update(${robot}_session *s, double noise_of_r, const double f[3], double r,
+                             double *spread)
+{
+    const double first[3] = {$first_bias * noise_of_r, $first_viscous, $first_dry};
+    const double drift[3] = {$drift_bias * noise_of_r, $drift_viscous, $drift_dry};
+    double usual = 0.0;
+    if (!s->started) {
+        s->started = 1;
+        for (int i = 0; i < 3; ++i) {
+            s->p[i][i] = first[i];
+        }
+    }
+    *spread = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        usual += f[i] * s->theta[i];
+        s->sum_f[i] += f[i];
+        for (int k = 0; k < 3; ++k) {
+            *spread += f[i] * s->p[i][k] * f[k];
+        }
+    }
+    s->sum_r += r;
+    if (++s->samples < $block) {
+        return usual;
+    }
+    double gain[3] = {0}, error = s->sum_r / s->samples, total = noise_of_r;
+    for (int i = 0; i < 3; ++i) {
+        for (int k = 0; k < 3; ++k) {
+            gain[i] += s->p[i][k] * s->sum_f[k] / s->samples;
+        }
+        total += gain[i] * s->sum_f[i] / s->samples;
+        error -= s->theta[i] * s->sum_f[i] / s->samples;
+    }
+    if (s->taken >= $starts && error * error > $outlier * total) {
+        ++s->left_out;
+    } else {
+        s->left_out = 0;
+        ++s->taken;
+        for (int i = 0; i < 3; ++i) {
+            s->theta[i] += gain[i] / total * error;
+            for (int k = 0; k < 3; ++k) {
+                s->p[i][k] -= gain[i] / total * gain[k];
+            }
+        }
+    }
+    for (int i = 0; i < 3; ++i) {
+        s->p[i][i] += drift[i];
+        s->sum_f[i] = 0.0;
+    }
+    s->sum_r = 0.0;
+    s->samples = 0;
+    if (s->left_out > (s->taken < $hold ? s->taken : $hold)) {
+        s->taken = s->left_out = 0;
+    }
+    if (s->taken < $starts) {
+        memset(s->p, 0, sizeof s->p);
+        for (int i = 0; i < 3; ++i) {
+            s->p[i][i] = first[i];
+        }
+    }
+    return usual;
+}
 
 /* Momentum p and C' dq - g - tau_f. */
 static void balance(const double q[N], const double v[N], const double z[N], double p[N],
@@ -103,7 +188,9 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     memcpy(now + N, dq, sizeof(double) * N);
     memcpy(now + 2 * N, tau, sizeof(double) * N);
     memcpy(r, o->r, sizeof(double) * N);
-    memcpy(threshold, usual, sizeof(double) * N);
+    for (int j = 0; j < N; ++j) {
+        threshold[j] = level[j] * sqrt(variance[j]);
+    }
     if (o->samples++ < STEPS) {
         return 0; /* the window is not full */
     }
@@ -130,30 +217,48 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     balance(mean, mean + N, o->z, p, force);
     const double *before = o->torque[(o->means + 1) % (LAG + 1)];
     unsigned contacts = 0;
+    const double *past = o->momentum[(o->means + 1) % (OVER + 1)];
     for (int j = 0; j < N; ++j) {
-        double u = mean[2 * N + j] + force[j];
+        double u = mean[2 * N + j] + force[j], extra = 0.0, rest = 0.0;
+        double usual[2] = {0}, spread[2] = {0}, direct = 0.0;
+        o->momentum[o->means % (OVER + 1)][j] = p[j];
         if (o->means) {
             double w = (p[j] - o->p[j]) * RATE - (u + o->u[j]) / 2;
+            double viscous = viscous_torque(j, mean[N + j]);
+            double f[3] = {1.0, viscous, friction_torque(j, mean[N + j], o->z[j]) - viscous
+                                             - offset[j]};
             o->r[j] = DECAY * o->r[j] + (1 - DECAY) * w;
+            usual[0] = session_update(&o->session[0][j], noise[0][j], f, o->r[j], &spread[0]);
+            if (direct_level[j] > 0 && o->means >= OVER) {
+                direct = (p[j] - past[j]) * (RATE / OVER) - (tau[j] + force[j]);
+                usual[1] = session_update(&o->session[1][j], noise[1][j], f, direct, &spread[1]);
+            }
         }
         o->p[j] = p[j];
         o->u[j] = u;
-        r[j] = o->r[j];
+        r[j] = o->r[j] - usual[0];
+        threshold[j] = fmax(level[j] * sqrt(variance[j] + spread[0]), least[j]);
         if (fabs(mean[N + j]) < $slow * COULOMB) {
             o->slow[j] = RESTS + 1;
         }
         if (o->slow[j] > 0) { /* at rest or just reversed: dry friction may act either way */
-            threshold[j] += 2 * dry[j];
+            extra += 2 * dry[j];
+            rest = still[j];
             --o->slow[j];
         }
         if (lasting[j] > 0) { /* the first state is unknown */
-            threshold[j] += lasting[j] * exp(-o->travel[j] / STROKE);
+            extra += lasting[j] * exp(-o->travel[j] / STROKE);
         }
         if (o->means >= LAG) { /* torque and position lie up to a step apart */
-            threshold[j] += fabs(mean[2 * N + j] - before[j]) / LAG;
+            extra += fabs(mean[2 * N + j] - before[j]) / LAG;
         }
+        threshold[j] += $share * extra + rest;
         o->torque[o->means % (LAG + 1)][j] = mean[2 * N + j];
         contacts |= (unsigned)(fabs(r[j]) > threshold[j]) << j;
+        if (direct_level[j] > 0) {
+            double most = direct_level[j] * sqrt(noise[1][j] + spread[1]) + rest;
+            contacts |= (unsigned)(fabs(direct - usual[1]) > most) << j;
+        }
     }
     ++o->means;
     return contacts;
@@ -168,6 +273,16 @@ FRICTION = Template("""static double friction_torque(int j, double v, double z)
     (void)friction;
     return 0.0$terms;
 }
+
+/* Part of it that a warm gear changes; the offset is no friction. */
+static double viscous_torque(int j, double v)
+{
+    (void)j;
+    (void)v;
+    return 0.0$viscous;
+}
+
+static const double offset[N] = {$offset};
 
 """)
 EXAMPLE = Template("""/* $robot: the observer in a loop. Compile and run:
@@ -194,7 +309,8 @@ int main(void)
         contacts |= ${robot}_observer_update(&state, q, dq, tau, r, threshold);
     }
     for (int j = 0; j < N; ++j) {
-        printf("joint %d: r %.4f, threshold %.4f\\n", j + 1, r[j], threshold[j]);
+        /* state.r is r before what is learnt of the session is subtracted. */
+        printf("joint %d: r %.4f, threshold %.4f\\n", j + 1, state.r[j], threshold[j]);
     }
     printf("contacts: %u\\n", contacts);
     return 0;
@@ -237,7 +353,21 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "columns": max(kept.shape[1], 1),
         "phi": ", ".join(f"{{{_row(each) or '0.0'}}}" for each in kept),
         "rotor": _row(model.phi[:, inertial].sum(axis=1)),
-        "usual": _row(detector.noise.thresholds(detector.levels, band)),
+        "over": direct_steps(s.rate_hz),
+        "variance": _row(detector.noise.sigma**2 + band**2),
+        "level": _row(detector.levels),
+        "least": _row(detector.noise.least),
+        "still": _row(unknown_dry_friction(lib, model)),
+        "noise": _row(detector.noise.sigma**2),
+        "direct_noise": _row(np.zeros(n) if detector.direct is None else detector.direct**2),
+        "direct_level": _row(_direct_levels(detector)),
+        "share": repr(detector.share),
+        "block": session.block_steps(s.rate_hz),
+        "hold": session.HOLD_BLOCKS,
+        "starts": session.START_BLOCKS,
+        "outlier": repr(session.OUTLIER**2),
+        **_parts("first", session.first_covariance(np.ones(1))),
+        **_parts("drift", session.drift_of_block(np.ones(1))),
         "dry": _row(model.dry_friction),
         "lasting": _row(model.lasting_friction),
         "dahl_stroke": repr(model.terms.dahl_stroke),
@@ -249,10 +379,28 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
     terms = "".join(f" + friction[j][{k}] * ({FORMS[name]})" for k, name in enumerate(names))
     source = SOURCE.substitute(values)
     place = source.index("/* Momentum p")
-    source = source[:place] + FRICTION.substitute(terms=terms) + source[place:]
+    where = {name: f"friction[j][{k}]" for k, name in enumerate(names)}
+    parts = {
+        "terms": terms,
+        "viscous": f" + {where['viscous']} * v" if "viscous" in where else "",
+        "offset": _row(kept[:, names.index("offset")] if "offset" in names else np.zeros(n)),
+    }
+    source = source[:place] + FRICTION.substitute(parts) + source[place:]
     return dict(
         zip(FILES, (HEADER.substitute(values), source, EXAMPLE.substitute(values)), strict=True)
     )
+
+
+def _direct_levels(detector: Detector) -> Array:
+    """Levels of the direct torque, 0 where it is not used."""
+    ratio = np.broadcast_to(detector.ratio, detector.levels.shape)
+    return np.where(ratio > 0, detector.levels / np.where(ratio > 0, ratio, 1.0), 0.0)
+
+
+def _parts(name: str, variances: Array) -> dict[str, str]:
+    """Variances (1, 3) of bias, viscous and dry friction, for σ = 1."""
+    parts = ("bias", "viscous", "dry")
+    return {f"{name}_{part}": repr(float(x)) for part, x in zip(parts, variances[0], strict=True)}
 
 
 def _row(values: Array) -> str:

@@ -27,7 +27,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Library
-from runtime.monitoring.calibration import calibrated, tails_of
+from runtime.monitoring.calibration import calibrated, calibrated_on
 from runtime.monitoring.drift import Verdict, baseline_of, verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
@@ -228,10 +228,7 @@ def _watched(
     ]
     # One observer for all rates: a rate changes the levels alone.
     one = plain[STATED.index(AT)]
-    tails = tails_of(
-        (signals_of(lib, one, free(CALIBRATION_SEED + k)) for k in range(CALIBRATION)),
-        one.settings.rate_hz,
-    )
+    one, tails = calibrated_on(lib, one, [free(CALIBRATION_SEED + k) for k in range(CALIBRATION)])
     detectors = [calibrated(replace(one, rate=each.rate), tails) for each in plain]
     for k in wanted:
         data = free(k)

@@ -14,7 +14,13 @@ from runtime.library import Library
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
-from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
+from runtime.monitoring.observation import (
+    Detector,
+    detector_for,
+    observe,
+    prepared_for,
+    signals_of,
+)
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction
@@ -88,6 +94,29 @@ def test_c_is_the_python_observer(
     above = np.abs(seen.r[first:]) > seen.threshold[first:]
     assert above[:, 1].any()
     bits = answer[first:, 14].astype(int)
+    np.testing.assert_array_equal((bits[:, None] >> np.arange(7)) & 1, above)
+
+
+def test_c_has_the_direct_torque_and_the_terms_of_a_calibration(
+    lib: Library, detector: Detector, rest_of_log: Recording, tmp_path: Path
+) -> None:
+    """Oracle: a push is found by the direct torque alone, in the same samples as in Python."""
+    part = prepared_for(rest_of_log.take(slice(0, 2000), "part"), detector.model)
+    tau = np.array(part.tau)
+    tau[1200:1500, 1] += 4.0
+    levels, ratio = np.full(7, 30.0), np.array([0, 4.0, 0, 4.0, 0, 0, 0])
+    noise = dataclasses.replace(detector.noise, largest=np.zeros(7))
+    changed = dataclasses.replace(
+        detector, noise=noise, levels=levels, share=0.0, direct=noise.sigma, ratio=ratio
+    )
+    seen = signals_of(lib, changed, part.replace(tau=tau))
+    above = np.nan_to_num(seen.normalised(0.0, ratio)) > levels
+    program = compiled(observer_c(lib, changed, np.zeros(7)), lib, tmp_path, "driver.c")
+    data = np.hstack([part.q, part.dq, tau]).tobytes()
+    done = subprocess.run([str(program)], input=data, capture_output=True, check=True)
+    bits = np.frombuffer(done.stdout).reshape(-1, 15)[:, 14].astype(int)
+    assert above[:, 1].any()
+    assert not (np.nan_to_num(seen.normalised(0.0, 0.0)) > levels)[:, 1].any()
     np.testing.assert_array_equal((bits[:, None] >> np.arange(7)) & 1, above)
 
 

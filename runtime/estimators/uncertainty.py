@@ -29,8 +29,9 @@ from runtime.estimators.contradictions import ModelTests, model_tests
 from runtime.estimators.convex import CAD, NONE, Prior, bodies_of, com_sigma, reduce, spread_of
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
+from runtime.estimators.regression.nuisance import nuisance_slopes
 from runtime.estimators.regression.omitted_columns import free_fit
-from runtime.estimators.regression.posterior import DETERMINED, Posterior
+from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of
 from runtime.estimators.regression.samples import (
     LAGS,
     NORMAL_95,
@@ -75,7 +76,8 @@ class Uncertainty:
     """Covariance of π and the figures that a report states beside it.
 
     Attributes:
-        root: C = root rootᵀ of π, (10 n, 10 n + 1); the last column is the error of the estimate.
+        root: C = root rootᵀ of π, (10 n, 10 n + m + 1); behind the first 10 n columns m of
+            nuisance torque and the error of the estimate.
         share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
         verdicts: per entry of π: identified, prior-dominated or unobservable.
         beta_sigma: standard deviation of the base parameters, (n_b,).
@@ -93,6 +95,7 @@ class Uncertainty:
         information: what the posterior is computed from; None where it was not kept.
         tests: what the data contradict, and what they cannot show.
         filtered: N / N_eff that the low-pass filter leaves of white noise, 1 without a filter.
+        phi_nuisance: what the m columns of nuisance torque move φ at known π, (n k, m).
     """
 
     root: Array
@@ -111,6 +114,7 @@ class Uncertainty:
     information: LogInformation | None = None
     tests: ModelTests = field(default_factory=ModelTests)
     filtered: float = 1.0
+    phi_nuisance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -245,7 +249,9 @@ def uncertainty_of(
     reference, vague = vague_posterior(lib, prior, rows, target)
     if centre is not None:
         reference = pi
-    root = np.column_stack([spread.root if is_most_probable else vague, pi - reference])
+    usual = spread.root if is_most_probable else vague
+    moved, phi_nuisance = _nuisance(lib, samples, pi, statistics, level, usual)
+    root = np.column_stack([usual, moved, pi - reference])
     outcome = ModelTests()
     if tests:
         fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
@@ -280,7 +286,26 @@ def uncertainty_of(
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
         information=LogInformation(statistics, float(level), kappa, prior.centre),
         tests=outcome,
+        phi_nuisance=phi_nuisance,
     )
+
+
+def _nuisance(
+    lib: Library,
+    samples: Samples,
+    pi: Array,
+    statistics: Statistics,
+    level: float,
+    root: Array,
+) -> tuple[Array, Array]:
+    """What nuisance torque of size 1 moves π, and φ at known π, (10 n, m) and (n k, m)."""
+    slopes = nuisance_slopes(lib, samples, pi, statistics, level)
+    n_base = statistics.n_base
+    base, columns = statistics.factor[:, :n_base], statistics.factor[:, n_base:]
+    friction = posterior_of(columns).root
+    phi = friction @ (friction.T @ slopes[n_base:])
+    left = lib.base_matrix.T @ (slopes[:n_base] - base.T @ (columns @ phi)) / level
+    return root @ (root.T @ left), phi
 
 
 def verdict(silent: bool, share: float) -> str:

@@ -36,14 +36,14 @@ def friction_sigma(result: Identification) -> Array | None:
         return None
     information, lib = known.information, result.lib
     logs = len(result.log_names)
-    posterior = SavedPosterior(information, result.pi, known.root, lib.n_joints, logs)
+    posterior = SavedPosterior(
+        information, result.pi, known.root, lib.n_joints, logs, known.phi_nuisance
+    )
     _, system = posterior.reduced(lib)
     if system.lengths.size != result.phi.size:
         return None
     difference = result.phi.ravel() - system.phi(result.pi)
-    root = np.column_stack(
-        [posterior.phi_slope(system) @ known.root, posterior.phi_root(system), difference]
-    )
+    root = np.column_stack([posterior.phi_over(system), posterior.phi_root(system), difference])
     columns = information.statistics.factor[:, information.statistics.n_base :]
     root[~determined(columns)] = np.nan
     sigma = np.linalg.norm(posterior.usual(root), axis=1).reshape(phi.shape)

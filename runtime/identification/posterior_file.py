@@ -39,6 +39,7 @@ class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
     pi_root: Array
     kappa: Positive
     logs: Annotated[int, Meta(ge=0)]
+    phi_nuisance: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +52,7 @@ class SavedPosterior:
         pi_root: L_π, root of the covariance of π, (10 n, columns).
         joints: number n of joints, the rows of φ.
         logs: number of logs with offsets of their own; 0 for one log. The offset is their mean.
+        phi_nuisance: what the m columns of L_π behind the first 10 n move φ at known π, (n k, m).
     """
 
     information: LogInformation
@@ -58,6 +60,7 @@ class SavedPosterior:
     pi_root: Array
     joints: int
     logs: int
+    phi_nuisance: Array | None = None
 
     def reduced(self, lib: Library) -> tuple[Reduced, Elimination]:
         """Least squares over π, and the system that gives φ."""
@@ -67,7 +70,7 @@ class SavedPosterior:
         """Root of the covariance of [β; φ], (n_b + n k, columns)."""
         _, system = self.reduced(lib)
         over_pi = self.pi_root
-        phi = np.hstack([self.phi_slope(system) @ over_pi, self.phi_root(system)])
+        phi = np.hstack([self.phi_over(system), self.phi_root(system)])
         beta = self.information.statistics.base_matrix @ over_pi
         beta = np.hstack([beta, np.zeros((len(beta), phi.shape[1] - beta.shape[1]))])
         return np.vstack([beta, self.usual(phi)])
@@ -79,6 +82,14 @@ class SavedPosterior:
     def usual_phi_root(self, system: Elimination) -> Array:
         """Root of the covariance of φ at known π, (n k, rank), the offset averaged over logs."""
         return self.usual(self.phi_root(system))
+
+    def phi_over(self, system: Elimination) -> Array:
+        """What the columns of L_π move φ, (n k, columns)."""
+        moved = self.phi_slope(system) @ self.pi_root
+        if self.phi_nuisance is not None and self.phi_nuisance.size:
+            first = len(self.pi_root)
+            moved[:, first : first + self.phi_nuisance.shape[1]] += self.phi_nuisance
+        return moved
 
     @staticmethod
     def phi_slope(system: Elimination) -> Array:
@@ -128,6 +139,7 @@ def store_posterior(
             density=information.density,
             kappa=information.kappa,
             logs=logs,
+            phi_nuisance=uncertainty.phi_nuisance,
         )
 
 
@@ -157,8 +169,10 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
         )
     columns = saved.phi.shape[1] + max(logs - 1, 0)
     root, every = stored.pi_root, (stored.factor, stored.target, stored.centre, stored.pi_root)
+    moved = stored.phi_nuisance
     fits = (
-        stored.factor.shape == (size, size)
+        (moved is None or (moved.shape[:1] == (size - len(base),) and np.isfinite(moved).all()))
+        and stored.factor.shape == (size, size)
         and size == len(base) + lib.n_joints * columns
         and stored.centre.shape == lib.pi0.shape
         and root.ndim == 2
@@ -171,4 +185,4 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
     known = LogInformation(stored.statistics, stored.density, stored.kappa, stored.centre)
-    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs)
+    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs, stored.phi_nuisance)

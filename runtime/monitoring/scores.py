@@ -23,6 +23,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.nuisance import SHAPES, nuisance_columns
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import torque_of
@@ -48,10 +49,6 @@ USUAL = {
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
 range of the joint; relative. Errors of the model, and what its misfit adds in the postures of one
 log, in σ of its posterior; torque of other shapes, relative to the range of the joint."""
-SHAPES = 8
-"""Nuisance columns of a joint: cables and ripple, load, friction that peaks or bends."""
-SLOW = 0.06
-"""Speed at which friction peaks [rad/s, m/s]."""
 DOUBT = 1.0
 """Standard deviation of the logarithm of a scale about its default."""
 FREEDOM, ASSUMED = 3, 20
@@ -198,21 +195,8 @@ def scores_of(
     misfit = level / (white * max(coloured.variance, 1e-300))
     error = q.T @ (known.reshape(count * n, -1) @ root)
     n_eff = count / max(coloured.inflation, 1.0)
-    shape = q.T @ (_shapes(lib, pi, samples) * over[:, None]).reshape(count * n, -1)
+    shape = q.T @ (nuisance_columns(lib, pi, samples) * over[:, None]).reshape(count * n, -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
-
-
-def _shapes(lib: Library, pi: Array, samples: Samples) -> Array:
-    """Nuisance columns of the torque, (N, n, SHAPES n), each of one joint and of size 1."""
-    q, dq = samples.q, samples.dq
-    still = np.zeros_like(q)
-    load = np.abs(lib.inverse_dynamics(q, still, still, pi))
-    sign = np.tanh(dq / SLOW)
-    each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
-    each += [load / np.maximum(load.max(axis=0), 1e-12) * sign]
-    each += [np.sign(dq) * np.sqrt(np.abs(dq)), sign * np.exp(-((dq / SLOW) ** 2))]
-    columns = np.stack(each, axis=2)[:, :, None, :] * np.eye(q.shape[1])[:, :, None]
-    return np.asarray(columns.reshape(*q.shape, -1))
 
 
 def usual_of(

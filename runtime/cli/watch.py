@@ -27,9 +27,12 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.preprocessing import prepare
 from runtime.recording.reader import locate, mean_of_column
+from runtime.recording.row_marks import Marks, row_hashes, row_marks, share_of_rows
 
 SHOWN = 5
 """Hypotheses that are printed per log."""
+KNOWN = 0.5
+"""Share of rows of the model, or of a log of reference, from which on a log is no later one."""
 
 
 def watch_command(
@@ -98,10 +101,16 @@ def watch_command(
         {"recorded": _recorded(log, date), "temperature": _temperature(log, recipe, temperature)}
         for log in logs
     ]
-    recordings = _read_all(lib, saved, logs, recipe)
-    healthy = _read_all(lib, saved, references or [], recipe)
+    raw = [saved.log_of(log, lib, recipe) for log in logs]
+    recordings = _prepared(lib, saved, logs, raw)
+    days = [saved.log_of(log, lib, recipe) for log in references or []]
+    healthy = _prepared(lib, saved, references or [], days)
     baseline = baseline_of(lib, saved, root, sigma, read_test_rows(result, model), healthy)
-    verdicts = [verdict_of(lib, baseline, each) for each in recordings]
+    rows = [row_marks(day) for day in days]
+    verdicts = [
+        verdict_of(lib, baseline, each, _is_known(saved, rows, log))
+        for each, log in zip(recordings, raw, strict=True)
+    ]
     entries = [_facts(verdict) for verdict in verdicts]
     if history is not None:
         marks = _marks(result, lib)
@@ -128,14 +137,20 @@ def watch_command(
         raise typer.Exit(1)
 
 
-def _read_all(
-    lib: Library, saved: SavedResult, logs: list[str], recipe: str | None
+def _is_known(saved: SavedResult, references: list[Marks], log: Recording) -> bool:
+    """Whether most rows of a log are those of the model or of a log of reference."""
+    hashes = row_hashes(log)
+    shares = [share_of_rows(marks, hashes) for marks in references]
+    return max(saved.fitted_share(log), *shares, 0.0) > KNOWN
+
+
+def _prepared(
+    lib: Library, saved: SavedResult, logs: list[str], raw: list[Recording]
 ) -> list[Recording]:
     """Logs, prepared as that of the result unless their recipe states a preparation."""
     stems = [Path(log).stem for log in logs]
     recordings = []
-    for log, stem in zip(logs, stems, strict=True):
-        recording = saved.log_of(log, lib, recipe)
+    for log, stem, recording in zip(logs, stems, raw, strict=True):
         require_plausible(recording, lib)
         steps = recording.preparation
         if steps == Preparation():

@@ -250,7 +250,8 @@ def uncertainty_of(
     if centre is not None:
         reference = pi
     usual = spread.root if is_most_probable else vague
-    moved, phi_nuisance = _nuisance(lib, samples, pi, statistics, level, usual)
+    slopes = nuisance_slopes(lib, samples, pi, statistics, level)
+    moved, phi_nuisance = _nuisance(lib, statistics, slopes, level, usual)
     root = np.column_stack([usual, moved, pi - reference])
     outcome = ModelTests()
     if tests:
@@ -291,15 +292,9 @@ def uncertainty_of(
 
 
 def _nuisance(
-    lib: Library,
-    samples: Samples,
-    pi: Array,
-    statistics: Statistics,
-    level: float,
-    root: Array,
+    lib: Library, statistics: Statistics, slopes: Array, level: float, root: Array
 ) -> tuple[Array, Array]:
     """What nuisance torque of size 1 moves π, and φ at known π, (10 n, m) and (n k, m)."""
-    slopes = nuisance_slopes(lib, samples, pi, statistics, level)
     n_base = statistics.n_base
     base, columns = statistics.factor[:, :n_base], statistics.factor[:, n_base:]
     friction = posterior_of(columns).root

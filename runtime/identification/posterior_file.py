@@ -122,11 +122,17 @@ class SavedPosterior:
 def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int = 0) -> None:
     """Write posterior.npz into the folder of a result, where what it is computed from was kept."""
     if uncertainty.information is not None:
-        store_posterior(folder, uncertainty.information, pi, uncertainty.root, logs)
+        root, moved = uncertainty.root, uncertainty.phi_nuisance
+        store_posterior(folder, uncertainty.information, pi, root, logs, moved)
 
 
 def store_posterior(
-    folder: Path, information: LogInformation, pi: Array, root: Array, logs: int = 0
+    folder: Path,
+    information: LogInformation,
+    pi: Array,
+    root: Array,
+    logs: int = 0,
+    phi_nuisance: Array | None = None,
 ) -> None:
     """Write posterior.npz, as a whole or not at all."""
     with replacing(folder / FILE) as file:
@@ -139,7 +145,7 @@ def store_posterior(
             density=information.density,
             kappa=information.kappa,
             logs=logs,
-            phi_nuisance=uncertainty.phi_nuisance,
+            phi_nuisance=np.zeros((0, 0)) if phi_nuisance is None else phi_nuisance,
         )
 
 

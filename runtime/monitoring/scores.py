@@ -42,8 +42,8 @@ USUAL = {
     "sensor gain": 0.005,
     "sensor bias": 0.003,
     "friction": 0.10,
-    "model": 2.0,
-    "posture": 1.0,
+    "model": 1.0,
+    "posture": 0.5,
     "shape": 0.003,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the

@@ -30,6 +30,7 @@ from symgen.cli.common import (
 )
 from symgen.errors import BuildError
 from symgen.make import bundled_name, bundled_robots
+from symgen.make.casadi_files import write_casadi
 from symgen.make.compiler import levels_of_processor
 from symgen.make.config import RobotConfig, read_config, read_masses, reduced_config
 from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
@@ -147,6 +148,14 @@ def build_command(
     precision: Annotated[
         str, typer.Option(help="Numbers of the files of --kernels: double or single.")
     ] = "double",
+    casadi: Annotated[
+        bool,
+        typer.Option(
+            "--casadi",
+            help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
+            "with CasADi's ABI and Jacobians) too.",
+        ),
+    ] = False,
     watch_size: Annotated[
         bool,
         typer.Option(
@@ -212,6 +221,9 @@ def build_command(
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
     say(f"{result.folder}: {state}")
+    if casadi:
+        for path in write_casadi(request, result.folder):
+            say(f"{path}: written")
 
 
 def check_command(

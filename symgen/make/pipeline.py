@@ -94,6 +94,8 @@ class ExpectedCost:
         )
 
 
+_OF_ONE_BUILD = (".so", ".tmp", ".casadi", "_casadi.c")
+"""Ends of files that do not outlive their build."""
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 
@@ -296,7 +298,7 @@ def replace_folder(new: Path, old: Path) -> None:
         new.rename(old)
         return
     for path in old.iterdir():
-        if not (new / path.name).exists() and not path.name.endswith((".so", ".tmp")):
+        if not (new / path.name).exists() and not path.name.endswith(_OF_ONE_BUILD):
             (shutil.copytree if path.is_dir() else shutil.copy2)(path, new / path.name)
     if not _exchange(new, old):
         aside = new.with_name(new.name + ".old")

@@ -63,6 +63,23 @@ class ColumnFault:
     order: tuple[int, ...]
     evidence: float = 0.0
 
+    def sentence(self, names: tuple[str, ...]) -> str:
+        """The fault in words."""
+        where = ", ".join(names[j] for j in self.joints)
+        if len(self.joints) == len(names) > 1:
+            where = "every joint"
+        return {
+            TORQUE_SIGN: f"the torque of {where} has the opposite sign",
+            POSITION_SIGN: f"position and velocity of {where} have the opposite sign of the "
+            "model's joint",
+            BOTH_SIGN: f"position, velocity and torque of {where} have the opposite sign of the "
+            "model's joint",
+            TORQUE_ORDER: f"the torques of {where} are exchanged",
+            POSITION_ORDER: f"the positions and velocities of {where} are exchanged",
+            REVERSED: "all torques have the opposite sign",
+            GRAVITY: "gravity is opposite to that of the model",
+        }[self.kind]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnFaults:

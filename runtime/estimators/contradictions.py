@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from runtime.estimators.column_faults import column_faults
 from runtime.estimators.convex import Prior, Reduced
 from runtime.estimators.convex.prior_agreement import LEAST_DENSITY, PriorTest, prior_test
 from runtime.estimators.regression.deviation_tests import (
@@ -81,6 +82,8 @@ def model_tests(
     if friction is not None and friction.is_contradicted:
         errors.append(_of_friction(lib, friction))
     test = prior_test(lib, data, prior, kappa, density)
+    if test.is_contradicted or (gains is not None and not gains.is_plausible):
+        sentences = [*_of_columns(lib, fit), *sentences]
     if test.is_contradicted:
         sentences.append(_of_prior(test, bool(sentences), is_of_type))
     rest = data.factor @ pi - data.target
@@ -93,6 +96,18 @@ def model_tests(
         )
     limits = np.zeros(0) if gains is None else gains.limits
     return ModelTests(tuple(sentences), tuple(errors), _of_limits(lib, limits), limits)
+
+
+def _of_columns(lib: Library, fit: FreeFit | None) -> list[str]:
+    """Sentences on signs and orders of columns, compared as `inspect` does."""
+    if fit is None or fit.samples.acceleration is None or fit.samples.equations != lib.n_joints:
+        return []
+    named = column_faults(lib, fit.samples).named
+    return [
+        f"{fault.sentence(lib.joint_names)}: the log is wrong rather than the URDF; inspect "
+        "proposes a recipe that corrects it"
+        for fault in named
+    ]
 
 
 def _beside(

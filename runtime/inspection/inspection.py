@@ -129,7 +129,9 @@ def inspect_log(
     checks.run(lambda r, p: units.units(r, p, lib))
     checks.run(lambda r, p: motion.velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
-    if not lib.placeholders:
+    constant = [] if at_rest is not None else signals.constant_torque(checks.recording, lib)
+    findings += constant
+    if not lib.placeholders and not constant:
         checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
     checks.run(lambda r, p: clock.clock(r, p, raw, lib))
     recording = checks.recording
@@ -137,8 +139,6 @@ def inspect_log(
     if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan, lib)
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
-    if at_rest is None:
-        findings += signals.constant_torque(recording, lib)
     findings += signals.unsigned_torque(recording)
     _check_torque(checks, lib, propose, blind=blind)
     if not has_gains:

@@ -39,7 +39,7 @@ def _finding(
 ) -> Finding:
     """The finding of one fault, with others that explain nearly as much."""
     before, after = (np.nanmean(left[list(fault.joints)]) for left in seen.left)
-    other = "".join(f", or else {_said(each, names)}" for each in rivals)
+    other = "".join(f", or else {each.sentence(names)}" for each in rivals)
     columns = ", ".join(map(str, fault.order))
     remedy = {
         faults.TORQUE_SIGN: "correct sign under [torque]",
@@ -62,25 +62,11 @@ def _finding(
     return Finding(
         fault.kind,
         WARNING,
-        f"{_said(fault, names)}{other}: the model with friction that brakes leaves "
+        f"{fault.sentence(names)}{other}: the model with friction that brakes leaves "
         f"{100 * before:.2g} % of the squared torque of these joints unexplained, so corrected "
         f"{100 * after:.2g} %; compare with the logger, and {remedy}",
         evidence,
     )
-
-
-def _said(fault: ColumnFault, names: tuple[str, ...]) -> str:
-    """The fault in words."""
-    where = joint_list(names, list(fault.joints))
-    return {
-        faults.TORQUE_SIGN: f"the torque of {where} has the opposite sign",
-        faults.POSITION_SIGN: f"position and velocity of {where} have the opposite sign of the "
-        "model's joint",
-        faults.BOTH_SIGN: f"position, velocity and torque of {where} have the opposite sign of "
-        "the model's joint",
-        faults.TORQUE_ORDER: f"the torques of {where} are exchanged",
-        faults.POSITION_ORDER: f"the positions and velocities of {where} are exchanged",
-    }[fault.kind]
 
 
 def _hidden(seen: ColumnFaults, names: tuple[str, ...]) -> list[Finding]:

@@ -220,6 +220,7 @@ def test_a_contradiction_that_no_gain_explains_is_no_gain(lib, trajectories):
     assert "do not trust" in words
     assert "a torque gain of" not in words
     assert "no torque gain explains it" in words
+    assert "the torques of fr3_joint2, fr3_joint4 are exchanged" in words
 
 
 @pytest.mark.parametrize("delay", [0.003, -0.002])

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
     from runtime.identification.payload.body import Payload
     from runtime.identification.payload.estimate import identify_payload
+    from runtime.identification.saved_result import SavedResult, read_result
     from runtime.identification.sensor_gains.estimate import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
@@ -56,6 +57,7 @@ __all__ = [
     "Payload",
     "Preset",
     "Recording",
+    "SavedResult",
     "Settings",
     "choose_default_friction",
     "choose_friction",
@@ -65,6 +67,7 @@ __all__ = [
     "jax",
     "load",
     "read_recording",
+    "read_result",
     "to_pinocchio_order",
     "torch",
     "write_recording",
@@ -83,6 +86,7 @@ _MODULES = {
     "Payload": "runtime.identification.payload.body",
     "Preset": "runtime.estimators.descent.adam",
     "Recording": "runtime.recording",
+    "SavedResult": "runtime.identification.saved_result",
     "Settings": "runtime.identification.settings",
     "choose_default_friction": "runtime.estimators.choice.default_friction",
     "choose_friction": "runtime.estimators.choice.friction_choice",
@@ -92,6 +96,7 @@ _MODULES = {
     "jax": "runtime.tapes.doors",
     "load": "runtime.library",
     "read_recording": "runtime.recording",
+    "read_result": "runtime.identification.saved_result",
     "to_pinocchio_order": "runtime.library",
     "torch": "runtime.tapes.doors",
     "write_recording": "runtime.recording",
@@ -109,4 +114,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])

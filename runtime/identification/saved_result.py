@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from math import inf, isfinite
+from os import PathLike
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -317,8 +318,23 @@ def _row_marks(file: Path) -> Marks | None:
     return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None
 
 
-def read_result(folder: Path, with_learned: bool = False) -> SavedResult:
-    """Read the result that `identify` wrote; learned friction is refused without `with_learned`."""
+def read_result(folder: str | PathLike[str], with_learned: bool = False) -> SavedResult:
+    """Read the result that `identify` wrote.
+
+    Args:
+        folder: folder of the result, or its result.json.
+        with_learned: take a result whose method learned more friction than its columns.
+
+    Returns:
+        Parameters, friction, preparation of the log, and the whole record.
+
+    Raises:
+        RecordingError: the file is missing, damaged or of learned friction, or the argument is no
+            path.
+    """
+    if not isinstance(folder, str | PathLike):
+        raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
+    folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
     record = read_record(file)
     if not NAME.fullmatch(record.robot):

@@ -24,6 +24,8 @@ PER_JOINT = "per-joint"
 """Word for one delay per joint."""
 NO_FRICTION = "none"
 """Word for a fit of the inertia only."""
+OF_PREPARATION = ("cutoff", "rate", "regressor")
+"""Fields in place of single steps of a preparation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -97,6 +99,12 @@ class Settings:
 
     def __post_init__(self) -> None:
         cutoff_of(self.cutoff)  # refused here, before a log is read
+        beside = [name for name in OF_PREPARATION if getattr(self, name) is not None]
+        if self.preparation is not None and beside:
+            raise IdentificationError(
+                f"a preparation states every step, so {', '.join(beside)} beside it would have no "
+                "effect; put it into the preparation, or leave the preparation out"
+            )
 
     def require_default(self, names: tuple[str, ...], task: str) -> None:
         """Refuse fields that a task cannot use.

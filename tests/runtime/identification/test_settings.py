@@ -13,7 +13,14 @@ from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.recording import Friction, Recording, Split, open_streamed, write_recording
+from runtime.recording import (
+    Friction,
+    Preparation,
+    Recording,
+    Split,
+    open_streamed,
+    write_recording,
+)
 
 TERMS = Friction(("viscous", "coulomb"), 0.03)
 
@@ -62,3 +69,11 @@ def test_settings_that_a_task_cannot_honour_are_refused(
     match = "several logs takes no validation, test; leave them out"
     with pytest.raises(IdentificationError, match=match):
         identify_logs(twice, lib, Settings(validation=noisy, test=noisy, split=Split()))
+
+
+def test_a_preparation_excludes_its_steps() -> None:
+    """Property: a cut-off, rate or regressor beside a preparation is refused, not ignored."""
+    match = "a preparation states every step, so cutoff, rate beside it would have no effect"
+    with pytest.raises(IdentificationError, match=match):
+        Settings(preparation=Preparation(), cutoff=10.0, rate=100.0)
+    assert Settings(preparation=Preparation()).cutoff is None

@@ -5,8 +5,9 @@
 Columns without titles are recognised by their numbers. A clock increases by nearly constant steps.
 Positions, velocities and torques are blocks of n neighbouring columns: the derivative of the
 positions correlates with the velocities, that of the velocities with the accelerations, positions
-are the smoothest, and what is left is torque. A commanded copy of a signal correlates with it and
-is smoother than the measurement.
+are the smoothest, and what is left is torque. Seven columns with a unit quaternion are a pose,
+which is not used. A commanded copy of a signal correlates with it and is smoother than the
+measurement.
 """
 
 import re
@@ -32,6 +33,8 @@ ALIKE = 0.15
 """Largest deviation of the slopes of an acceleration from one unit for all joints."""
 NOISY = 0.6
 """Least correlation of a second derivative: noise of positions grows, but not its slopes."""
+UNIT_LENGTH = 1e-3
+"""Largest difference of the squared length of a quaternion from 1."""
 COPY = 0.98
 """Least correlation of two copies of one signal."""
 _SMOOTHING = 9
@@ -59,6 +62,14 @@ UNIT_WORDS: dict[str, dict[str, str]] = {
     "acceleration": {"rad": "rad/s^2", "deg": "deg/s^2"},
     "torque": {"nm": "N*m", "mnm": "mN*m", "ma": "mA", "a": "A"},
 }
+KIND_OF_UNIT = {
+    **dict.fromkeys(("s", "sec", "ms", "us", "µs", "ns"), "time"),
+    **dict.fromkeys(("rad", "deg"), "position"),
+    **dict.fromkeys(("rad/s", "deg/s", "rpm"), "velocity"),
+    **dict.fromkeys(("rad/s^2", "rad/s²", "rad/s2", "deg/s^2", "deg/s²"), "acceleration"),
+    **dict.fromkeys(("nm", "mnm", "a", "ma"), "torque"),
+}
+"""Signal of a title in an unknown language, by its unit in brackets."""
 SI = {
     "time": "s",
     "position": "rad",
@@ -91,16 +102,22 @@ def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...
     if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST_NUMBER:
         return ()
     single = _clock_and_counters(rows)
-    starts = _starts(rows, joints, set(single))
+    starts, pose = list[int](), set[int]()
+    for pose in (*_poses(rows, set(single)), set[int]()):
+        starts = _starts(rows, joints, {*single, *pose})
+        if starts:
+            break
     if len(starts) < 2:
         return ()
+    if pose:
+        single[min(pose)] = ColumnBlock("", tuple(sorted(pose)), "", "pose with a unit quaternion")
     named = _signals([rows[:, s : s + joints] for s in starts])
     blocks = [
         ColumnBlock(kind, tuple(range(s, s + joints)), "", reason)
         for s, (kind, reason) in zip(starts, named, strict=True)
     ]
     inside = {column for block in blocks for column in block.columns}
-    for column in set(range(rows.shape[1])) - inside - set(single):
+    for column in set(range(rows.shape[1])) - inside - set(single) - pose:
         single[column] = ColumnBlock("", (column,), "", "constant")
     return tuple(sorted((*blocks, *single.values()), key=lambda block: block.columns))
 
@@ -122,6 +139,21 @@ def _clock_and_counters(rows: FloatArray) -> dict[int, ColumnBlock]:
         reason = f"increases by {middle:.4g} per row"
         blocks[k] = ColumnBlock("" if place else "time", (k,), "" if place else unit, reason)
     return blocks
+
+
+def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
+    """Columns that a pose may take: a unit quaternion and the position before or behind it."""
+    width, found = rows.shape[1], list[set[int]]()
+    for first in range(width - 3):
+        length = (rows[:, first : first + 4] ** 2).sum(axis=1)
+        # rounded decimals change the length by some of their last digit
+        if np.abs(length - 1).max() > UNIT_LENGTH or not np.ptp(rows[:, first : first + 4]):
+            continue
+        for start in (first - 3, first):
+            columns = set(range(start, start + 7))
+            if not columns & taken and 0 <= start <= width - 7:
+                found.append(columns)
+    return found
 
 
 def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
@@ -256,9 +288,11 @@ def meaning(title: str) -> Meaning:
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
     digits = re.findall(r"\d+", title)
     kind = next((k for k, known in KINDS.items() if set(words) & set(known)), "")
+    if not kind and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", title)):
+        kind = KIND_OF_UNIT.get(re.sub(r"[\s.*·⋅]", "", stated[1].lower()), "")
     units = UNIT_WORDS.get(kind, {})
-    bracket = re.search(r"[\[(]\s*([a-zA-Zµ.*]+)", title)
-    candidates = [bracket[1].lower().replace(".", "").replace("*", "")] if bracket else words[1:]
+    bracket = re.search(r"[\[(]\s*([a-zA-Zµ.*·⋅]+)", title)
+    candidates = [re.sub(r"[.*·⋅]", "", bracket[1].lower())] if bracket else words[1:]
     unit = next((units[word] for word in candidates if word in units), "")
     return Meaning(
         kind=kind,

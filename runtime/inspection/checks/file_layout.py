@@ -8,7 +8,7 @@ whatever the order of the columns. Files whose names differ in their last number
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,8 @@ def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
     return Finding(
         "columns_by_content",
         WARNING,
-        f"the file has no header; its columns, counted from 0, were assigned by their content: "
+        "the file has no header whose words are known; its columns, counted from 0, were assigned "
+        "by their content: "
         f"{spans}; check them, then write the recipe with --recipe-out, or correct its columns",
         {"table": rows},
     )
@@ -233,35 +234,52 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
         yield file.kind, _part(file, file_name, path.name, **part)
         return
     header = next((row for row in reversed(rows[:first]) if len(row) == width), None)
-    if header is not None:
-        yield from _titled(header, names, file_name, path.name, file)
+    titled = [] if header is None else [*_titled(header, names, file_name, path.name, file)]
+    whole = {kind for kind, part in titled if len(part["where"].get("columns", ())) == joints}
+    # a file of a folder may hold one signal only
+    alone = header is not None and not file_name and not whole
+    unknown = alone and len(set(header or ())) == width
+    blocks = _blocks(reader, width, joints) if unknown else ()
+    if header is not None and blocks:  # titles of another language or vendor
+        yield from _recognised(blocks, file_name, path.name, header)
+    elif header is not None:
+        yield from titled
     elif width == joints and file.kind:
         yield (
             file.kind,
             _part(file, file_name, path.name, layout="csv", columns=tuple(range(width))),
         )
     else:
-        table = reader.table(
-            "position", Signal(unit="rad", layout="csv", columns=tuple(range(width)))
-        )
-        blocks = blocks_by_content(table.values, joints)
+        blocks = _blocks(reader, width, joints)
         if blocks:
             yield from _recognised(blocks, file_name, path.name)
         else:
             yield from _untitled(width, file_name, path.name, joints)
 
 
+def _blocks(reader: LogReader, width: int, joints: int) -> tuple[ColumnBlock, ...]:
+    """Columns of a table by their content; none of cells that are no numbers."""
+    signal = Signal(unit="rad", layout="csv", columns=tuple(range(width)))
+    try:
+        return blocks_by_content(reader.table("position", signal).values, joints)
+    except RecordingError:
+        return ()
+
+
 def _recognised(
-    blocks: tuple[ColumnBlock, ...], file_name: str, name: str
+    blocks: tuple[ColumnBlock, ...], file_name: str, name: str, header: Sequence[str] = ()
 ) -> Iterable[tuple[str, dict]]:
-    """Signals of columns without titles, by their content."""
+    """Signals of columns without titles that are understood, by their content."""
     for block in blocks:
         first = block.columns[0]
-        where: dict = {"columns": block.columns}
+        columns = tuple(header[k] for k in block.columns) if header else block.columns
+        where: dict = {"columns": columns}
         if block.kind == "time":
-            where = {"column": first}
+            where = {"column": columns[0]}
         if block.kind:
-            what = Meaning("", -1, True, block.unit)
+            in_brackets = header and re.search(r"[\[(]", str(columns[0]))  # A1 is no current
+            stated = meaning(f"{block.kind} {columns[0]}").unit if in_brackets else ""
+            what = Meaning("", -1, True, stated or block.unit)
             part = _part(what, file_name, f"{name}: column {first}", layout="csv", **where)
             yield block.kind, part | {"blocks": blocks}
 

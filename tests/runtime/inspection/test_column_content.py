@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from runtime.inspection import inspect_log
-from runtime.inspection.checks.columns import blocks_by_content
+from runtime.inspection.checks.columns import blocks_by_content, meaning
+from runtime.inspection.checks.file_layout import draft
 
 ORDERS = {
     "usual": ("t", "q", "dq", "tau"),
@@ -13,6 +14,9 @@ ORDERS = {
     "velocity first": ("dq", "q", "tau", "t"),
     "accelerations": ("t", "tau", "ddq", "q", "dq"),
     "commands": ("t", "command", "q", "dq", "tau"),
+    "pose before": ("t", "pose", "q", "tau"),
+    "pose between": ("t", "q", "pose", "dq", "tau"),
+    "pose behind": ("t", "q", "tau", "pose"),
 }
 KINDS = {"t": "time", "ms": "time", "q": "position", "dq": "velocity", "tau": "torque"}
 KINDS |= {"ddq": "acceleration"}
@@ -23,6 +27,8 @@ def signals(clean):
     """Signals of a log of seven joints, with the noise of encoders on the positions."""
     noise = np.random.default_rng(3).normal(0, 1e-5, clean.q.shape)
     dq = np.gradient(clean.q, clean.t, axis=0)
+    turn = np.sin(clean.q[:, :4])
+    pose = [np.cos(clean.q[:, :3]), turn / np.linalg.norm(turn, axis=1, keepdims=True)]
     return {
         "t": clean.t[:, None],
         "ms": 1e3 * clean.t[:, None],
@@ -30,6 +36,7 @@ def signals(clean):
         "constant": np.full((len(clean), 1), 3.0),
         "q": clean.q + noise,
         "command": clean.q,
+        "pose": np.round(np.hstack(pose), 6),
         "dq": dq,
         "ddq": np.gradient(dq, clean.t, axis=0),
         "tau": clean.tau,
@@ -90,3 +97,37 @@ def test_accelerations_are_no_torque(signals, names) -> None:
     blocks = blocks_by_content(np.column_stack([signals["t"], *(signals[k] for k in names)]), n)
     kinds = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
     assert [block.kind for block in blocks] == ["time", *(kinds[name] for name in names)]
+
+
+@pytest.mark.parametrize(
+    ("title", "kind", "unit"),
+    [
+        ("Achse1 Winkel [deg]", "position", "deg"),
+        ("Achse1 Geschwindigkeit [rad/s]", "velocity", "rad/s"),
+        ("Drehmoment 3 [N·m]", "torque", "N*m"),
+        ("c1 (A)", "torque", "A"),
+        ("Zeit [ms]", "time", "ms"),
+        ("c1", "", ""),
+        ("Druck 1 [bar]", "", ""),
+    ],
+)
+def test_a_unit_in_brackets_names_the_signal(title: str, kind: str, unit: str) -> None:
+    """Property: of titles whose words are unknown; another unit names nothing."""
+    read = meaning(title)
+    assert (read.kind, read.unit) == (kind, unit)
+
+
+def test_titles_that_are_not_understood_are_read_by_content(signals, tmp_path) -> None:
+    """Property: the recipe names the columns, and the finding lists them."""
+    names = ["a", *(f"{word}{j}" for word in ("foo", "bar", "baz") for j in range(7))]
+    rows = np.column_stack([signals[name] for name in ("t", "q", "dq", "tau")])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+    plan, findings = draft(path, tuple(f"joint{j}" for j in range(7)))
+    assert plan is not None
+    assert {k: s.columns[0] for k, s in plan.signals().items()} == {
+        "position": "foo0",
+        "velocity": "bar0",
+        "torque": "baz0",
+    }
+    assert [finding.kind for finding in findings] == ["columns_by_content"]

@@ -28,7 +28,8 @@ DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationF
 AT_REST = "() => Promise.all(document.getAnimations().map(each => each.finished.catch(() => 0)))"
 """The theme's drawer and headings have moved: they do so in .25 s, later on a busy machine."""
 OF_SCRIPTS = {
-    f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
+    f"--{name}"
+    for name in ("update", "goals", "designs", "joints", "serve", "notebooks", "planted")
 } | {
     f"--{name}"
     for name in (

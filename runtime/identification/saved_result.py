@@ -103,7 +103,17 @@ class SavedResult(Framed):
     def log_of(
         self, log: str, lib: Library, recipe: str | None = None, run: str | None = None
     ) -> Recording:
-        """Another log of the robot, motor currents as torques by the gains of the result."""
+        """Another log of the robot, motor currents as torques by the gains of the result.
+
+        Args:
+            log: file, folder or name of a bundled log.
+            lib: library of the robot.
+            recipe: name or file of a recipe; None finds it.
+            run: run of a data set that holds several.
+
+        Returns:
+            The recording, torques in N·m or N.
+        """
         recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
         return recording if self.gains is None else scaled(recording, self.gains)
 

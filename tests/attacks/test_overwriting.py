@@ -26,7 +26,7 @@ EXEMPT = {
     ("symgen", "list"): "--out is the folder that it reads",
 }
 LOG_FILES = ("s.csv", "s.truth.json", "s.motion.json", "s.loop.toml")
-MOTION_FILES = ("e.json", "e.csv")
+MOTION_FILES = ("e.json", "e.motion.csv")
 STAGES = tuple(
     f"e{speed}{end}"
     for speed in ("", "-speed50")
@@ -52,7 +52,7 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "approach": (("approach", "good.json", "--from", "home", "--out", "e.json"), MOTION_FILES),
     "excite --pictures": (
         ("excite", "--out", "e.json", "--pictures"),
-        ("e.json", "e.csv", "e.png", "e-speed.png", "e-space.png"),
+        ("e.json", "e.motion.csv", "e.png", "e-speed.png", "e-space.png"),
     ),
     "identify": (("identify", "good.csv", "--out", "out"), RESULT_FILES),
     "friction": (("friction", "result", "good.csv", "--out", "out"), RESULT_FILES),

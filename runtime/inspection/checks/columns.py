@@ -143,7 +143,7 @@ def _clock_and_counters(rows: FloatArray) -> dict[int, ColumnBlock]:
 
 def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
     """Columns that a pose may take: a unit quaternion and the position before or behind it."""
-    width, found = rows.shape[1], list[set[int]]()
+    width, poses = rows.shape[1], list[set[int]]()
     for first in range(width - 3):
         length = (rows[:, first : first + 4] ** 2).sum(axis=1)
         # rounded decimals change the length by some of their last digit
@@ -152,8 +152,8 @@ def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
         for start in (first - 3, first):
             columns = set(range(start, start + 7))
             if not columns & taken and 0 <= start <= width - 7:
-                found.append(columns)
-    return found
+                poses.append(columns)
+    return poses
 
 
 def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:

@@ -173,13 +173,13 @@ def test_excite_leaves_a_measured_log_alone(
     """Property: refused before the search; replaced with --overwrite."""
     words = ("excite", "--robot", double.folder, "--duration", "4", "--harmonics", "2")
     words = (*words, "--starts", "1", "--document", "--out", "m.json")
-    log = tmp_path / "m.csv"
+    log = tmp_path / "m.motion.csv"
     log.write_text("t,q1,tau1\n0,0,0\n", encoding="utf-8")
     ran = command(*words)
     assert ran.code == 2
-    assert ran.err.startswith("runtime: 'm.csv' exists; choose another place with --out")
+    assert ran.err.startswith("runtime: 'm.motion.csv' exists; choose another place with --out")
     assert len(ran.err.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]
+    assert [path.name for path in tmp_path.iterdir()] == ["m.motion.csv"]
     assert log.read_text(encoding="utf-8") == "t,q1,tau1\n0,0,0\n"
     assert command(*words, "--overwrite").code == 0
     assert len(log.read_text(encoding="utf-8").splitlines()) > 100

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from runtime.identification.settings import Settings
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
+    from runtime.outputs.model_files.in_memory import to_mujoco, to_pinocchio
     from runtime.recording import Recording, read_recording, write_recording
     from runtime.tapes.doors import jax, torch
 
@@ -68,6 +69,8 @@ __all__ = [
     "load",
     "read_recording",
     "read_result",
+    "to_mujoco",
+    "to_pinocchio",
     "to_pinocchio_order",
     "torch",
     "write_recording",
@@ -97,6 +100,8 @@ _MODULES = {
     "load": "runtime.library",
     "read_recording": "runtime.recording",
     "read_result": "runtime.identification.saved_result",
+    "to_mujoco": "runtime.outputs.model_files.in_memory",
+    "to_pinocchio": "runtime.outputs.model_files.in_memory",
     "to_pinocchio_order": "runtime.library",
     "torch": "runtime.tapes.doors",
     "write_recording": "runtime.recording",

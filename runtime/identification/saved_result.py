@@ -427,7 +427,7 @@ def _frames(model: ModelPart) -> Array:
 
 
 def require_model(
-    saved: SavedResult, lib: Library, folder: Path, same_bodies: bool = False
+    saved: SavedResult, lib: Library, folder: Path | str, same_bodies: bool = False
 ) -> tuple[str, ...]:
     """Check that a result holds for the model of a library."""
     if saved.joints != lib.joint_names:

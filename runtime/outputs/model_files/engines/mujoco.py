@@ -25,6 +25,15 @@ CLOSED, RANK = 1e-8, 1e-6
 """Residual and slope of equalities [m, rad] that count as rounding; smallest singular value."""
 
 
+def parsed(text: str) -> Any:
+    """Specification of an MJCF, `mujoco.MjSpec`; None without MuJoCo."""
+    try:
+        import mujoco
+    except ImportError:
+        return None
+    return mujoco.MjSpec.from_string(text)
+
+
 def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     """Read an MJCF by MuJoCo."""
     try:

@@ -15,8 +15,8 @@ from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreada
 INSTALL = "pip install pin"
 
 
-def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
-    """Read a URDF by pinocchio."""
+def parsed(text: str, lib: Library) -> Any:
+    """Model of a URDF with the gravity of a library; None without pinocchio."""
     pinocchio = _pinocchio()
     if pinocchio is None:
         return None
@@ -25,11 +25,19 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
         model = pinocchio.buildModelFromXML(_with_limits(text), *root)
     except (ValueError, RuntimeError) as error:
         raise Unreadable(error) from None
+    model.gravity.linear = lib.gravity
+    return model
+
+
+def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
+    """Read a URDF by pinocchio."""
+    pinocchio, model = _pinocchio(), parsed(text, lib)
+    if pinocchio is None:
+        return None
     names = tuple(model.names[1 + lib.manifest.floating :])
     if set(names) != set(lib.all_joint_names):
         listed, read = (", ".join(each) for each in (lib.all_joint_names, names))
         raise Unreadable(f"expected the joints {listed}, got {read}")
-    model.gravity.linear = lib.gravity
     joints = [model.joints[model.getJointId(name)] for name in lib.all_joint_names]
     velocity = [
         joint.idx_v

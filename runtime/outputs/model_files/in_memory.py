@@ -1,0 +1,127 @@
+"""Identified parameters → models of Pinocchio and MuJoCo in memory, of the texts that are exported.
+
+Pinocchio's URDF has no rotor inertia and requires limits: both are set in the model.
+"""
+
+import os
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import ExportError
+from runtime.identification.identified import Identification
+from runtime.identification.result_file import record_of
+from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.library import Library, load
+from runtime.outputs.model_files.drives import drives_of
+from runtime.outputs.model_files.engines import Unreadable, mujoco, pinocchio
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base
+from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
+
+Result = SavedResult | Identification | str | os.PathLike[str]
+"""What the doors take; a path is read by `read_result`."""
+STATES = 20
+"""Random states at which the model is compared with the library."""
+MISSING = "expected {} to be installed, found none; run: {}"
+
+
+def to_pinocchio(result: Result, lib: Library | None = None) -> Any:
+    """Identified model as a `pinocchio.Model`, compared with the library at 20 random states.
+
+    `inertias[i]` is the link that joint i moves, together with every link that is fixed to it;
+    links that are fixed to the base are in `inertias[0]`. Joints that follow others are joints of
+    their own here, and closed loops are open. Friction without a counterpart is left out.
+
+    Args:
+        result: of `runtime.identify` or `runtime.read_result`, or a folder that identify wrote.
+        lib: library of the robot; default that of the result.
+
+    Returns:
+        The model with gravity, `armature`, `damping`, dry `friction`, and the limits of position,
+        velocity and effort, ±inf where there are none.
+
+    Raises:
+        RecordingError: the result cannot be read, or is of another robot.
+        ExportError: no result, a link that is not physically consistent, or no Pinocchio.
+    """
+    text, known = _checked(result, lib, "urdf")
+    model = pinocchio.parsed(text, known.lib)
+    if model is None:
+        raise ExportError(MISSING.format("Pinocchio", pinocchio.INSTALL))
+    facts = known.lib.manifest
+    joints = {joint.name: joint for joint in (*facts.all_joints, *facts.joints)}
+    armature = dict(zip(known.lib.joint_names, known.friction.filled("armature"), strict=True))
+    for name in known.lib.all_joint_names:
+        joint, place = joints[name], model.joints[model.getJointId(name)]
+        model.armature[place.idx_v] = armature.get(name, 0.0)
+        for kind, limit in (("Effort", joint.effort), ("Velocity", joint.velocity)):
+            bound = np.inf if limit is None else limit
+            getattr(model, f"{kind.lower()}Limit")[place.idx_v] = bound
+            if hasattr(model, f"lower{kind}Limit"):  # since Pinocchio 4
+                getattr(model, f"lower{kind}Limit")[place.idx_v] = -bound
+        if place.nq == 1:  # the two coordinates of a continuous joint are cos q and sin q
+            model.lowerPositionLimit[place.idx_q] = -np.inf if joint.lower is None else joint.lower
+            model.upperPositionLimit[place.idx_q] = np.inf if joint.upper is None else joint.upper
+    return model
+
+
+def to_mujoco(result: Result, lib: Library | None = None) -> Any:
+    """Identified model as a `mujoco.MjSpec`, compared with the library at 20 random states.
+
+    Bodies are the links, fixed ones included, with the inertials of `export --to mjcf`: a fixed
+    link keeps its published inertial, and the moving link gets the identified one less that.
+    Friction without a counterpart is left out.
+
+    Args:
+        result: of `runtime.identify` or `runtime.read_result`, or a folder that identify wrote.
+        lib: library of the robot; default that of the result.
+
+    Returns:
+        The specification, to be compiled or attached to another: joints with ranges, `armature`,
+        `damping` and `frictionloss`; motors within the efforts, or position actuators where the
+        gains of the control law were identified; equalities of coupled joints and closed loops.
+
+    Raises:
+        RecordingError: the result cannot be read, or is of another robot.
+        ExportError: no result, a link that is not physically consistent, a free base, or no
+            MuJoCo.
+    """
+    specification = mujoco.parsed(_checked(result, lib, "mjcf")[0])
+    if specification is None:
+        raise ExportError(MISSING.format("MuJoCo", mujoco.INSTALL))
+    return specification
+
+
+def _identified(result: Result, lib: Library | None) -> IdentifiedModel:
+    """Model of a result of any kind."""
+    if isinstance(result, str | os.PathLike):
+        result = read_result(result, with_learned=True)
+    if isinstance(result, Identification):
+        drives = drives_of(record_of(result, "")) if result.drive is not None else None
+        terms, phi = result.friction, result.usual_phi
+        return make_model(lib or result.lib, result.pi, terms, phi, states=STATES, drives=drives)
+    if not isinstance(result, SavedResult):
+        raise ExportError(
+            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
+            f"got {result!r:.60}"
+        )
+    lib = load(result.robot) if lib is None else lib
+    require_model(result, lib, f"the result of {result.robot}", same_bodies=True)
+    drives = drives_of(result.record)
+    return make_model(lib, result.pi, result.friction, result.phi, states=STATES, drives=drives)
+
+
+def _checked(result: Result, lib: Library | None, kind: str) -> tuple[str, IdentifiedModel]:
+    """Text of a format, reloaded and compared, and its model."""
+    chosen = EXPORT_FORMATS[kind]
+    try:
+        model = _identified(result, lib)
+        require_base(model.lib, chosen)
+        require_consistent(model)
+        text = str(chosen.write(model))
+        chosen.check(model, text)
+    except Unreadable as error:
+        raise ExportError(f"cannot reload the {kind} ({error})") from None
+    except ExportError as error:
+        raise ExportError(str(error).removeprefix("not written: ")) from None
+    return text, model

@@ -21,6 +21,7 @@ from runtime.cli.fleet import fleet_command
 from runtime.cli.inspect import inspect_command
 from runtime.cli.predict import predict_command
 from runtime.cli.simulate import simulate_command
+from runtime.common.child import Limits
 from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
 from runtime.estimators.literature.iv_didim import read_controller
@@ -50,7 +51,7 @@ from symgen.cli.make import read_mechanism
 from symgen.inspect import inspect_file, repaired
 from symgen.make.config import read_config, read_masses
 from symgen.make.request import request_from_folder
-from symgen.ros import Limits, Packages, expanded
+from symgen.ros import Packages, expanded
 from symgen.sources import Source, read_source, urdf_text
 
 Furnish = Callable[[Path, Library], None]

@@ -241,6 +241,6 @@ def test_what_identify_writes_evaluate_reads(
     if ran.code == 2:
         assert len(ran.err.splitlines()) == 1
     else:
-        assert json.loads(written.read_text())["format"] == 2
+        assert json.loads(written.read_text())["format"] == 3
         read = command("evaluate", "out", log, "--robot", desk.lib.folder)
         assert read.code == 0, read.err

@@ -20,8 +20,8 @@ from runtime.common.records import (
 from tests.conftest import REPOSITORY
 
 BOUNDS = ("gt", "ge", "lt", "le", "multiple_of", "min_length", "max_length", "pattern")
-FOREIGN = {"__main__", "ros2", "libfranka", "ur"}
-"""Modules that start something, or need the software of a robot."""
+FOREIGN = {"__main__", "ros2", "libfranka", "ur", "torch_functions", "jax_functions"}
+"""Modules that start something, or need the software of a robot or of learning."""
 
 
 class Spring(Record, frozen=True):

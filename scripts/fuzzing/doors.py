@@ -294,7 +294,7 @@ DOORS: dict[str, Door] = {
         goods.urdf,
         lambda path, _: repaired(inspect_file(path, with_base=False), path),
     ),
-    "mjcf": Door("robot.xml", goods.mjcf, _model_seen),
+    "mjcf": Door("robot.xml", goods.mjcf, _model_seen, programs=(sys.executable,)),
     **{
         form: Door(f"mesh.{form}", goods.mesh, _beside(f"{form}.urdf", _model_seen))
         for form in ("stl", "obj", "dae")
@@ -311,7 +311,7 @@ DOORS: dict[str, Door] = {
     "robot": Door("robot.toml", goods.robot, _alone(read_config)),
     "mechanism": Door("mechanism.toml", goods.mechanism, _mechanism),
     "dh": Door("rows.toml", goods.dh, _model),
-    "build-mjcf": Door("robot.xml", goods.mjcf, _model),
+    "build-mjcf": Door("robot.xml", goods.mjcf, _model, programs=(sys.executable,)),
     "build-sdf": Door("robot.sdf", goods.sdf, _model),
     "build-xacro": Door("robot.xacro", goods.xacro, _xacro, programs=(sys.executable,)),
     "masses": Door("masses.toml", goods.masses, _masses),

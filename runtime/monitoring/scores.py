@@ -195,7 +195,9 @@ def scores_of(
     misfit = level / (white * max(coloured.variance, 1e-300))
     error = q.T @ (known.reshape(count * n, -1) @ root)
     n_eff = count / max(coloured.inflation, 1.0)
-    shape = q.T @ (nuisance_columns(lib, pi, samples) * over[:, None]).reshape(count * n, -1)
+    shapes = nuisance_columns(lib, pi, samples) * over[..., None]
+    shape = np.einsum("njr,njs->rjs", q.reshape(count, n, -1), shapes, optimize=True)
+    shape = shape.reshape(q.shape[1], -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
 
 

@@ -31,7 +31,7 @@ SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
 
 
 def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
-    """Shapes N, each of one joint and of size 1, (N, n, SHAPES n)."""
+    """Shapes N of the joints, of size 1, (N, n, SHAPES): each has rows of its joint alone."""
     q, dq = samples.q, samples.dq
     still = np.zeros_like(q)
     load = np.abs(lib.inverse_dynamics(q, still, still, pi))
@@ -39,8 +39,7 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
     each += [load / np.maximum(load.max(axis=0), 1e-12) * sign]
     each += [np.sign(dq) * np.sqrt(np.abs(dq)), sign * np.exp(-((dq / SLOW) ** 2))]
-    columns = np.stack(each, axis=2)[:, :, None, :] * np.eye(q.shape[1])[:, :, None]
-    return np.asarray(columns.reshape(*q.shape, -1))
+    return np.stack(each, axis=2)
 
 
 def nuisance_slopes(
@@ -62,18 +61,28 @@ def nuisance_slopes(
     over = np.sqrt(_weights(x, statistics) / share)
     x *= over[:, None]
     fit = posterior_of(statistics.factor, statistics.target)
-    known = x.reshape(-1, x.shape[2])
-    columns = (nuisance_columns(lib, pi, some) * over[:, None]).reshape(len(known), -1)
-    across = share * (known.T @ columns)
-    apart = columns - known @ (fit.root @ (fit.root.T @ across))
-    rest = (some.tau * over).ravel() - known @ fit.mean
-    gram, z = share * (apart.T @ apart), share * (apart.T @ rest)
+    # A shape of a joint has rows of that joint alone, so that N' is never formed: with A = XᵀN and
+    # P = root rootᵀ, N'ᵀN' = NᵀN − 2 AᵀPA + AᵀP (XᵀX) PA; (XᵀX) P = 1 if the statistics are of
+    # these rows, which the lengths of the columns show.
+    rest = some.tau * over - x @ fit.mean
+    shapes = nuisance_columns(lib, pi, some) * over[:, None]
+    across = share * np.einsum("njp,njs->pjs", x, shapes, optimize=True)
+    inner = share * np.einsum("njs,njt->jst", shapes, shapes, optimize=True)
+    along = share * np.einsum("njs,nj->js", shapes, rest)
+    left = share * np.einsum("njp,nj->p", x, rest)
+    turned = np.einsum("pq,pjs->qjs", fit.root, across, optimize=True)
+    lengths = share * np.sum(x**2, axis=(0, 1)), np.sum(statistics.factor**2, axis=0)
+    both = np.eye(len(turned))
+    if not np.allclose(*lengths, rtol=1e-9, atol=0.0):
+        flat = x.reshape(-1, x.shape[2]) @ fit.root
+        both = 2 * both - share * (flat.T @ flat)
     kept = []
     for j in range(lib.n_joints):
-        of_joint = slice(SHAPES * j, SHAPES * (j + 1))
-        sizes = _sizes(gram[of_joint, of_joint], z[of_joint], density)
+        gram = inner[j] - turned[:, j].T @ both @ turned[:, j]
+        z = along[j] - turned[:, j].T @ (fit.root.T @ left)
+        sizes = _sizes(gram, z, density)
         if sizes.any():
-            kept.append(across[:, of_joint] * sizes)
+            kept.append(across[:, j] * sizes)
     return np.hstack(kept) if kept else none
 
 
@@ -95,12 +104,26 @@ def _sizes(gram: Array, z: Array, density: float) -> Array:
     # Variance of Vᵀ z, z = G s + e, in the axes V of G: S P + P Vᵀ Λ V P.
     kinds = [axes[k == KINDS] * power for k in (0, 1)]
     parts = [each.T @ each for each in kinds]
-    first, second = (each.ravel() for each in np.meshgrid(SCALES * unit, SCALES * unit))
-    variance = first[:, None, None] * parts[0] + second[:, None, None] * parts[1]
-    variance += density * np.diag(power)
-    misfit = np.linalg.solve(variance, np.broadcast_to(along[:, None], (len(first), len(along), 1)))
-    likelihood = -misfit[..., 0] @ along - np.linalg.slogdet(variance)[1]
-    best = int(np.argmax(likelihood))
-    if not likelihood[best] - likelihood[0] > SIGNIFICANT:
+
+    def likelihood(first: Array, second: Array) -> Array:
+        """−2 log p but for a constant, its sign changed, at pairs of places in SCALES."""
+        one, two = unit * SCALES[first], unit * SCALES[second]
+        variance = one[:, None, None] * parts[0] + two[:, None, None] * parts[1]
+        variance += density * np.diag(power)
+        right = np.broadcast_to(along[:, None], (len(one), len(along), 1))
+        misfit = np.linalg.solve(variance, right)[..., 0]
+        return np.asarray(-misfit @ along - np.linalg.slogdet(variance)[1])
+
+    best, values, places = (0, 0), np.zeros(0), np.concatenate([[0], np.arange(1, len(SCALES), 3)])
+    around = [places, places]
+    for _ in range(2):  # every third place, then all beside the best
+        first, second = (each.ravel() for each in np.meshgrid(*around))
+        seen = likelihood(first, second)
+        values = np.append(values, seen)
+        if seen.max() >= values.max():
+            best = int(first[np.argmax(seen)]), int(second[np.argmax(seen)])
+        last = len(SCALES) - 1
+        around = [np.arange(max(k - 2, 0), min(k + 2, last) + 1) for k in best]
+    if not values.max() - values[0] > SIGNIFICANT:
         return np.zeros(SHAPES)
-    return np.sqrt(np.array([first[best], second[best]]))[KINDS]
+    return np.sqrt(unit * SCALES[list(best)])[KINDS]

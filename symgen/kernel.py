@@ -23,21 +23,14 @@ Matrix = Any
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One input or output of a kernel: name, shape, unit.
+    """One input or output of a kernel: name, shape, unit."""
 
-    Attributes:
-        name: C name of the argument.
-        shape: dimensions; the array is dense and row-major.
-        unit: text such as "rad/s" or "rad|m"; "|" separates the units of revolute and prismatic
-            joints.
-        summed: True for an output that a batch adds up over its samples.
-        shared: True for an input of which one value usually serves all samples of a batch.
-    """
-
-    name: str
-    shape: tuple[int, ...]
+    name: str  # C name of the argument
+    shape: tuple[int, ...]  # dimensions; the array is dense and row-major
+    # text such as "rad/s" or "rad|m"; "|" separates the units of revolute and prismatic joints
     unit: str
-    summed: bool = False
+    summed: bool = False  # True for an output that a batch adds up over its samples
+    # True for an input of which one value usually serves all samples of a batch
     shared: bool = False
 
     @property
@@ -51,56 +44,39 @@ class Argument:
 
 
 class Instruction(NamedTuple):
-    """One instruction of a CasADi function.
+    """One instruction of a CasADi function."""
 
-    Attributes:
-        op: CasADi operation code.
-        reads: work-vector indices of the operands; of an input (argument, entry).
-        writes: work-vector indices of the results; of an output (argument, entry).
-        constant: value for OP_CONST, else 0.
-    """
-
-    op: int
-    reads: list[int]
-    writes: list[int]
-    constant: float
+    op: int  # CasADi operation code
+    reads: list[int]  # work-vector indices of the operands; of an input (argument, entry)
+    writes: list[int]  # work-vector indices of the results; of an output (argument, entry)
+    constant: float  # value for OP_CONST, else 0
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """One generated function.
+    """One generated function."""
 
-    Attributes:
-        name: C name without the prefix of the robot.
-        inputs: arguments in the order of the C function.
-        outputs: results in the order of the C function.
-        equation: one line that states what is computed, with its source.
-        per: "sample" if a batch runs over time samples, "link" over bodies, "point" over anything
-            else.
-        function: CasADi function, dense and row-major, inputs and outputs in the declared order;
-            symbols of the expressions that are not inputs follow as one more (`with_further`).
-        rare: True for kernels that are called seldom: a batch calls them sample by sample, and no
-            vector code is compiled.
-        unhurried: True where no loop over samples calls the function of one sample, in kernels.c;
-            `symgen build` compiles it without optimisation, in a fifth of the time. It takes some
-            2 µs longer.
-        factors: names of a regressor kernel and of a Jacobian kernel of a map of link parameters.
-            The kernel is their product, link by link, and its C code multiplies their results. Else
-            empty.
-        through: names of kernels that the C code calls one after the other: maps of the last input,
-            then a kernel that takes the mapped value as its last input. Inputs that this kernel
-            does not have are passed as zeros. Else empty.
-    """
-
-    name: str
-    inputs: tuple[Argument, ...]
-    outputs: tuple[Argument, ...]
-    equation: str
+    name: str  # C name without the prefix of the robot
+    inputs: tuple[Argument, ...]  # arguments in the order of the C function
+    outputs: tuple[Argument, ...]  # results in the order of the C function
+    equation: str  # one line that states what is computed, with its source
+    # "sample" if a batch runs over time samples, "link" over bodies, "point" over anything else
     per: str
+    # CasADi function, dense and row-major, inputs and outputs in the declared order; symbols of the
+    # expressions that are not inputs follow as one more (`with_further`)
     function: Any
+    # True for kernels that are called seldom: a batch calls them sample by sample, and no vector
+    # code is compiled
     rare: bool = False
+    # names of a regressor kernel and of a Jacobian kernel of a map of link parameters. The kernel
+    # is their product, link by link, and its C code multiplies their results. Else empty
     factors: tuple[str, ...] = ()
+    # names of kernels that the C code calls one after the other: maps of the last input, then a
+    # kernel that takes the mapped value as its last input. Inputs that this kernel does not have
+    # are passed as zeros. Else empty
     through: tuple[str, ...] = ()
+    # True where no loop over samples calls the function of one sample, in kernels.c; `symgen build`
+    # compiles it without optimisation, in a fifth of the time. It takes some 2 µs longer
     unhurried: bool = False
 
     @cached_property

@@ -52,25 +52,17 @@ NEAR = START / 2
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Settings of a campaign.
+    """Settings of a campaign."""
 
-    Attributes:
-        target: text of the target.
-        duration: of the first motion at full speed [s].
-        later_duration: of every further motion at full speed [s].
-        stages: speeds of the first motion, percent of full speed, in the order of their runs;
-            further motions run at the last of them, with a model that full speed has confirmed.
-        most_seconds: motion time after which no further motion is begun [s].
-        seed: of the designs.
-        rehearses: whether every motion runs on the virtual robot with planted faults first.
-    """
-
-    target: str
-    duration: float = 2.5
-    later_duration: float = 10.0
+    target: str  # text of the target
+    duration: float = 2.5  # of the first motion at full speed [s]
+    later_duration: float = 10.0  # of every further motion at full speed [s]
+    # speeds of the first motion, percent of full speed, in the order of their runs; further motions
+    # run at the last of them, with a model that full speed has confirmed
     stages: tuple[float, ...] = (10.0, 50.0, 100.0)
-    most_seconds: float = 600.0
-    seed: int = 0
+    most_seconds: float = 600.0  # motion time after which no further motion is begun [s]
+    seed: int = 0  # of the designs
+    # whether every motion runs on the virtual robot with planted faults first
     rehearses: bool = True
 
     def __post_init__(self) -> None:
@@ -96,21 +88,13 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class CampaignOutcome:
-    """End of a campaign.
+    """End of a campaign."""
 
-    Attributes:
-        is_reached: whether the target is reached.
-        sigma: standard deviation of the quantity of the target [N·m, 1, kg].
-        motions: number of motions.
-        seconds: motion time of all stages [s].
-        sentence: why it ended.
-    """
-
-    is_reached: bool
-    sigma: float
-    motions: int
-    seconds: float
-    sentence: str
+    is_reached: bool  # whether the target is reached
+    sigma: float  # standard deviation of the quantity of the target [N·m, 1, kg]
+    motions: int  # number of motions
+    seconds: float  # motion time of all stages [s]
+    sentence: str  # why it ended
 
 
 def run_campaign(

@@ -28,17 +28,11 @@ DriverMotion = Trajectory | JoinedMotion
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One sample of a robot.
+    """One sample of a robot."""
 
-    Attributes:
-        t: clock of the robot [s].
-        arrived: clock of the driver when the sample came [s].
-        q, dq, tau: (n,) measured positions, velocities, torques [rad, m; N·m, N].
-    """
-
-    t: float
-    arrived: float
-    q: Array
+    t: float  # clock of the robot [s]
+    arrived: float  # clock of the driver when the sample came [s]
+    q: Array  # q, dq, tau: (n,) measured positions, velocities, torques [rad, m; N·m, N]
     dq: Array
     tau: Array
 
@@ -54,17 +48,11 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Why a motion ended early.
+    """Why a motion ended early."""
 
-    Attributes:
-        guard: name of the guard, "connection" or "interrupt".
-        sentence: what was expected and what came.
-        seconds: time since the start of the motion, by the clock of the driver [s].
-    """
-
-    guard: str
-    sentence: str
-    seconds: float
+    guard: str  # name of the guard, "connection" or "interrupt"
+    sentence: str  # what was expected and what came
+    seconds: float  # time since the start of the motion, by the clock of the driver [s]
 
 
 class Guard(Protocol):
@@ -90,15 +78,10 @@ class NoSampleError(SimulationError):
 
 @dataclass(slots=True)
 class Streamed:
-    """Samples of one motion, and why it ended early.
+    """Samples of one motion, and why it ended early."""
 
-    Attributes:
-        samples: in the order of arrival.
-        stop: None for a motion that was completed.
-    """
-
-    samples: list[Sample] = field(default_factory=list)
-    stop: Stop | None = None
+    samples: list[Sample] = field(default_factory=list)  # in the order of arrival
+    stop: Stop | None = None  # None for a motion that was completed
 
     def recording(self, lib: Library, name: str) -> Recording:
         """The samples as a log."""

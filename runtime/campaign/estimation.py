@@ -42,15 +42,11 @@ VAGUE = PriorFile(NONE, Constraints())
 
 @dataclass(frozen=True, slots=True)
 class ArmModel:
-    """Model of an arm and its joints.
+    """Model of an arm and its joints."""
 
-    Attributes:
-        result: identification from all logs; its friction columns are those of the gear.
-        gear: what these columns depend on.
-    """
-
+    # identification from all logs; its friction columns are those of the gear
     result: Identification
-    gear: GearFriction
+    gear: GearFriction  # what these columns depend on
 
 
 def arm_model(lib: Library, motions: Sequence[tuple[str, Recording]], first: int = 0) -> ArmModel:

@@ -49,16 +49,11 @@ CLEAR = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Decision on a stage.
+    """Decision on a stage."""
 
-    Attributes:
-        reasons: sentences on why the stage is refused; empty where it is released.
-        checked: what was checked.
-        agreement: RMS of the residual over that of the band, per joint; None without a model.
-    """
-
-    reasons: tuple[str, ...]
-    checked: tuple[str, ...]
+    reasons: tuple[str, ...]  # sentences on why the stage is refused; empty where it is released
+    checked: tuple[str, ...]  # what was checked
+    # RMS of the residual over that of the band, per joint; None without a model
     agreement: tuple[float, ...] | None = None
 
     @property

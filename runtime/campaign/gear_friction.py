@@ -73,21 +73,13 @@ RANK_TOLERANCE = 3.2e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GearFriction:
-    """Parameters of the friction columns, (n,) each.
+    """Parameters of the friction columns, (n,) each."""
 
-    Attributes:
-        delay: the log stamps τ this much later than q [s].
-        stroke: z_c [rad, m].
-        peak_speed: v_s [rad/s, m/s].
-        waves: w [1/rad, 1/m]; 0 for a joint without a ripple.
-        phi: coefficients of `FRICTION`, (n, 7), from which errors of the others become torques.
-    """
-
-    delay: Array
-    stroke: Array
-    peak_speed: Array
-    waves: Array
-    phi: Array
+    delay: Array  # the log stamps τ this much later than q [s]
+    stroke: Array  # z_c [rad, m]
+    peak_speed: Array  # v_s [rad/s, m/s]
+    waves: Array  # w [1/rad, 1/m]; 0 for a joint without a ripple
+    phi: Array  # coefficients of `FRICTION`, (n, 7), from which errors of the others become torques
 
     @classmethod
     def usual(cls, n: int) -> "GearFriction":

@@ -48,18 +48,12 @@ LATE = 3e-3
 
 @dataclass(frozen=True, slots=True)
 class RehearsalVerdict:
-    """Result of the rehearsal of one planted fault.
+    """Result of the rehearsal of one planted fault."""
 
-    Attributes:
-        kind: of `KINDS`, or "none".
-        joint: index of the joint.
-        sentences: of the steps that named it.
-        error: largest relative error of the rigid-body torque; NaN where nothing was identified.
-    """
-
-    kind: str
-    joint: int
-    sentences: tuple[str, ...]
+    kind: str  # of `KINDS`, or "none"
+    joint: int  # index of the joint
+    sentences: tuple[str, ...]  # of the steps that named it
+    # largest relative error of the rigid-body torque; NaN where nothing was identified
     error: float
 
     @property

@@ -47,21 +47,14 @@ FEWEST_HARMONICS = 3
 
 @dataclass(frozen=True, slots=True)
 class PlannedSession:
-    """A motion with its ways, and the expected error of their log.
+    """A motion with its ways, and the expected error of their log."""
 
-    Attributes:
-        design: of the motion.
-        parts: name of a part of the error → its size in the unit of the target's value.
-        total: root of the sum of their squares.
-        target: what was to be reached.
-        attempts: duration of every motion that was tried [s] → its error.
-    """
-
-    design: Design
+    design: Design  # of the motion
+    # name of a part of the error → its size in the unit of the target's value
     parts: dict[str, float]
-    total: float
-    target: Target
-    attempts: dict[float, float]
+    total: float  # root of the sum of their squares
+    target: Target  # what was to be reached
+    attempts: dict[float, float]  # duration of every motion that was tried [s] → its error
 
     @property
     def duration(self) -> float:

@@ -36,19 +36,12 @@ _FORM = re.compile(r"(?P<kind>[a-z]+)=?(?P<number>[0-9.]+(e-?[0-9]+)?)(?P<unit>[
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A target.
+    """A target."""
 
-    Attributes:
-        text: as the user stated it.
-        kind: "v", "a" or "payload".
-        value: largest standard deviation [N·m, 1, kg].
-        unit: of the text.
-    """
-
-    text: str
-    kind: str
-    value: float
-    unit: str
+    text: str  # as the user stated it
+    kind: str  # "v", "a" or "payload"
+    value: float  # largest standard deviation [N·m, 1, kg]
+    unit: str  # of the text
 
     def shown(self, value: float) -> str:
         """A standard deviation in the unit of the target."""

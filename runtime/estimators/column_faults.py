@@ -49,19 +49,12 @@ REVERSED, GRAVITY = "every_torque_sign", "gravity"
 
 @dataclass(frozen=True, slots=True)
 class ColumnFault:
-    """One fault of the columns.
+    """One fault of the columns."""
 
-    Attributes:
-        kind: one of the kinds above.
-        joints: of the fault, ascending.
-        order: column of every joint, (n,); 0 … n − 1 without an exchange.
-        evidence: E.
-    """
-
-    kind: str
-    joints: tuple[int, ...]
-    order: tuple[int, ...]
-    evidence: float = 0.0
+    kind: str  # one of the kinds above
+    joints: tuple[int, ...]  # of the fault, ascending
+    order: tuple[int, ...]  # column of every joint, (n,); 0 … n − 1 without an exchange
+    evidence: float = 0.0  # E
 
     def sentence(self, names: tuple[str, ...]) -> str:
         """The fault in words."""
@@ -83,19 +76,14 @@ class ColumnFault:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnFaults:
-    """Result of the comparison.
+    """Result of the comparison."""
 
-    Attributes:
-        named: the faults that explain most, each after those before it were undone.
-        rivals: of every one of them, other faults of the same joints that explain nearly as much.
-        hidden: faults that would leave no trace in this log.
-        left: ρ as the log is, and with the faults undone, (2, n); NaN of joints that rest.
-    """
-
+    # the faults that explain most, each after those before it were undone
     named: tuple[ColumnFault, ...]
+    # of every one of them, other faults of the same joints that explain nearly as much
     rivals: tuple[tuple[ColumnFault, ...], ...]
-    hidden: tuple[ColumnFault, ...]
-    left: Array
+    hidden: tuple[ColumnFault, ...]  # faults that would leave no trace in this log
+    left: Array  # ρ as the log is, and with the faults undone, (2, n); NaN of joints that rest
 
 
 def column_faults(lib: Library, samples: Samples) -> ColumnFaults:

@@ -37,20 +37,16 @@ the prior, is the cause."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelTests:
-    """Results of all tests.
+    """Results of all tests."""
 
-    Attributes:
-        contradictions: sentences on priors, joints and results that the data contradict.
-        model_errors: sentences on assumptions of the intervals that the residuals contradict.
-        limits: sentence on joints whose gain may be wrong without a trace; empty where there is
-            none.
-        gain_limits: deviation of every torque gain that such a log shows in 95 of 100 cases, (n,);
-            empty where it was not tested.
-    """
-
+    # sentences on priors, joints and results that the data contradict
     contradictions: tuple[str, ...] = ()
+    # sentences on assumptions of the intervals that the residuals contradict
     model_errors: tuple[str, ...] = ()
+    # sentence on joints whose gain may be wrong without a trace; empty where there is none
     limits: tuple[str, ...] = ()
+    # deviation of every torque gain that such a log shows in 95 of 100 cases, (n,); empty where it
+    # was not tested
     gain_limits: Array = field(default_factory=lambda: np.zeros(0))
 
 

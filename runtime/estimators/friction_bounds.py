@@ -54,32 +54,21 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounds:
-    """Bounds of φ.
+    """Bounds of φ."""
 
-    Attributes:
-        lower: (n k,) [N·m per unit of the column].
-        upper: (n k,).
-    """
-
-    lower: Array
-    upper: Array
+    lower: Array  # (n k,) [N·m per unit of the column]
+    upper: Array  # (n k,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """Coefficients that ended at a bound.
+    """Coefficients that ended at a bound."""
 
-    Attributes:
-        flags: which, (n k,).
-        free: φ of the solution without bounds, (n k,).
-        phi: φ within the bounds, (n k,).
-        evidence: |φ| of the solution without bounds times the length of the part of its column that
-            no other column produces, relative to the residual of that solution; (n k,).
-    """
-
-    flags: NDArray[np.bool_]
-    free: Array
-    phi: Array
+    flags: NDArray[np.bool_]  # which, (n k,)
+    free: Array  # φ of the solution without bounds, (n k,)
+    phi: Array  # φ within the bounds, (n k,)
+    # |φ| of the solution without bounds times the length of the part of its column that no other
+    # column produces, relative to the residual of that solution; (n k,)
     evidence: Array
 
 

@@ -22,20 +22,15 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """A problem linearised at x.
+    """A problem linearised at x."""
 
-    Attributes:
-        step: Δ to its minimum, (p,).
-        sigma: unit of each component in which a step is measured, (p,); NaN where a component is
-            not determined and does not count.
-        cost: of any x, smaller is better, with the weights of this x; None takes steps as they are.
-        order: of the norm of a step over its unit.
-    """
-
-    step: Array
+    step: Array  # Δ to its minimum, (p,)
+    # unit of each component in which a step is measured, (p,); NaN where a component is not
+    # determined and does not count
     sigma: Array
+    # of any x, smaller is better, with the weights of this x; None takes steps as they are
     cost: Callable[[Array], float] | None = None
-    order: float = np.inf
+    order: float = np.inf  # of the norm of a step over its unit
 
     def size(self, share: float = 1.0) -> float:
         """Norm of a share of the step over its unit."""
@@ -45,19 +40,12 @@ class Linearised:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Where the passes ended.
+    """Where the passes ended."""
 
-    Attributes:
-        x: unknowns, (p,).
-        last: last linearisation, of the x before the last step.
-        converged: whether the steps became small.
-        passes: number of linearisations.
-    """
-
-    x: Array
-    last: Linearised
-    converged: bool
-    passes: int
+    x: Array  # unknowns, (p,)
+    last: Linearised  # last linearisation, of the x before the last step
+    converged: bool  # whether the steps became small
+    passes: int  # number of linearisations
 
 
 def gauss_newton(

@@ -17,54 +17,39 @@ DEFAULT = "map"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Method:
-    """One estimator.
+    """One estimator."""
 
-    Attributes:
-        name: word by which a user selects it.
-        sentence: what it is, for `--help`, tables and reports.
-        fit: solves a `Problem`. It gets the keyword `preset` where `takes_preset` and the keyword
-            `prior`, a `PriorFile` or None, where `takes_prior`.
-        label: heading of its column in tables; the name in capitals where empty.
-        from_statistics: compressed statistics are all that it needs of the samples. It then takes
-            streamed logs, several logs, and rows without accelerations.
-        bounds_friction: its viscous, Coulomb and rotor coefficients are ≥ 0.
-        every_joint: needs an equation per joint, not the power of all joints.
-        uses_validation: stops or chooses by the validation part, which it does not train on.
-        takes_log: gets the keyword `log`, the `Origin` of the samples or None.
-        files: name of an input that only this method needs → reader of its file.
-        unfiltered: works on the unfiltered recording, so that no low-pass is missed.
-        columns: friction columns that it can use; None for any.
-        default_columns: friction columns that it is given where none are named.
-        objective: what it does instead of minimising the weighted loss L; empty where it does.
-        when_recommended: half a sentence that follows where a comparison recommends it.
-        takes_preset: has settings to choose from.
-        takes_prior: uses a file of inertial priors.
-        is_most_probable: returns the most probable model under the inertial prior, so that the
-            posterior is centred at its answer.
-        in_batches: whether a preset (a name, settings or None) draws samples one by one; None
-            where no preset does.
-        learned: reads the friction beyond φ that it learned from its `facts`, for result files.
-    """
-
-    name: str
-    sentence: str
+    name: str  # word by which a user selects it
+    sentence: str  # what it is, for `--help`, tables and reports
+    # solves a `Problem`. It gets the keyword `preset` where `takes_preset` and the keyword `prior`,
+    # a `PriorFile` or None, where `takes_prior`
     fit: Callable[..., Fit]
-    label: str = ""
+    label: str = ""  # heading of its column in tables; the name in capitals where empty
+    # compressed statistics are all that it needs of the samples. It then takes streamed logs,
+    # several logs, and rows without accelerations
     from_statistics: bool = False
-    bounds_friction: bool = False
-    every_joint: bool = False
+    bounds_friction: bool = False  # its viscous, Coulomb and rotor coefficients are ≥ 0
+    every_joint: bool = False  # needs an equation per joint, not the power of all joints
+    # stops or chooses by the validation part, which it does not train on
     uses_validation: bool = False
-    takes_log: bool = False
+    takes_log: bool = False  # gets the keyword `log`, the `Origin` of the samples or None
+    # name of an input that only this method needs → reader of its file
     files: Mapping[str, Callable[[Path, Library], Any]] = field(default_factory=dict)
-    unfiltered: bool = False
-    columns: tuple[str, ...] | None = None
-    default_columns: tuple[str, ...] = ()
+    unfiltered: bool = False  # works on the unfiltered recording, so that no low-pass is missed
+    columns: tuple[str, ...] | None = None  # friction columns that it can use; None for any
+    default_columns: tuple[str, ...] = ()  # friction columns that it is given where none are named
+    # what it does instead of minimising the weighted loss L; empty where it does
     objective: str = ""
-    when_recommended: str = ""
-    takes_preset: bool = False
-    takes_prior: bool = False
+    when_recommended: str = ""  # half a sentence that follows where a comparison recommends it
+    takes_preset: bool = False  # has settings to choose from
+    takes_prior: bool = False  # uses a file of inertial priors
+    # returns the most probable model under the inertial prior, so that the posterior is centred at
+    # its answer
     is_most_probable: bool = False
+    # whether a preset (a name, settings or None) draws samples one by one; None where no preset
+    # does
     in_batches: Callable[[Any], bool] | None = None
+    # reads the friction beyond φ that it learned from its `facts`, for result files
     learned: Callable[[Any], Learned] | None = None
 
     @property

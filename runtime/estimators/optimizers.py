@@ -87,19 +87,12 @@ class Optimiser(Protocol[S]):
 
 @dataclass(frozen=True, slots=True)
 class StoppingRule:
-    """When to validate and when to stop.
+    """When to validate and when to stop."""
 
-    Attributes:
-        max_iterations: hard limit.
-        patience: iterations without improvement of the best validation loss.
-        validate_every: iterations between validations.
-        threshold: an improvement counts when it exceeds this, absolute.
-    """
-
-    max_iterations: int
-    patience: int
-    validate_every: int = 5
-    threshold: float = 2e-6
+    max_iterations: int  # hard limit
+    patience: int  # iterations without improvement of the best validation loss
+    validate_every: int = 5  # iterations between validations
+    threshold: float = 2e-6  # an improvement counts when it exceeds this, absolute
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,17 +260,11 @@ class AdamState:
 
 @dataclass(frozen=True, slots=True)
 class AdamIterate:
-    """A point, the loss of the point before it, and the moments.
+    """A point, the loss of the point before it, and the moments."""
 
-    Attributes:
-        x: (size,).
-        loss: of the point that the last step began with; NaN before the first step.
-        moments: first and second moment.
-    """
-
-    x: Array
-    loss: float
-    moments: AdamState
+    x: Array  # (size,)
+    loss: float  # of the point that the last step began with; NaN before the first step
+    moments: AdamState  # first and second moment
 
     @property
     def is_new(self) -> bool:
@@ -344,61 +331,37 @@ def adam_step(
 
 @dataclass(frozen=True, slots=True)
 class LevenbergOptions:
-    """Settings of the descent.
+    """Settings of the descent."""
 
-    Attributes:
-        max_iterations: steps tried, accepted or not.
-        first_damping: μ at the start, relative to the largest squared column of J.
-        step_tolerance: stop when ‖δ‖ falls below this fraction of ‖x‖.
-        decrease_tolerance: stop when a step lowers L by less than this fraction, as predicted.
-    """
-
-    max_iterations: int = 200
-    first_damping: float = 1e-8
-    step_tolerance: float = 1e-12
+    max_iterations: int = 200  # steps tried, accepted or not
+    first_damping: float = 1e-8  # μ at the start, relative to the largest squared column of J
+    step_tolerance: float = 1e-12  # stop when ‖δ‖ falls below this fraction of ‖x‖
+    # stop when a step lowers L by less than this fraction, as predicted
     decrease_tolerance: float = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class LevenbergState:
-    """A point with its residual and damping.
+    """A point with its residual and damping."""
 
-    Attributes:
-        x: (size,).
-        residual: r, (m,).
-        jacobian: J = ∂r/∂x, (m, size).
-        loss: L.
-        damping: μ of the next step.
-        growth: factor on μ where the next step is rejected.
-        ended: why to stop; None to go on.
-        is_new: whether the last step was accepted.
-    """
-
-    x: Array
-    residual: Array
-    jacobian: Array
-    loss: float
-    damping: float
-    growth: float = 2.0
-    ended: Status | None = None
-    is_new: bool = False
+    x: Array  # (size,)
+    residual: Array  # r, (m,)
+    jacobian: Array  # J = ∂r/∂x, (m, size)
+    loss: float  # L
+    damping: float  # μ of the next step
+    growth: float = 2.0  # factor on μ where the next step is rejected
+    ended: Status | None = None  # why to stop; None to go on
+    is_new: bool = False  # whether the last step was accepted
 
 
 @dataclass(frozen=True, slots=True)
 class LevenbergMarquardt:
-    """Levenberg–Marquardt as an `Optimiser`.
+    """Levenberg–Marquardt as an `Optimiser`."""
 
-    Attributes:
-        residual_jacobian: r (m,) and J (m, size) at x.
-        options: damping and tolerances.
-        rest: ρ.
-        scale: factor of the loss.
-    """
-
-    residual_jacobian: Callable[[Array], tuple[Array, Array]]
-    options: LevenbergOptions
-    rest: float = 0.0
-    scale: float = 0.5
+    residual_jacobian: Callable[[Array], tuple[Array, Array]]  # r (m,) and J (m, size) at x
+    options: LevenbergOptions  # damping and tolerances
+    rest: float = 0.0  # ρ
+    scale: float = 0.5  # factor of the loss
 
     def init(self, x: Array) -> LevenbergState:
         """First point, (size,), with a damping relative to the largest column of J."""

@@ -121,26 +121,20 @@ class Stated(Record, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class PriorFile:
-    """Contents of a file of inertial priors.
+    """Contents of a file of inertial priors."""
 
-    Attributes:
-        kappa: trust κ in the URDF; None where the file does not state it.
-        constraints: linear priors.
-        armature: rotor inertia and its standard deviation per joint, (n, 2) [kg·m², kg], infinite
-            without a prior; None where the file states none.
-        centre: π0 of the type of robot, (10 n,) [kg, kg·m, kg·m²], in place of the URDF's; None
-            where the file states none.
-        friction: friction coefficients of the type; None where the file states none.
-        units: number of units of the fleet that the prior was computed from; 0 for none.
-        noise: least noise of the torque of the type; None where the file states none.
-    """
-
-    kappa: float | None
-    constraints: Constraints
+    kappa: float | None  # trust κ in the URDF; None where the file does not state it
+    constraints: Constraints  # linear priors
+    # rotor inertia and its standard deviation per joint, (n, 2) [kg·m², kg], infinite without a
+    # prior; None where the file states none
     armature: Array | None = None
+    # π0 of the type of robot, (10 n,) [kg, kg·m, kg·m²], in place of the URDF's; None where the
+    # file states none
     centre: Array | None = None
+    # friction coefficients of the type; None where the file states none
     friction: KnownFriction | None = None
-    units: int = 0
+    units: int = 0  # number of units of the fleet that the prior was computed from; 0 for none
+    # least noise of the torque of the type; None where the file states none
     noise: NoiseFloor | None = None
 
     @property

@@ -53,15 +53,10 @@ _LISTED = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowWeights:
-    """Weights of rows.
+    """Weights of rows."""
 
-    Attributes:
-        weights: of every row, (N,), one value per block.
-        joints: index of the joint with the largest residual of every row's block, (N,).
-    """
-
-    weights: Array
-    joints: Array
+    weights: Array  # of every row, (N,), one value per block
+    joints: Array  # index of the joint with the largest residual of every row's block, (N,)
 
     def note(self, t: Array, names: Sequence[str]) -> str:
         """Sentence on the blocks that count less.

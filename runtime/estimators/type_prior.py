@@ -60,19 +60,12 @@ FrictionTables = dict[str, Annotated[Above, Meta(description="a width above 0")]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownFriction:
-    """Friction coefficients of a type.
+    """Friction coefficients of a type."""
 
-    Attributes:
-        columns: names of columns.
-        widths: name → width [rad/s, rad], of the columns that depend on one.
-        mean: value per joint and column, (n, k) [N·m per unit of the column].
-        sigma: standard deviations, (n, k); infinite where nothing is known.
-    """
-
-    columns: tuple[str, ...]
-    widths: dict[str, float]
-    mean: Array
-    sigma: Array
+    columns: tuple[str, ...]  # names of columns
+    widths: dict[str, float]  # name → width [rad/s, rad], of the columns that depend on one
+    mean: Array  # value per joint and column, (n, k) [N·m per unit of the column]
+    sigma: Array  # standard deviations, (n, k); infinite where nothing is known
 
     @property
     def model(self) -> Friction:

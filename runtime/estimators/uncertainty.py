@@ -56,64 +56,45 @@ BAND_SAMPLES = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogInformation:
-    """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P]).
+    """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P])."""
 
-    Attributes:
-        statistics: R and r of all training samples, weighted.
-        density: S, variance with which the noise enters the unknowns.
-        kappa: κ, trust in the centre of the prior.
-        centre: π0 of the prior, (10 n,).
-    """
-
-    statistics: Statistics
-    density: float
-    kappa: float
-    centre: Array
+    statistics: Statistics  # R and r of all training samples, weighted
+    density: float  # S, variance with which the noise enters the unknowns
+    kappa: float  # κ, trust in the centre of the prior
+    centre: Array  # π0 of the prior, (10 n,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """Covariance of π and the figures that a report states beside it.
+    """Covariance of π and the figures that a report states beside it."""
 
-    Attributes:
-        root: C = root rootᵀ of π, (10 n, 10 n + m + 1); behind the first 10 n columns m of
-            nuisance torque and the error of the estimate.
-        share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
-        verdicts: per entry of π: identified, prior-dominated or unobservable.
-        beta_sigma: standard deviation of the base parameters, (n_b,).
-        beta_verdicts: per base parameter: identified where the data reduce its prior variance at
-            least tenfold and bring half of its precision without the prior, else
-            prior-dominated.
-        noise: s_j, residual RMS per joint, (n,), N·m or N.
-        n_samples, n_eff: number of training samples, and effective sample size.
-        inflation: N / N_eff, 1 for white noise.
-        white: share of lags, per joint, whose autocorrelation a white residual could have, (n,).
-        rank: number of directions of β that the motion excites, of n_b.
-        determined: number of directions of π in which the data carry ten times the information
-            of the prior, at most n_b.
-        conditioning: weakest over strongest excited direction.
-        information: what the posterior is computed from; None where it was not kept.
-        tests: what the data contradict, and what they cannot show.
-        filtered: N / N_eff that the low-pass filter leaves of white noise, 1 without a filter.
-        phi_nuisance: what the m columns of nuisance torque move φ at known π, (n k, m).
-    """
-
+    # C = root rootᵀ of π, (10 n, 10 n + m + 1); behind the first 10 n columns m of nuisance torque
+    # and the error of the estimate
     root: Array
-    share: Array
-    verdicts: tuple[str, ...]
-    beta_sigma: Array
+    share: Array  # posterior over prior variance of every entry of π, (10 n,), in (0, 1]
+    verdicts: tuple[str, ...]  # per entry of π: identified, prior-dominated or unobservable
+    beta_sigma: Array  # standard deviation of the base parameters, (n_b,)
+    # per base parameter: identified where the data reduce its prior variance at least tenfold and
+    # bring half of its precision without the prior, else prior-dominated
     beta_verdicts: tuple[str, ...]
-    noise: Array
-    n_samples: int
+    noise: Array  # s_j, residual RMS per joint, (n,), N·m or N
+    n_samples: int  # n_samples, n_eff: number of training samples, and effective sample size
     n_eff: float
-    inflation: float
+    inflation: float  # N / N_eff, 1 for white noise
+    # share of lags, per joint, whose autocorrelation a white residual could have, (n,)
     white: Array
-    rank: int
+    rank: int  # number of directions of β that the motion excites, of n_b
+    # number of directions of π in which the data carry ten times the information of the prior, at
+    # most n_b
     determined: int
-    conditioning: float
+    conditioning: float  # weakest over strongest excited direction
+    # what the posterior is computed from; None where it was not kept
     information: LogInformation | None = None
+    # what the data contradict, and what they cannot show
     tests: ModelTests = field(default_factory=ModelTests)
+    # N / N_eff that the low-pass filter leaves of white noise, 1 without a filter
     filtered: float = 1.0
+    # what the m columns of nuisance torque move φ at known π, (n k, m)
     phi_nuisance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __repr__(self) -> str:

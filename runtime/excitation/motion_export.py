@@ -43,21 +43,14 @@ CERTIFICATE = ".certificate.json"
 
 @dataclass(frozen=True, slots=True)
 class MotionFormat:
-    """A file format in which a motion is written.
+    """A file format in which a motion is written."""
 
-    Attributes:
-        name: word by which a user selects it.
-        suffix: end of the file name, with its dot.
-        sentence: what the file holds, for help texts.
-        write: writes the motion at a sampling rate [Hz] to a path, atomically.
-        rate: sampling rate where the user states none, Hz.
-    """
-
-    name: str
-    suffix: str
-    sentence: str
+    name: str  # word by which a user selects it
+    suffix: str  # end of the file name, with its dot
+    sentence: str  # what the file holds, for help texts
+    # writes the motion at a sampling rate [Hz] to a path, atomically
     write: Callable[[CertifiedMotion, float, Path], None]
-    rate: float = 1000.0
+    rate: float = 1000.0  # sampling rate where the user states none, Hz
 
 
 def export_trajectory(

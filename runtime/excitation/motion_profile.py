@@ -65,41 +65,25 @@ class Envelope:
 
 @dataclass(frozen=True, slots=True)
 class MotionProfile:
-    """A motion at N times, beside its limits.
+    """A motion at N times, beside its limits."""
 
-    Attributes:
-        robot: name of the robot.
-        joints: n names.
-        units: rad or m per joint.
-        t: (N,) s, from 0 to t_f.
-        motion: q, dq, ddq, dddq and the torque, with viscous friction where it is known, each
-            (N, n).
-        bands: their limits, under the same names; that of the torque is the share that may be
-            used, less Coulomb friction.
-        shares: use of the limits per kind that the robot limits, (N, n) each.
-        tip: (N, 3) m in the base frame.
-        table: height of a plane, m; None without.
-        box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m; None without.
-        gaps: distances between links and above the table.
-        envelopes: one per joint.
-        has_friction: friction is part of the torque.
-        certificate: bounds over all t.
-    """
-
-    robot: str
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-    t: Array
+    robot: str  # name of the robot
+    joints: tuple[str, ...]  # n names
+    units: tuple[str, ...]  # rad or m per joint
+    t: Array  # (N,) s, from 0 to t_f
+    # q, dq, ddq, dddq and the torque, with viscous friction where it is known, each (N, n)
     motion: dict[str, Array]
+    # their limits, under the same names; that of the torque is the share that may be used, less
+    # Coulomb friction
     bands: dict[str, Band]
-    shares: dict[str, Array]
-    tip: Array
-    table: float | None
-    box: tuple[float, ...] | None
-    gaps: tuple[Gap, ...]
-    envelopes: tuple[Envelope, ...]
-    has_friction: bool
-    certificate: Certificate
+    shares: dict[str, Array]  # use of the limits per kind that the robot limits, (N, n) each
+    tip: Array  # (N, 3) m in the base frame
+    table: float | None  # height of a plane, m; None without
+    box: tuple[float, ...] | None  # xmin, xmax, ymin, ymax, zmin, zmax of the tip, m; None without
+    gaps: tuple[Gap, ...]  # distances between links and above the table
+    envelopes: tuple[Envelope, ...]  # one per joint
+    has_friction: bool  # friction is part of the torque
+    certificate: Certificate  # bounds over all t
 
 
 def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProfile:

@@ -60,27 +60,16 @@ VISITS = 2
 
 @dataclass(frozen=True, slots=True)
 class PoseDesign:
-    """Poses at rest and their accuracy.
+    """Poses at rest and their accuracy."""
 
-    Attributes:
-        poses: (K, n) rad or m.
-        approach: (n,) distance s from which every joint arrives, from below and from above.
-        columns: indices of the gravity parameters among the base parameters.
-        sigma: RMS standard deviation of the gravity parameters [kg·m].
-        sigma_random: mean of the same over random sets.
-        torque: RMS standard deviation of the gravity torque over feasible poses [N·m].
-        torque_random: mean of the same over random sets.
-        assumptions: sentences on limits that the robot does not state.
-    """
-
-    poses: Array
-    approach: Array
-    columns: tuple[int, ...]
-    sigma: float
-    sigma_random: float
-    torque: float
-    torque_random: float
-    assumptions: tuple[str, ...]
+    poses: Array  # (K, n) rad or m
+    approach: Array  # (n,) distance s from which every joint arrives, from below and from above
+    columns: tuple[int, ...]  # indices of the gravity parameters among the base parameters
+    sigma: float  # RMS standard deviation of the gravity parameters [kg·m]
+    sigma_random: float  # mean of the same over random sets
+    torque: float  # RMS standard deviation of the gravity torque over feasible poses [N·m]
+    torque_random: float  # mean of the same over random sets
+    assumptions: tuple[str, ...]  # sentences on limits that the robot does not state
 
 
 def design_poses(
@@ -139,18 +128,13 @@ def _accuracy(gram: Array, mean: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class PoseRange:
-    """Range of the joints at rest and length of the approach.
+    """Range of the joints at rest and length of the approach."""
 
-    Attributes:
-        lower, upper: ends of the poses, (n,) rad or m; the approach stays within the limits.
-        approach: s, (n,) rad or m.
-        assumptions: ranges that the robot does not state, as sentences.
-    """
-
+    # lower, upper: ends of the poses, (n,) rad or m; the approach stays within the limits
     lower: Array
     upper: Array
-    approach: Array
-    assumptions: tuple[str, ...]
+    approach: Array  # s, (n,) rad or m
+    assumptions: tuple[str, ...]  # ranges that the robot does not state, as sentences
 
 
 def pose_range(lib: Library, margin: float = 1.0) -> PoseRange:

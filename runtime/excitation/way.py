@@ -47,15 +47,11 @@ _SLOWER = (1.02, 1.5)
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way to the start of a motion.
+    """A way to the start of a motion."""
 
-    Attributes:
-        trajectory: from the present pose to the start; None where the robot stands there already.
-        corners: number of corners of the polyline, 0 for a straight way.
-    """
-
+    # from the present pose to the start; None where the robot stands there already
     trajectory: Trajectory | None
-    corners: int = 0
+    corners: int = 0  # number of corners of the polyline, 0 for a straight way
 
 
 def way_to(

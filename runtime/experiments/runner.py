@@ -216,17 +216,11 @@ def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """State of one study in one folder.
+    """State of one study in one folder."""
 
-    Attributes:
-        word: missing, partial, done or hash differs.
-        done: number of finished trials.
-        trials: number of requested trials.
-    """
-
-    word: str
-    done: int
-    trials: int
+    word: str  # missing, partial, done or hash differs
+    done: int  # number of finished trials
+    trials: int  # number of requested trials
 
     def __str__(self) -> str:
         if self.word in {MISSING, DIFFERS}:

@@ -74,16 +74,12 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class StudyOutcome:
-    """Results of all rows of a study.
+    """Results of all rows of a study."""
 
-    Attributes:
-        series: arrays by name.
-        facts: facts of the data: rates, counts, filters, condition numbers.
-        rows: further rows of trials.parquet, computed from all trials.
-    """
-
-    series: dict[str, Array] = field(default_factory=dict)
+    series: dict[str, Array] = field(default_factory=dict)  # arrays by name
+    # facts of the data: rates, counts, filters, condition numbers
     facts: dict[str, Any] = field(default_factory=dict)
+    # further rows of trials.parquet, computed from all trials
     rows: list[Row] = field(default_factory=list)
 
 

@@ -28,19 +28,12 @@ PAUSE_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """Contact wrench at the origin of a link, in axes of the base.
+    """Contact wrench at the origin of a link, in axes of the base."""
 
-    Attributes:
-        link: name of the link.
-        force: (3,) [N].
-        moment: (3,) [N·m].
-        rank: number of its six components that the external torque determines.
-    """
-
-    link: str
-    force: tuple[float, ...]
-    moment: tuple[float, ...]
-    rank: int
+    link: str  # name of the link
+    force: tuple[float, ...]  # (3,) [N]
+    moment: tuple[float, ...]  # (3,) [N·m]
+    rank: int  # number of its six components that the external torque determines
 
 
 def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
@@ -63,27 +56,16 @@ def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """One contact at one joint.
+    """One contact at one joint."""
 
-    Attributes:
-        time_s: instant at which the threshold is exceeded [s].
-        end_s: instant from which r stays below half of it [s].
-        joint: name of the joint.
-        number: index of the joint, from 0.
-        torque: external torque [N·m, N]: median after the time of the observer, or the peak.
-        direction: sign of it, 1 or −1.
-        sigma: σ of r at the instant of detection [N·m, N].
-        threshold: at that instant [N·m, N].
-    """
-
-    time_s: float
-    end_s: float
-    joint: str
-    number: int
-    torque: float
-    direction: int
-    sigma: float
-    threshold: float
+    time_s: float  # instant at which the threshold is exceeded [s]
+    end_s: float  # instant from which r stays below half of it [s]
+    joint: str  # name of the joint
+    number: int  # index of the joint, from 0
+    torque: float  # external torque [N·m, N]: median after the time of the observer, or the peak
+    direction: int  # sign of it, 1 or −1
+    sigma: float  # σ of r at the instant of detection [N·m, N]
+    threshold: float  # at that instant [N·m, N]
 
 
 def contacts_of(

@@ -26,15 +26,10 @@ _POINTS = 400
 
 @dataclass(frozen=True, slots=True)
 class AlarmRate:
-    """Rate of false alarms of all joints together.
+    """Rate of false alarms of all joints together."""
 
-    Attributes:
-        text: as the user stated it.
-        per_second: the same [1/s].
-    """
-
-    text: str
-    per_second: float
+    text: str  # as the user stated it
+    per_second: float  # the same [1/s]
 
 
 def alarm_rate(text: str) -> AlarmRate:

@@ -30,19 +30,12 @@ SLOW = 2.0
 
 @dataclass(frozen=True, slots=True)
 class MonitoredModel:
-    """Parameters that an observer computes with.
+    """Parameters that an observer computes with."""
 
-    Attributes:
-        beta: base parameters β, (n_b,).
-        terms: friction columns, with the gear of coupled motors.
-        phi: friction coefficients, (n, k).
-        preparation: of the log that the model was identified from.
-    """
-
-    beta: Array
-    terms: Friction
-    phi: Array
-    preparation: Preparation
+    beta: Array  # base parameters β, (n_b,)
+    terms: Friction  # friction columns, with the gear of coupled motors
+    phi: Array  # friction coefficients, (n, k)
+    preparation: Preparation  # of the log that the model was identified from
 
     @property
     def delay_s(self) -> float:

@@ -55,38 +55,23 @@ REVERSAL_S = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOutResidual:
-    """Residual torque of the part of a log that the model has not seen.
+    """Residual torque of the part of a log that the model has not seen."""
 
-    Attributes:
-        t: (N,) with holes [s].
-        rest: τ − τ̂, (N, n) [N·m, N].
-        is_used: (N, n), False next to reversals of a joint.
-        limit_hz: frequency up to which it counts.
-    """
-
-    t: Array
-    rest: Array
-    is_used: NDArray[np.bool_]
-    limit_hz: float
+    t: Array  # (N,) with holes [s]
+    rest: Array  # τ − τ̂, (N, n) [N·m, N]
+    is_used: NDArray[np.bool_]  # (N, n), False next to reversals of a joint
+    limit_hz: float  # frequency up to which it counts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverNoise:
-    """Noise of r in free motion, per joint.
+    """Noise of r in free motion, per joint."""
 
-    Attributes:
-        slow: σ below f_s, of model and friction, (n,) [N·m, N].
-        fast: σ above f_s, of sensors, (n,) [N·m, N].
-        largest: largest |r| below f_s that free motion has shown, (n,) [N·m, N].
-        correlation: ρ of neighbouring samples of r, (n,).
-        ratios: σ of equally frequent stretches over that of all, (S, n).
-    """
-
-    slow: Array
-    fast: Array
-    largest: Array
-    correlation: Array
-    ratios: Array
+    slow: Array  # σ below f_s, of model and friction, (n,) [N·m, N]
+    fast: Array  # σ above f_s, of sensors, (n,) [N·m, N]
+    largest: Array  # largest |r| below f_s that free motion has shown, (n,) [N·m, N]
+    correlation: Array  # ρ of neighbouring samples of r, (n,)
+    ratios: Array  # σ of equally frequent stretches over that of all, (S, n)
 
     @property
     def sigma(self) -> Array:

@@ -73,30 +73,18 @@ noisy speed over shorter times would enlarge it [Hz]."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detector:
-    """Observer with thresholds.
+    """Observer with thresholds."""
 
-    Attributes:
-        model: identified model.
-        settings: of the observer.
-        within_s: time in which r shows 95 % of a step [s].
-        rate: stated rate of false alarms.
-        noise: of r in free motion.
-        levels: z, (n,).
-        root: root of the covariance of [β; φ], (p, columns); None where it is not known.
-        share: w of dry friction and timing in the thresholds.
-        direct: σ of the direct torque, (n,) [N·m, N]; None before a calibration.
-        ratio: level of the torque over that of the direct one, (n,); 0 where it is not used.
-    """
-
-    model: MonitoredModel
-    settings: ObserverSettings
-    within_s: float
-    rate: AlarmRate
-    noise: ObserverNoise
-    levels: Array
-    root: Array | None
-    share: float = 1.0
-    direct: Array | None = None
+    model: MonitoredModel  # identified model
+    settings: ObserverSettings  # of the observer
+    within_s: float  # time in which r shows 95 % of a step [s]
+    rate: AlarmRate  # stated rate of false alarms
+    noise: ObserverNoise  # of r in free motion
+    levels: Array  # z, (n,)
+    root: Array | None  # root of the covariance of [β; φ], (p, columns); None where it is not known
+    share: float = 1.0  # w of dry friction and timing in the thresholds
+    direct: Array | None = None  # σ of the direct torque, (n,) [N·m, N]; None before a calibration
+    # level of the torque over that of the direct one, (n,); 0 where it is not used
     ratio: Array | float = 0.0
 
     @property
@@ -114,23 +102,14 @@ class Detector:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """External torque of a log and its contacts.
+    """External torque of a log and its contacts."""
 
-    Attributes:
-        t: (N,) [s].
-        r: (N, n) external torque, NaN where unknown [N·m, N].
-        sigma: (N, n) standard deviation of r in free motion [N·m, N].
-        threshold: (N, n) [N·m, N].
-        contacts: in the order of time.
-        seconds: duration for which r is known [s].
-    """
-
-    t: Array
-    r: Array
-    sigma: Array
-    threshold: Array
-    contacts: tuple[Contact, ...]
-    seconds: float
+    t: Array  # (N,) [s]
+    r: Array  # (N, n) external torque, NaN where unknown [N·m, N]
+    sigma: Array  # (N, n) standard deviation of r in free motion [N·m, N]
+    threshold: Array  # (N, n) [N·m, N]
+    contacts: tuple[Contact, ...]  # in the order of time
+    seconds: float  # duration for which r is known [s]
 
 
 def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
@@ -172,27 +151,17 @@ def detector_for(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """External torque of a log with the terms of its thresholds, before a rate is stated.
+    """External torque of a log with the terms of its thresholds, before a rate is stated."""
 
-    Attributes:
-        t: (N,) [s].
-        r: (N, n) external torque without what is usual in this session, NaN where unknown [N·m, N].
-        sigma: (N, n) standard deviation of r in free motion, band included [N·m, N].
-        model_band: (N, n) standard deviation of the model's torque [N·m, N].
-        band: (N, n) the same with that of what is usual [N·m, N].
-        extra: (N, n) dry friction and timing in the thresholds [N·m, N].
-        rest: (N, n) unknown dry friction of resting joints [N·m, N].
-        direct: (N, n) level of the direct torque, 0 where unknown.
-    """
-
-    t: Array
+    t: Array  # (N,) [s]
+    # (N, n) external torque without what is usual in this session, NaN where unknown [N·m, N]
     r: Array
-    sigma: Array
-    model_band: Array
-    band: Array
-    extra: Array
-    rest: Array
-    direct: Array
+    sigma: Array  # (N, n) standard deviation of r in free motion, band included [N·m, N]
+    model_band: Array  # (N, n) standard deviation of the model's torque [N·m, N]
+    band: Array  # (N, n) the same with that of what is usual [N·m, N]
+    extra: Array  # (N, n) dry friction and timing in the thresholds [N·m, N]
+    rest: Array  # (N, n) unknown dry friction of resting joints [N·m, N]
+    direct: Array  # (N, n) level of the direct torque, 0 where unknown
 
     def normalised(self, share: float, ratio: Array | float) -> Array:
         """Level z at which a sample is an alarm, (N, n); NaN where r is unknown."""

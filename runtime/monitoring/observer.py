@@ -32,18 +32,12 @@ VELOCITIES = ("measured", "position")
 
 @dataclass(frozen=True, slots=True)
 class ObserverSettings:
-    """Discrete observer.
+    """Discrete observer."""
 
-    Attributes:
-        rate_hz: rate of the samples [Hz].
-        bandwidth: K_O [1/s].
-        steps: length of the averaging window in steps of time, 0 for none.
-        velocity: "measured" takes dq, "position" the difference of q over the window.
-    """
-
-    rate_hz: float
-    bandwidth: float = BANDWIDTH
-    steps: int = 0
+    rate_hz: float  # rate of the samples [Hz]
+    bandwidth: float = BANDWIDTH  # K_O [1/s]
+    steps: int = 0  # length of the averaging window in steps of time, 0 for none
+    # "measured" takes dq, "position" the difference of q over the window
     velocity: str = "measured"
 
     def __post_init__(self) -> None:

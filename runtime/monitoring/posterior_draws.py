@@ -46,21 +46,14 @@ REDRAWS = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draws:
-    """Models that the data and the prior allow.
+    """Models that the data and the prior allow."""
 
-    Attributes:
-        pi: (N, 10 n_links), every link strictly consistent.
-        phi: (N, n, k) friction coefficients.
-        mode: most probable π, (10 n_links,).
-        acceptance: share of accepted trajectories.
-        effective: effective number of independent draws, from what a chain keeps of its state over
-            the second half of its trajectories; at most N.
-    """
-
-    pi: Array
-    phi: Array
-    mode: Array
-    acceptance: float
+    pi: Array  # (N, 10 n_links), every link strictly consistent
+    phi: Array  # (N, n, k) friction coefficients
+    mode: Array  # most probable π, (10 n_links,)
+    acceptance: float  # share of accepted trajectories
+    # effective number of independent draws, from what a chain keeps of its state over the second
+    # half of its trajectories; at most N
     effective: float
 
 

@@ -65,63 +65,37 @@ def append_history(path: Path, entries: list[dict[str, Any]]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Estimated size of one change in all logs of a history.
+    """Estimated size of one change in all logs of a history."""
 
-    Attributes:
-        group: part of the robot.
-        where: joint or link; "" for the whole robot.
-        unit: of the sizes.
-        at: number of the check of each entry, (N,).
-        size: estimates, (N,).
-        sigma: their standard deviations, (N,).
-    """
-
-    group: str
-    where: str
-    unit: str
-    at: tuple[int, ...]
-    size: Array
-    sigma: Array
+    group: str  # part of the robot
+    where: str  # joint or link; "" for the whole robot
+    unit: str  # of the sizes
+    at: tuple[int, ...]  # number of the check of each entry, (N,)
+    size: Array  # estimates, (N,)
+    sigma: Array  # their standard deviations, (N,)
 
 
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """Slope of a series.
+    """Slope of a series."""
 
-    Attributes:
-        value: per unit of x.
-        interval: its 95 % interval.
-        p_value: of no slope.
-        offset: a, at x = 0.
-    """
-
-    value: float
-    interval: tuple[float, float]
-    p_value: float
-    offset: float
+    value: float  # per unit of x
+    interval: tuple[float, float]  # its 95 % interval
+    p_value: float  # of no slope
+    offset: float  # a, at x = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Trends:
-    """History of one model.
+    """History of one model."""
 
-    Attributes:
-        logs: names of the logs, in order of their dates.
-        days: date of each log, days since 1970-01-01.
-        temperature: of each log [°C]; NaN where it is not known.
-        changed: whether the log showed a change.
-        sentences: verdict of each log.
-        series: estimated changes.
-        others: number of checks of other models, which are left out.
-    """
-
-    logs: tuple[str, ...]
-    days: Array
-    temperature: Array
-    changed: tuple[bool, ...]
-    sentences: tuple[str, ...]
-    series: tuple[Series, ...]
-    others: int
+    logs: tuple[str, ...]  # names of the logs, in order of their dates
+    days: Array  # date of each log, days since 1970-01-01
+    temperature: Array  # of each log [°C]; NaN where it is not known
+    changed: tuple[bool, ...]  # whether the log showed a change
+    sentences: tuple[str, ...]  # verdict of each log
+    series: tuple[Series, ...]  # estimated changes
+    others: int  # number of checks of other models, which are left out
 
     @property
     def months(self) -> Array:

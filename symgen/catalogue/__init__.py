@@ -24,16 +24,11 @@ from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """All kernels of one robot, and the base parameters that some of them use.
+    """All kernels of one robot, and the base parameters that some of them use."""
 
-    Attributes:
-        kernels: in the order of the generated files.
-        base: base parameters.
-        omitted: kernel that this robot does not get → what to use instead.
-    """
-
-    kernels: tuple[Kernel, ...]
-    base: BaseParameters
+    kernels: tuple[Kernel, ...]  # in the order of the generated files
+    base: BaseParameters  # base parameters
+    # kernel that this robot does not get → what to use instead
     omitted: dict[str, str] = field(default_factory=dict)
 
 

@@ -51,19 +51,12 @@ _EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """The chain without its loops: x_all = A x + b, frames by pinocchio.
+    """The chain without its loops: x_all = A x + b, frames by pinocchio."""
 
-    Attributes:
-        model: of N joints.
-        names: of the n joints whose positions are x.
-        matrix: (N, n) A.
-        offset: (N,) b [rad, m].
-    """
-
-    model: pinocchio.Model
-    names: tuple[str, ...]
-    matrix: Array
-    offset: Array
+    model: pinocchio.Model  # of N joints
+    names: tuple[str, ...]  # of the n joints whose positions are x
+    matrix: Array  # (N, n) A
+    offset: Array  # (N,) b [rad, m]
 
     def rows(self, closures: list[Closure], x: Array) -> tuple[Array, Array]:
         """φ and ∂φ/∂x of all loop joints at x (n,) [rad, m]."""

@@ -24,17 +24,11 @@ _SINGULAR = 1e-9
 
 
 class CouplingRow(Record, frozen=True):
-    """Position of a dependent joint as an affine function of others, x = Σ of[m] x_m + offset.
+    """Position of a dependent joint as an affine function of others, x = Σ of[m] x_m + offset."""
 
-    Attributes:
-        joint: name of the dependent joint.
-        of: master joint → factor.
-        offset: rad or m.
-    """
-
-    joint: Name
-    of: dict[str, float]
-    offset: float = 0.0
+    joint: Name  # name of the dependent joint
+    of: dict[str, float]  # master joint → factor
+    offset: float = 0.0  # rad or m
 
 
 @dataclass(frozen=True, slots=True)

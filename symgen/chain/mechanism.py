@@ -33,23 +33,18 @@ _ORIGIN = (0.0, 0.0, 0.0)
 
 
 class Loop(Record, frozen=True):
-    """A loop joint as stated.
+    """A loop joint as stated."""
 
-    Attributes:
-        parent, child: links of the two frames.
-        parent_xyz, child_xyz: their origins in the frames of these links [m].
-        parent_rpy, child_rpy: their axes [rad].
-        kind: key of `FREE_ROWS`; "" where the assembly pose decides (`symgen.chain.assembly`).
-        axis: of a revolute, prismatic or cylindrical loop joint, in the two frames.
-    """
-
-    parent: Name
+    parent: Name  # parent, child: links of the two frames
     child: Name
+    # parent_xyz, child_xyz: their origins in the frames of these links [m]
     parent_xyz: Vector3 = _ORIGIN
-    parent_rpy: Vector3 = _ORIGIN
+    parent_rpy: Vector3 = _ORIGIN  # parent_rpy, child_rpy: their axes [rad]
     child_xyz: Vector3 = _ORIGIN
     child_rpy: Vector3 = _ORIGIN
+    # key of `FREE_ROWS`; "" where the assembly pose decides (`symgen.chain.assembly`)
     kind: str = ""
+    # of a revolute, prismatic or cylindrical loop joint, in the two frames
     axis: Vector3 = (0.0, 0.0, 1.0)
 
     @property
@@ -62,37 +57,25 @@ class Spring(Record, frozen=True):
     """A spring with potential k (x − rest)² / 2 and the drives' torque k (x − rest) ∂x/∂q.
 
     x = Σ of[m] x_m, or the distance of a point of `parent` from a point of `child`.
-
-    Attributes:
-        name: name of its friction column, `spring:NAME`.
-        of: joint → factor; empty for a spring between points.
-        parent, child: links of the two points; "" for a spring along joints.
-        parent_xyz, child_xyz: points in the frames of these links [m].
-        rest: x without force [rad or m].
-        stiffness: k [N·m/rad, N/m]; None where it is to be identified.
     """
 
-    name: str
+    name: str  # name of its friction column, `spring:NAME`
+    # joint → factor; empty for a spring between points
     of: dict[str, float] = field(default_factory=dict)
-    parent: str = ""
+    parent: str = ""  # parent, child: links of the two points; "" for a spring along joints
     child: str = ""
-    parent_xyz: Vector3 = _ORIGIN
+    parent_xyz: Vector3 = _ORIGIN  # parent_xyz, child_xyz: points in the frames of these links [m]
     child_xyz: Vector3 = _ORIGIN
-    rest: float = 0.0
-    stiffness: float | None = None
+    rest: float = 0.0  # x without force [rad or m]
+    stiffness: float | None = None  # k [N·m/rad, N/m]; None where it is to be identified
 
 
 class KnownTorque(Record, frozen=True):
-    """A torque curve p(x), x = Σ of[m] x_m, that adds p(x) ∂x/∂q to τ.
+    """A torque curve p(x), x = Σ of[m] x_m, that adds p(x) ∂x/∂q to τ."""
 
-    Attributes:
-        of: joint → factor.
-        polynomial: coefficients of 1, x, x², …; empty where points are given.
-        x, torque: points between which p is linear, constant beyond; x ascending.
-    """
-
-    of: Factors
-    polynomial: tuple[float, ...] = ()
+    of: Factors  # joint → factor
+    polynomial: tuple[float, ...] = ()  # coefficients of 1, x, x², …; empty where points are given
+    # x, torque: points between which p is linear, constant beyond; x ascending
     x: tuple[float, ...] = ()
     torque: tuple[float, ...] = ()
 
@@ -105,24 +88,17 @@ class FrictionCoordinate(Record, frozen=True):
 
 
 class Mechanism(Record, frozen=True):
-    """Everything of a mechanism file.
+    """Everything of a mechanism file."""
 
-    Attributes:
-        coupling: rows of dependent joints; a row replaces the <mimic> of its joint.
-        independent: names of the independent joints in the order of q; empty: those without a row.
-        friction: further coordinates with friction.
-        spring: springs.
-        known_torque: torque curves.
-        loop: loop joints.
-        assembly: joint → position of the assembly pose [rad or m]; others: 0 or mid-range.
-    """
-
+    # rows of dependent joints; a row replaces the <mimic> of its joint
     coupling: tuple[CouplingRow, ...] = ()
+    # names of the independent joints in the order of q; empty: those without a row
     independent: tuple[str, ...] = ()
-    friction: tuple[FrictionCoordinate, ...] = ()
-    spring: tuple[Spring, ...] = ()
-    known_torque: tuple[KnownTorque, ...] = ()
-    loop: tuple[Loop, ...] = ()
+    friction: tuple[FrictionCoordinate, ...] = ()  # further coordinates with friction
+    spring: tuple[Spring, ...] = ()  # springs
+    known_torque: tuple[KnownTorque, ...] = ()  # torque curves
+    loop: tuple[Loop, ...] = ()  # loop joints
+    # joint → position of the assembly pose [rad or m]; others: 0 or mid-range
     assembly: dict[str, float] = field(default_factory=dict)
 
 

@@ -57,80 +57,50 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class LumpedBody:
-    """A link fixed to a moving link, whose mass counts into it.
+    """A link fixed to a moving link, whose mass counts into it."""
 
-    Attributes:
-        name: the fixed link.
-        onto: the moving link.
-        mass: kg.
-    """
-
-    name: str
-    onto: str
-    mass: float
+    name: str  # the fixed link
+    onto: str  # the moving link
+    mass: float  # kg
 
 
 @dataclass(frozen=True, slots=True)
 class Tip:
-    """The frame of the `end_effector` kernel, fixed in the frame of joint `joint`.
+    """The frame of the `end_effector` kernel, fixed in the frame of joint `joint`."""
 
-    Attributes:
-        link: name of the tip link.
-        joint: index of the joint that moves it.
-        rotation: R from the tip frame to the joint's frame.
-        translation: origin of the tip frame in the joint's frame, m.
-    """
-
-    link: str
-    joint: int
-    rotation: MatrixRows
-    translation: Vector
+    link: str  # name of the tip link
+    joint: int  # index of the joint that moves it
+    rotation: MatrixRows  # R from the tip frame to the joint's frame
+    translation: Vector  # origin of the tip frame in the joint's frame, m
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame rigid in the body of a joint.
+    """A frame rigid in the body of a joint."""
 
-    Attributes:
-        joint: index of the joint, −1 for the base.
-        rotation: R from this frame to that of the joint.
-        translation: origin in the joint's frame, m.
-    """
-
-    joint: int
-    rotation: MatrixRows
-    translation: Vector
+    joint: int  # index of the joint, −1 for the base
+    rotation: MatrixRows  # R from this frame to that of the joint
+    translation: Vector  # origin in the joint's frame, m
 
 
 @dataclass(frozen=True, slots=True)
 class Closure:
-    """One loop joint; z of its frames is the axis of the joint.
+    """One loop joint; z of its frames is the axis of the joint."""
 
-    Attributes:
-        name: for messages.
-        kind: key of `FREE_ROWS`.
-        parent, child: the two frames.
-        rows: components of the frames that are closed; others follow from these, or are free.
-    """
-
-    name: str
-    kind: str
-    parent: Frame
+    name: str  # for messages
+    kind: str  # key of `FREE_ROWS`
+    parent: Frame  # parent, child: the two frames
     child: Frame
+    # components of the frames that are closed; others follow from these, or are free
     rows: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """An independent joint that turns without end through postures that all close.
+    """An independent joint that turns without end through postures that all close."""
 
-    Attributes:
-        place: in q.
-        windings: turns of the dependent coordinates per turn of the joint, (r,).
-    """
-
-    place: int
-    windings: tuple[int, ...]
+    place: int  # in q
+    windings: tuple[int, ...]  # turns of the dependent coordinates per turn of the joint, (r,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,22 +108,15 @@ class Loops:
     """All loop joints of a chain and the choice of coordinates.
 
     x are the coordinates of the chain without its loops: all joints, or those that couplings leave.
-
-    Attributes:
-        closures: the loop joints.
-        independent: (n,) places in x of q, in the order of q.
-        dependent: (r,) places in x of the others, as many as there are rows.
-        blocks: rows and places in `dependent` of systems that are solved one after the other.
-        assembly: x of the assembly pose [rad, m].
-        turns: joints that turn without end.
     """
 
-    closures: tuple[Closure, ...]
-    independent: tuple[int, ...]
-    dependent: tuple[int, ...]
+    closures: tuple[Closure, ...]  # the loop joints
+    independent: tuple[int, ...]  # (n,) places in x of q, in the order of q
+    dependent: tuple[int, ...]  # (r,) places in x of the others, as many as there are rows
+    # rows and places in `dependent` of systems that are solved one after the other
     blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    assembly: Vector
-    turns: tuple[Turn, ...] = ()
+    assembly: Vector  # x of the assembly pose [rad, m]
+    turns: tuple[Turn, ...] = ()  # joints that turn without end
 
 
 @dataclass(frozen=True, slots=True)

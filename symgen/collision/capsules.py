@@ -36,36 +36,23 @@ _POINT = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Coverage of one link.
+    """Coverage of one link."""
 
-    Attributes:
-        link: moving link, or `BASE`.
-        proxies: number of proxies.
-        corners: number of corners of triangles.
-        outside: largest distance by which a triangle protrudes from the proxy that holds it best,
-            m.
-        ratio: volume of the proxies over that of the convex hulls; NaN without angular shapes.
-    """
-
-    link: str
-    proxies: int
-    corners: int
+    link: str  # moving link, or `BASE`
+    proxies: int  # number of proxies
+    corners: int  # number of corners of triangles
+    # largest distance by which a triangle protrudes from the proxy that holds it best, m
     outside: float
-    ratio: float
+    ratio: float  # volume of the proxies over that of the convex hulls; NaN without angular shapes
 
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All points within `radius` of a segment.
+    """All points within `radius` of a segment."""
 
-    Attributes:
-        start, end: (3,) m.
-        radius: m.
-    """
-
-    start: Array
+    start: Array  # start, end: (3,) m
     end: Array
-    radius: float
+    radius: float  # m
 
     @property
     def volume(self) -> float:

@@ -30,33 +30,21 @@ _CORNERS = 32
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A sphere or capsule of the URDF, which needs no fit.
+    """A sphere or capsule of the URDF, which needs no fit."""
 
-    Attributes:
-        start, end: (3,) m, in the link's frame.
-        radius: m.
-    """
-
-    start: Array
+    start: Array  # start, end: (3,) m, in the link's frame
     end: Array
-    radius: float
+    radius: float  # m
 
 
 @dataclass(frozen=True, slots=True)
 class LinkGeometry:
-    """Shapes fixed in one link.
+    """Shapes fixed in one link."""
 
-    Attributes:
-        link: moving link of the chain, or `BASE`.
-        triangles: (T, 3, 3) corners, m, in the link's frame; no edge is longer than `EDGE`.
-        rounds: spheres and capsules.
-        volume: m³ of the convex hulls of the angular shapes.
-    """
-
-    link: str
-    triangles: Array
-    rounds: tuple[Round, ...]
-    volume: float
+    link: str  # moving link of the chain, or `BASE`
+    triangles: Array  # (T, 3, 3) corners, m, in the link's frame; no edge is longer than `EDGE`
+    rounds: tuple[Round, ...]  # spheres and capsules
+    volume: float  # m³ of the convex hulls of the angular shapes
 
 
 def read_geometry(chain: Chain, packages: list[Path]) -> tuple[LinkGeometry, ...]:

@@ -40,17 +40,11 @@ _DESCENTS = 3
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Chosen pairs, and pairs left out.
+    """Chosen pairs, and pairs left out."""
 
-    Attributes:
-        pairs: pairs with their margins.
-        apart: pairs that never come close.
-        touching: pairs that overlap in every posture.
-    """
-
-    pairs: tuple[Pair, ...]
-    apart: tuple[tuple[str, str], ...]
-    touching: tuple[tuple[str, str], ...]
+    pairs: tuple[Pair, ...]  # pairs with their margins
+    apart: tuple[tuple[str, str], ...]  # pairs that never come close
+    touching: tuple[tuple[str, str], ...]  # pairs that overlap in every posture
 
 
 def select_pairs(

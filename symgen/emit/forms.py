@@ -21,42 +21,29 @@ Kernels = dict[str, Kernel]
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """Tables for the loops of `templates/`.
+    """Tables for the loops of `templates/`."""
 
-    Attributes:
-        regressor, block: kernels of the factors; the block is the second output of its kernel.
-        joints, links, size: Y is joints × (links · size).
-        entries: (row, column) of the structural nonzeros of a block, column by column.
-        rows: joints whose rows of Y are not zero, link by link; first[k] to first[k + 1] belong to
-            link k.
-        first: start of each link in `rows`.
-        zeros: entries of Y in such rows that no statement writes.
-    """
-
+    # regressor, block: kernels of the factors; the block is the second output of its kernel
     regressor: str
     block: str
-    joints: int
+    joints: int  # joints, links, size: Y is joints × (links · size)
     links: int
     size: int
+    # (row, column) of the structural nonzeros of a block, column by column
     entries: list[tuple[int, int]]
+    # joints whose rows of Y are not zero, link by link; first[k] to first[k + 1] belong to link k
     rows: list[int]
-    first: list[int]
-    zeros: list[int]
+    first: list[int]  # start of each link in `rows`
+    zeros: list[int]  # entries of Y in such rows that no statement writes
 
 
 @dataclass(frozen=True, slots=True)
 class Forms:
-    """Forms by name of the kernel.
+    """Forms by name of the kernel."""
 
-    Attributes:
-        bodies: statements for one sample; products have none.
-        tiles: tile forms of all kernels that are not rare.
-        products: tables of all kernels that are products.
-    """
-
-    bodies: dict[str, list[str]]
-    tiles: dict[str, TileProgram]
-    products: dict[str, Product]
+    bodies: dict[str, list[str]]  # statements for one sample; products have none
+    tiles: dict[str, TileProgram]  # tile forms of all kernels that are not rare
+    products: dict[str, Product]  # tables of all kernels that are products
 
 
 def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:

@@ -30,19 +30,12 @@ PANEL = 8
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Neighbouring columns with the same rows, each with all later ones to its right.
+    """Neighbouring columns with the same rows, each with all later ones to its right."""
 
-    Attributes:
-        first: the leftmost column.
-        width: number of columns, at most `PANEL`.
-        rows: rows with an entry in these columns, ascending.
-        columns: columns to the right of the panel that change, ascending.
-    """
-
-    first: int
-    width: int
-    rows: tuple[int, ...]
-    columns: tuple[int, ...]
+    first: int  # the leftmost column
+    width: int  # number of columns, at most `PANEL`
+    rows: tuple[int, ...]  # rows with an entry in these columns, ascending
+    columns: tuple[int, ...]  # columns to the right of the panel that change, ascending
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,32 +49,20 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Neighbouring columns with the same rows.
+    """Neighbouring columns with the same rows."""
 
-    Attributes:
-        first: the leftmost column.
-        width: number of columns.
-        ranges: columns from `first` on that share rows with them, ascending.
-    """
-
-    first: int
-    width: int
-    ranges: tuple[Range, ...]
+    first: int  # the leftmost column
+    width: int  # number of columns
+    ranges: tuple[Range, ...]  # columns from `first` on that share rows with them, ascending
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A file to render beside the kernels.
+    """A file to render beside the kernels."""
 
-    Attributes:
-        file: name of the file.
-        context: values for its template.
-        includes: headers of `templates/` that it includes, copied unchanged.
-    """
-
-    file: str
-    context: dict[str, Any]
-    includes: tuple[str, ...] = ()
+    file: str  # name of the file
+    context: dict[str, Any]  # values for its template
+    includes: tuple[str, ...] = ()  # headers of `templates/` that it includes, copied unchanged
 
 
 def programs(

@@ -30,19 +30,13 @@ PART = 600
 
 @dataclass(frozen=True)
 class Numbers:
-    """How a body spells its numbers.
+    """How a body spells its numbers."""
 
-    Attributes:
-        type: type of values and constants.
-        literal: text of a constant, `{}` in the place of its digits.
-        suffix: what functions of <math.h> end in.
-        turn: function that stores sine and cosine of its first argument in the two others; "" for
-            separate calls.
-    """
-
-    type: str = "double"
-    literal: str = "{}"
-    suffix: str = ""
+    type: str = "double"  # type of values and constants
+    literal: str = "{}"  # text of a constant, `{}` in the place of its digits
+    suffix: str = ""  # what functions of <math.h> end in
+    # function that stores sine and cosine of its first argument in the two others; "" for separate
+    # calls
     turn: str = ""
 
     @cached_property
@@ -68,30 +62,19 @@ DOUBLE = Numbers()
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCode:
-    """Text by CasADi.
+    """Text by CasADi."""
 
-    Attributes:
-        helpers: static functions that the bodies call.
-        bodies: kernel → its static function, in the order of the file.
-        functions: kernel → name of its function.
-    """
-
-    helpers: str
-    bodies: dict[str, str]
-    functions: dict[str, str]
+    helpers: str  # static functions that the bodies call
+    bodies: dict[str, str]  # kernel → its static function, in the order of the file
+    functions: dict[str, str]  # kernel → name of its function
 
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """A split body.
+    """A split body."""
 
-    Attributes:
-        bodies: statements of the parts, in the order of their calls.
-        stored: length of `w`.
-    """
-
-    bodies: list[list[str]]
-    stored: int
+    bodies: list[list[str]]  # statements of the parts, in the order of their calls
+    stored: int  # length of `w`
 
 
 def c_body(kernel: Kernel, numbers: Numbers = DOUBLE) -> list[str]:

@@ -96,17 +96,11 @@ ALIVE = 28
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One line of C.
+    """One line of C."""
 
-    Attributes:
-        text: the line.
-        defines: name that it defines, "" for a store.
-        uses: names that it uses.
-    """
-
-    text: str
-    defines: str
-    uses: tuple[str, ...]
+    text: str  # the line
+    defines: str  # name that it defines, "" for a store
+    uses: tuple[str, ...]  # names that it uses
 
 
 @dataclass(slots=True)
@@ -122,26 +116,18 @@ class _Node:
 
 @dataclass(frozen=True, slots=True)
 class TileProgram:
-    """A kernel split into statements per batch and statements per tile of samples.
+    """A kernel split into statements per batch and statements per tile of samples."""
 
-    Attributes:
-        prepare: statements that fill `u` from the shared inputs.
-        uniform: length of `u`.
-        turned: name of the input whose sines and cosines the body reads from `sc`; if there is
-            none, the first per-sample input.
-        turns: entries of it, ascending; entry i has its sine in row 2i of `sc`, its cosine in 2i +
-            1.
-        body: statements on rows of W samples.
-        operations: per sample, without those of `prepare`.
-        filled: output → entries that the body writes; the others are structural zeros.
-    """
-
-    prepare: list[str]
-    uniform: int
+    prepare: list[str]  # statements that fill `u` from the shared inputs
+    uniform: int  # length of `u`
+    # name of the input whose sines and cosines the body reads from `sc`; if there is none, the
+    # first per-sample input
     turned: str
+    # entries of it, ascending; entry i has its sine in row 2i of `sc`, its cosine in 2i + 1
     turns: list[int]
-    body: list[str]
-    operations: int
+    body: list[str]  # statements on rows of W samples
+    operations: int  # per sample, without those of `prepare`
+    # output → entries that the body writes; the others are structural zeros
     filled: dict[str, list[int]]
 
 

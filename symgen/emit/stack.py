@@ -30,16 +30,11 @@ INLINED = {"sincos": 40, "exp": 24, "all": 0}
 
 @dataclass(frozen=True, slots=True)
 class StackBounds:
-    """Bytes per kernel.
+    """Bytes per kernel."""
 
-    Attributes:
-        one: the function of kernels.c.
-        reference: the loop of reference.c and the functions it calls.
-        tiles: lanes W → the deeper one of `_batch` and `_tiles`, with the functions they call.
-    """
-
-    one: dict[str, int]
-    reference: dict[str, int]
+    one: dict[str, int]  # the function of kernels.c
+    reference: dict[str, int]  # the loop of reference.c and the functions it calls
+    # lanes W → the deeper one of `_batch` and `_tiles`, with the functions they call
     tiles: dict[int, dict[str, int]]
 
 

@@ -32,21 +32,13 @@ _P = inertia.N_PARAMETERS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledBase:
-    """Identifiable parameters of a robot.
+    """Identifiable parameters of a robot."""
 
-    Attributes:
-        chain: the kinematics; its inertials are unit bodies.
-        parameters: K and the rank decision.
-        rows: (N, n, n_b) Y_b at random states.
-        condition: condition number of Y_b over those states, its columns normalised.
-        snapped: True if rounded angles had to be replaced by exact multiples of π/2.
-    """
-
-    chain: Chain
-    parameters: BaseParameters
-    rows: Array
-    condition: float
-    snapped: bool
+    chain: Chain  # the kinematics; its inertials are unit bodies
+    parameters: BaseParameters  # K and the rank decision
+    rows: Array  # (N, n, n_b) Y_b at random states
+    condition: float  # condition number of Y_b over those states, its columns normalised
+    snapped: bool  # True if rounded angles had to be replaced by exact multiples of π/2
 
     @property
     def names(self) -> list[str]:

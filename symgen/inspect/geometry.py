@@ -40,15 +40,10 @@ DEEPEST = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """Space that a link occupies.
+    """Space that a link occupies."""
 
-    Attributes:
-        volume: m³.
-        points: (N, 3) points that span its shapes, m.
-    """
-
-    volume: float
-    points: Array
+    volume: float  # m³
+    points: Array  # (N, 3) points that span its shapes, m
 
     def reach(self, centre: Array) -> float:
         """Largest distance of a point from a centre, m."""
@@ -57,19 +52,13 @@ class Extent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """A body of links that are fixed to each other, in the frame of its heaviest link.
+    """A body of links that are fixed to each other, in the frame of its heaviest link."""
 
-    Attributes:
-        where: place for findings.
-        body: sum of the consistent bodies.
-        extent: space of the shapes of all links; None where one is unknown, or without shapes.
-        reach: largest distance from the frame to the joints of the group and its centre, m.
-    """
-
-    where: str
-    body: Body
+    where: str  # place for findings
+    body: Body  # sum of the consistent bodies
+    # space of the shapes of all links; None where one is unknown, or without shapes
     extent: Extent | None
-    reach: float
+    reach: float  # largest distance from the frame to the joints of the group and its centre, m
 
 
 class Meshes:

@@ -28,21 +28,13 @@ _CONVERTED = {"xacro": "xacro", "toml": "DH", "sdf": "SDF", "mujoco": "MJCF"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkFigures:
-    """Numbers of one link.
+    """Numbers of one link."""
 
-    Attributes:
-        link: its name.
-        body: mass properties.
-        smallest: smallest eigenvalue of P.
-        relative: the same relative to tr P.
-        density: mass over the volume of its shapes, kg/m³; None without shapes.
-    """
-
-    link: str
-    body: Body
-    smallest: float
-    relative: float
-    density: float | None
+    link: str  # its name
+    body: Body  # mass properties
+    smallest: float  # smallest eigenvalue of P
+    relative: float  # the same relative to tr P
+    density: float | None  # mass over the volume of its shapes, kg/m³; None without shapes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

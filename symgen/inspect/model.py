@@ -109,23 +109,15 @@ POINT = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """One <geometry>: box, cylinder, sphere, capsule or mesh, placed in the link frame.
+    """One <geometry>: box, cylinder, sphere, capsule or mesh, placed in the link frame."""
 
-    Attributes:
-        kind: name of the primitive, or "mesh".
-        size: box x y z; radius and length of cylinder and capsule; radius; scale of a mesh. m.
-        rotation: (3, 3) from the shape's frame to the link frame.
-        translation: (3,) m.
-        file: name of the mesh file, as written.
-        is_collision: False for visual shapes.
-    """
-
-    kind: str
+    kind: str  # name of the primitive, or "mesh"
+    # box x y z; radius and length of cylinder and capsule; radius; scale of a mesh. m
     size: tuple[float, ...]
-    rotation: Array
-    translation: Array
-    file: str = ""
-    is_collision: bool = True
+    rotation: Array  # (3, 3) from the shape's frame to the link frame
+    translation: Array  # (3,) m
+    file: str = ""  # name of the mesh file, as written
+    is_collision: bool = True  # False for visual shapes
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -181,23 +173,14 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """Contents of a file; `findings` are the faults met while reading it.
+    """Contents of a file; `findings` are the faults met while reading it."""
 
-    Attributes:
-        name: of the robot.
-        form: "URDF" or "MJCF".
-        links: name → link.
-        joints: in the order of the file.
-        findings: faults of reading.
-        notes: sentences about parts that could not be checked.
-    """
-
-    name: str
-    form: str
-    links: dict[str, Link]
-    joints: tuple[Joint, ...]
-    findings: tuple[Finding, ...] = ()
-    notes: tuple[str, ...] = ()
+    name: str  # of the robot
+    form: str  # "URDF" or "MJCF"
+    links: dict[str, Link]  # name → link
+    joints: tuple[Joint, ...]  # in the order of the file
+    findings: tuple[Finding, ...] = ()  # faults of reading
+    notes: tuple[str, ...] = ()  # sentences about parts that could not be checked
     _by_child: dict[str, Joint] = field(init=False)
 
     def __post_init__(self) -> None:

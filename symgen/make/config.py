@@ -46,19 +46,15 @@ class Braking(Record, frozen=True):
 
     max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower): the remaining range
     suffices to brake. Convex in (q, dq).
-
-    Attributes:
-        k: rad/s² or m/s².
-        c: rad/s or m/s.
-        upper, lower: rad or m, slightly outside the position limits.
     """
 
-    k: Limit
+    k: Limit  # rad/s² or m/s²
+    # rad/s or m/s
     c: Annotated[
         tuple[Annotated[float, Meta(ge=0)], ...],
         Meta(min_length=1, description="speeds not below 0 for every joint"),
     ]
-    upper: Vector
+    upper: Vector  # upper, lower: rad or m, slightly outside the position limits
     lower: Vector
 
 

@@ -73,18 +73,12 @@ class ExpectedCost:
     of this process and of the compilers that run at the same time (proportional set sizes): 153,
     333, 340 and 507 MB for a two-link arm, a Go2, an FR3 and a Talos of 8309, 55516, 55821 and
     189288 instructions, which it reproduces within a factor of 1.3.
-
-    Attributes:
-        operations: instructions of all kernels.
-        cpu_s: CPU time of all compilers [s].
-        memory_mb: largest memory at one time [MB].
-        levels: what is compiled, the best first.
     """
 
-    operations: int
-    cpu_s: float
-    memory_mb: float
-    levels: tuple[str, ...]
+    operations: int  # instructions of all kernels
+    cpu_s: float  # CPU time of all compilers [s]
+    memory_mb: float  # largest memory at one time [MB]
+    levels: tuple[str, ...]  # what is compiled, the best first
 
     def __str__(self) -> str:
         """One sentence for the user."""
@@ -111,17 +105,11 @@ _KINDS = (ONCE, PER_LEVEL, UNHURRIED)
 
 @dataclass(frozen=True, slots=True)
 class BuildResult:
-    """Outcome of a build.
+    """Outcome of a build."""
 
-    Attributes:
-        folder: generated folder.
-        rebuilt: False if it was up to date.
-        notes: sentences for the user.
-    """
-
-    folder: Path
-    rebuilt: bool
-    notes: tuple[str, ...]
+    folder: Path  # generated folder
+    rebuilt: bool  # False if it was up to date
+    notes: tuple[str, ...]  # sentences for the user
 
 
 def build(

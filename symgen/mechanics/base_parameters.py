@@ -54,19 +54,12 @@ _SNAP_WITHIN = 2e-14
 
 @dataclass(frozen=True, slots=True)
 class BaseParameters:
-    """β = K π and the evidence of the rank decision.
+    """β = K π and the evidence of the rank decision."""
 
-    Attributes:
-        columns: indices into π of the independent columns; Y_b = Y[:, columns].
-        matrix: (n_b, 10 L) K, identity on `columns`.
-        smallest_kept: last singular value inside the row space, relative to the largest.
-        largest_dropped: first singular value outside, relative to the largest.
-    """
-
-    columns: tuple[int, ...]
-    matrix: Array
-    smallest_kept: float
-    largest_dropped: float
+    columns: tuple[int, ...]  # indices into π of the independent columns; Y_b = Y[:, columns]
+    matrix: Array  # (n_b, 10 L) K, identity on `columns`
+    smallest_kept: float  # last singular value inside the row space, relative to the largest
+    largest_dropped: float  # first singular value outside, relative to the largest
 
     @property
     def lossless(self) -> bool:

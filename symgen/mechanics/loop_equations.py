@@ -39,15 +39,10 @@ _TINY = 1e-150
 
 @dataclass(frozen=True, slots=True)
 class Triangle:
-    """A square system after elimination.
+    """A square system after elimination."""
 
-    Attributes:
-        upper: (r, r) U.
-        right: (r, m) Q b, with Q A = U.
-    """
-
-    upper: Matrix
-    right: Matrix
+    upper: Matrix  # (r, r) U
+    right: Matrix  # (r, m) Q b, with Q A = U
 
     @property
     def margin(self) -> Matrix:
@@ -70,17 +65,11 @@ class Triangle:
 
 @dataclass(frozen=True, slots=True)
 class ClosedChain:
-    """Joints, coupling and loop joints of a chain; its functions are made once.
+    """Joints, coupling and loop joints of a chain; its functions are made once."""
 
-    Attributes:
-        joints: all joints.
-        coupling: q_all = A x + b; None where x are all joints.
-        loops: the loop joints.
-    """
-
-    joints: tuple[Joint, ...]
-    coupling: Coupling | None
-    loops: Loops
+    joints: tuple[Joint, ...]  # all joints
+    coupling: Coupling | None  # q_all = A x + b; None where x are all joints
+    loops: Loops  # the loop joints
 
 
 def closed_chain(chain: Chain) -> ClosedChain:

@@ -34,21 +34,13 @@ LIMITS = Limits(seconds=30, patience=55.0, memory=2**32, file=2**30)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompiledMjcf:
-    """What MuJoCo makes of a file.
+    """What MuJoCo makes of a file."""
 
-    Attributes:
-        name: of the model.
-        model: MuJoCo's model; None where it rejects the file.
-        notes: sentences on what was left out.
-        reason: why MuJoCo rejects the file; empty where it does not.
-        bodies, joints: as written, of a rejected file.
-    """
-
-    name: str
-    model: Any
-    notes: tuple[str, ...] = ()
-    reason: str = ""
-    bodies: tuple[dict[str, Any], ...] = ()
+    name: str  # of the model
+    model: Any  # MuJoCo's model; None where it rejects the file
+    notes: tuple[str, ...] = ()  # sentences on what was left out
+    reason: str = ""  # why MuJoCo rejects the file; empty where it does not
+    bodies: tuple[dict[str, Any], ...] = ()  # bodies, joints: as written, of a rejected file
     joints: tuple[dict[str, Any], ...] = ()
 
 

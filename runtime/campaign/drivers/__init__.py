@@ -19,34 +19,22 @@ from runtime.registry import Registry
 
 @dataclass(frozen=True, slots=True)
 class DriverSettings:
-    """Settings with which a driver is opened.
+    """Settings with which a driver is opened."""
 
-    Attributes:
-        address: text after the colon of --driver; empty for the default.
-        seed: of the noise of the virtual robot.
-        truth_seed: of its links and sensors.
-        gains: (n,) N·m/A of drives whose currents are measured; None where they are not given.
-    """
-
-    address: str = ""
-    seed: int = 0
-    truth_seed: int = 0
+    address: str = ""  # text after the colon of --driver; empty for the default
+    seed: int = 0  # of the noise of the virtual robot
+    truth_seed: int = 0  # of its links and sensors
+    # (n,) N·m/A of drives whose currents are measured; None where they are not given
     gains: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class DriverKind:
-    """A driver as users select it.
+    """A driver as users select it."""
 
-    Attributes:
-        name: word of --driver.
-        sentence: what it connects to, for help texts.
-        open: connects to the robot of a library.
-    """
-
-    name: str
-    sentence: str
-    open: Callable[[Library, DriverSettings], Driver]
+    name: str  # word of --driver
+    sentence: str  # what it connects to, for help texts
+    open: Callable[[Library, DriverSettings], Driver]  # connects to the robot of a library
 
 
 def imported(module: str, driver: str, remedy: str) -> ModuleType:

@@ -33,19 +33,12 @@ _SHOWN = 32
 
 @dataclass(frozen=True, slots=True)
 class PlantedFault:
-    """A fault at an instant of a motion.
+    """A fault at an instant of a motion."""
 
-    Attributes:
-        kind: of `FAULTS`.
-        at: time since the start of the stream [s].
-        joint: index of the stuck or pushed joint.
-        size: torque of the collision [N·m, N], or jump of the clock [s].
-    """
-
-    kind: str
-    at: float
-    joint: int = 0
-    size: float = 10.0
+    kind: str  # of `FAULTS`
+    at: float  # time since the start of the stream [s]
+    joint: int = 0  # index of the stuck or pushed joint
+    size: float = 10.0  # torque of the collision [N·m, N], or jump of the clock [s]
 
     def __post_init__(self) -> None:
         if self.kind not in FAULTS:

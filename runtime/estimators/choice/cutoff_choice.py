@@ -49,40 +49,24 @@ _PASSES = 2
 
 @dataclass(frozen=True, slots=True)
 class CutoffCandidate:
-    """One cut-off with its score.
+    """One cut-off with its score."""
 
-    Attributes:
-        cutoff_hz: f_c.
-        derivative: "measured", or "position" where dq was derived from q.
-        score: cross-validated mean square error over the smallest of all candidates, per joint.
-        excess: score minus the best score.
-        excess_error: standard error of `excess`, from the differences of the blocks.
-        white: N_eff / N of the residuals.
-    """
-
-    cutoff_hz: float
-    derivative: str
-    score: float
-    excess: float
-    excess_error: float
-    white: float
+    cutoff_hz: float  # f_c
+    derivative: str  # "measured", or "position" where dq was derived from q
+    score: float  # cross-validated mean square error over the smallest of all candidates, per joint
+    excess: float  # score minus the best score
+    excess_error: float  # standard error of `excess`, from the differences of the blocks
+    white: float  # N_eff / N of the residuals
 
 
 @dataclass(frozen=True, slots=True)
 class CutoffChoice:
-    """The candidates with the chosen one.
+    """The candidates with the chosen one."""
 
-    Attributes:
-        candidates: all that were tried.
-        chosen: the candidate that is taken.
-        preparation: the recipe's with this filter, its derivative and trimmed edges.
-        sentence: the choice and its reason, with all scores.
-    """
-
-    candidates: tuple[CutoffCandidate, ...]
-    chosen: CutoffCandidate
-    preparation: Preparation
-    sentence: str
+    candidates: tuple[CutoffCandidate, ...]  # all that were tried
+    chosen: CutoffCandidate  # the candidate that is taken
+    preparation: Preparation  # the recipe's with this filter, its derivative and trimmed edges
+    sentence: str  # the choice and its reason, with all scores
 
 
 @one_blas_thread
@@ -169,17 +153,11 @@ def _scored(errors: dict[_Key, Array]) -> dict[_Key, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A fitted candidate.
+    """A fitted candidate."""
 
-    Attributes:
-        left_out: per block, the estimate from all other blocks.
-        errors: mean square error per block and joint, with the motion of this candidate.
-        white: N_eff / N.
-    """
-
-    left_out: tuple[Array, ...]
-    errors: Array
-    white: float
+    left_out: tuple[Array, ...]  # per block, the estimate from all other blocks
+    errors: Array  # mean square error per block and joint, with the motion of this candidate
+    white: float  # N_eff / N
 
 
 class _Trials:

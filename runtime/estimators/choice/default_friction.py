@@ -86,18 +86,12 @@ _PASSES = 2
 
 @dataclass(frozen=True, slots=True)
 class DefaultFriction:
-    """The friction model chosen for a log.
+    """The friction model chosen for a log."""
 
-    Attributes:
-        terms: columns and widths.
-        scores: columns of every candidate with its cross-validated mean square error over that of
-            the noise.
-        sentence: the choice and its reason.
-    """
-
-    terms: Friction
+    terms: Friction  # columns and widths
+    # columns of every candidate with its cross-validated mean square error over that of the noise
     scores: tuple[tuple[tuple[str, ...], float], ...]
-    sentence: str
+    sentence: str  # the choice and its reason
 
 
 @one_blas_thread
@@ -267,17 +261,11 @@ def _simplest(scores: Sequence[Array]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class ColumnSolver:
-    """A factor and the Gram matrix of its columns.
+    """A factor and the Gram matrix of its columns."""
 
-    Attributes:
-        statistics: factor R and target r of the rows.
-        gram: G, (p, p).
-        lengths: of the columns, one for a column of zeros, (p,).
-    """
-
-    statistics: Statistics
-    gram: Array
-    lengths: Array
+    statistics: Statistics  # factor R and target r of the rows
+    gram: Array  # G, (p, p)
+    lengths: Array  # of the columns, one for a column of zeros, (p,)
 
     def solution(self, left_out: NDArray[np.bool_]) -> Array:
         """x = argmin ‖R x − r‖² of least length in which some entries of φ are zero.
@@ -311,17 +299,12 @@ def column_solver(statistics: Statistics) -> ColumnSolver:
 
 @dataclass(frozen=True, slots=True)
 class FrictionTrial:
-    """Factors of the blocks with all columns.
+    """Factors of the blocks with all columns."""
 
-    Attributes:
-        blocks: statistics of every block.
-        others: statistics of all other blocks together, with the prior, for each block.
-        joints: number n of joints.
-    """
-
-    blocks: tuple[Statistics, ...]
+    blocks: tuple[Statistics, ...]  # statistics of every block
+    # statistics of all other blocks together, with the prior, for each block
     others: tuple[ColumnSolver, ...]
-    joints: int
+    joints: int  # number n of joints
 
     def scores(self, columns: tuple[int, ...]) -> Array:
         """Mean square error of every block, predicted by the others with some of the columns."""

@@ -59,40 +59,24 @@ _PASSES = 3
 
 @dataclass(frozen=True, slots=True)
 class FrictionCandidate:
-    """One friction model with its score.
+    """One friction model with its score."""
 
-    Attributes:
-        name: one of `FRICTION_MODELS`.
-        terms: columns and widths.
-        score: cross-validated mean square error over the variance of the noise.
-        excess: score minus the best score.
-        excess_error: standard error of `excess`, from the differences of the blocks.
-        aic: Akaike's criterion; only differences have a meaning.
-        parameters: number of base parameters and friction coefficients that the data determine.
-    """
-
-    name: str
-    terms: Friction
-    score: float
-    excess: float
-    excess_error: float
-    aic: float
-    parameters: int
+    name: str  # one of `FRICTION_MODELS`
+    terms: Friction  # columns and widths
+    score: float  # cross-validated mean square error over the variance of the noise
+    excess: float  # score minus the best score
+    excess_error: float  # standard error of `excess`, from the differences of the blocks
+    aic: float  # Akaike's criterion; only differences have a meaning
+    parameters: int  # number of base parameters and friction coefficients that the data determine
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionChoice:
-    """All candidates and the chosen one.
+    """All candidates and the chosen one."""
 
-    Attributes:
-        candidates: all that were tried, in the order of complexity.
-        chosen: the simplest within one standard error of the best.
-        sentence: the choice and its reason.
-    """
-
-    candidates: tuple[FrictionCandidate, ...]
-    chosen: FrictionCandidate
-    sentence: str
+    candidates: tuple[FrictionCandidate, ...]  # all that were tried, in the order of complexity
+    chosen: FrictionCandidate  # the simplest within one standard error of the best
+    sentence: str  # the choice and its reason
 
 
 @one_blas_thread

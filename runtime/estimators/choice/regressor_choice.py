@@ -35,20 +35,14 @@ _ORDER = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Differentiation:
-    """Quality of the accelerations of a preparation.
+    """Quality of the accelerations of a preparation."""
 
-    Attributes:
-        noise: ν, (n,); 0 for a joint that stands still.
-        distortion: δ.
-        cutoff_hz: cut-off of the filter [Hz]; without one, the frequency at which central
-            differences amplify most.
-        derivatives: k, the number of derivatives taken.
-    """
-
-    noise: Array
-    distortion: float
+    noise: Array  # ν, (n,); 0 for a joint that stands still
+    distortion: float  # δ
+    # cut-off of the filter [Hz]; without one, the frequency at which central differences amplify
+    # most
     cutoff_hz: float
-    derivatives: int
+    derivatives: int  # k, the number of derivatives taken
 
     @property
     def fails(self) -> bool:

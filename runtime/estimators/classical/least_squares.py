@@ -34,17 +34,11 @@ from rounding would outweigh all other joints."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Least-squares solution.
+    """Least-squares solution."""
 
-    Attributes:
-        beta: β, (n_b,).
-        phi: φ, (n, k).
-        condition: condition number of the normalised columns.
-    """
-
-    beta: Array
-    phi: Array
-    condition: float
+    beta: Array  # β, (n_b,)
+    phi: Array  # φ, (n, k)
+    condition: float  # condition number of the normalised columns
 
 
 def fit_ols(problem: Problem) -> Fit:

@@ -49,21 +49,15 @@ _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexOptimum:
-    """The smallest loss that any physically consistent model reaches on the data.
+    """The smallest loss that any physically consistent model reaches on the data."""
 
-    Attributes:
-        loss: L at the optimum, (1/N) Σ ½ rᵀWr.
-        pi, phi: a point that reaches it, (10 n,) and (n, k).
-        gap: certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN
-            from Clarabel, which stops at 1e-10 of ‖r‖.
-        status: how it was computed.
-    """
-
-    loss: float
-    pi: Array
+    loss: float  # L at the optimum, (1/N) Σ ½ rᵀWr
+    pi: Array  # pi, phi: a point that reaches it, (10 n,) and (n, k)
     phi: Array
+    # certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from
+    # Clarabel, which stops at 1e-10 of ‖r‖
     gap: float
-    status: str
+    status: str  # how it was computed
 
 
 def convex_optimum(

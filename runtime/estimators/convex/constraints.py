@@ -40,17 +40,11 @@ ACTIVE = 1e-2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstraintRow:
-    """One linear prior, coefficients · π = value or ≤ value.
+    """One linear prior, coefficients · π = value or ≤ value."""
 
-    Attributes:
-        name: entry of the file that states it.
-        coefficients: (10 n,).
-        value: kg, kg·m or kg·m², as the coefficients require.
-    """
-
-    name: str
-    coefficients: Array
-    value: float
+    name: str  # entry of the file that states it
+    coefficients: Array  # (10 n,)
+    value: float  # kg, kg·m or kg·m², as the coefficients require
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,27 +41,20 @@ the weighted unit, as in the maximum a posteriori."""
 
 @dataclass(frozen=True, slots=True)
 class PriorTest:
-    """Result of the test.
+    """Result of the test."""
 
-    Attributes:
-        statistic: T.
-        threshold: value that T of a right prior seldom exceeds.
-        decrease: largest decrease of T by the release of one link; 0 where T itself is smaller
-            than its threshold.
-        link_threshold: value that it seldom exceeds where the prior of every link is right.
-        links: names of the links whose release explains the contradiction, the likeliest first;
-            empty without contradiction, or where no single link explains it.
-        masses: masses of these links in the prior, and with the prior released, kg.
-        scale: least-squares factor between the measured torque and that of the prior.
-    """
-
-    statistic: float
-    threshold: float
+    statistic: float  # T
+    threshold: float  # value that T of a right prior seldom exceeds
+    # largest decrease of T by the release of one link; 0 where T itself is smaller than its
+    # threshold
     decrease: float
-    link_threshold: float
+    link_threshold: float  # value that it seldom exceeds where the prior of every link is right
+    # names of the links whose release explains the contradiction, the likeliest first; empty
+    # without contradiction, or where no single link explains it
     links: tuple[str, ...]
+    # masses of these links in the prior, and with the prior released, kg
     masses: tuple[tuple[float, float], ...]
-    scale: float
+    scale: float  # least-squares factor between the measured torque and that of the prior
 
     @property
     def is_contradicted(self) -> bool:

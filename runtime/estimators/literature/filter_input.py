@@ -56,27 +56,19 @@ JITTER = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class FilterInput:
-    """Samples for a filter.
+    """Samples for a filter."""
 
-    Attributes:
-        dt: step, s.
-        q, tau: (N, n).
-        speed, acceleration, torque_rate: v̄, ā and τ̇ in the middle of every step, (N − 1, n).
-        sigma_q, sigma_tau: standard deviations of their noise, (n,).
-        names: friction columns.
-        width: ε of the Coulomb column.
-    """
-
-    dt: float
-    q: Array
+    dt: float  # step, s
+    q: Array  # q, tau: (N, n)
     tau: Array
+    # speed, acceleration, torque_rate: v̄, ā and τ̇ in the middle of every step, (N − 1, n)
     speed: Array
     acceleration: Array
     torque_rate: Array
-    sigma_q: Array
+    sigma_q: Array  # sigma_q, sigma_tau: standard deviations of their noise, (n,)
     sigma_tau: Array
-    names: tuple[str, ...]
-    width: float
+    names: tuple[str, ...]  # friction columns
+    width: float  # ε of the Coulomb column
 
     def friction(self, step: int) -> tuple[Array, Array]:
         """Secants column/dq at the smoothed speed of a step, and constant columns, each (n, k)."""

@@ -45,15 +45,10 @@ INPUTS = ("viscous", "coulomb", "dahl")
 
 @dataclass(frozen=True, slots=True)
 class FrictionNet:
-    """Nets of all joints.
+    """Nets of all joints."""
 
-    Attributes:
-        theta: (n, UNITS (k + 2) + 1), per joint [W, c, v, b].
-        scale: RMS of the k inputs, (n, k).
-    """
-
-    theta: Array
-    scale: Array
+    theta: Array  # (n, UNITS (k + 2) + 1), per joint [W, c, v, b]
+    scale: Array  # RMS of the k inputs, (n, k)
 
     @classmethod
     def from_facts(cls, facts: dict[str, Any]) -> Self:
@@ -152,17 +147,11 @@ class _NetState:
 
 @dataclass(frozen=True, slots=True)
 class _NetDescent:
-    """Levenberg–Marquardt with Marquardt's scaling, (G + μ diag G) δ = −g, as an `Optimiser`.
+    """Levenberg–Marquardt with Marquardt's scaling, (G + μ diag G) δ = −g, as an `Optimiser`."""
 
-    Attributes:
-        inputs: scaled friction columns, (N, k).
-        target: torque, (N,).
-        shrink: weight of ‖θ‖² in the loss.
-    """
-
-    inputs: Array
-    target: Array
-    shrink: float
+    inputs: Array  # scaled friction columns, (N, k)
+    target: Array  # torque, (N,)
+    shrink: float  # weight of ‖θ‖² in the loss
 
     def init(self, x: Array) -> _NetState:
         """The first θ with its loss."""

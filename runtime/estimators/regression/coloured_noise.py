@@ -39,15 +39,10 @@ _LEAST = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ColouredNoise:
-    """Noise of rows that are divided by their standard deviation.
+    """Noise of rows that are divided by their standard deviation."""
 
-    Attributes:
-        density: S, the variance with which the noise enters the unknowns.
-        variance: σ², the variance of a row.
-    """
-
-    density: float
-    variance: float
+    density: float  # S, the variance with which the noise enters the unknowns
+    variance: float  # σ², the variance of a row
 
     @property
     def inflation(self) -> float:

@@ -66,27 +66,21 @@ follow the residuals, which contain a part of it."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GainTest:
-    """Result of the test.
+    """Result of the test."""
 
-    Attributes:
-        statistic, threshold: explained residual over its noise, and the value that it
-            seldom exceeds where all gains agree.
-        joint: index of the joint whose gain alone explains most.
-        strongest, joint_threshold: what this gain alone explains over its noise, and the
-            value that the largest of the joints seldom exceeds where all gains agree.
-        gain: its gain relative to the other joints.
-        sigma: standard deviation of the gain.
-        limits: deviation of the gain of every joint alone that 95 of 100 such logs show, (n,);
-            infinite where friction and inertia take up all of it.
-    """
-
+    # statistic, threshold: explained residual over its noise, and the value that it seldom exceeds
+    # where all gains agree
     statistic: float
     threshold: float
-    joint: int
+    joint: int  # index of the joint whose gain alone explains most
+    # strongest, joint_threshold: what this gain alone explains over its noise, and the value that
+    # the largest of the joints seldom exceeds where all gains agree
     strongest: float
     joint_threshold: float
-    gain: float
-    sigma: float
+    gain: float  # its gain relative to the other joints
+    sigma: float  # standard deviation of the gain
+    # deviation of the gain of every joint alone that 95 of 100 such logs show, (n,); infinite where
+    # friction and inertia take up all of it
     limits: Array
 
     @property
@@ -152,19 +146,14 @@ def gain_test_of(fit: FreeFit) -> GainTest | None:
 
 @dataclass(frozen=True, slots=True)
 class DelayTest:
-    """Result of the test.
+    """Result of the test."""
 
-    Attributes:
-        statistic, threshold: explained residual over its noise, and the value that it
-            seldom exceeds where the stamps agree.
-        delay: δ, by which the torque is stamped too late [s].
-        sigma: standard deviation of δ [s].
-    """
-
+    # statistic, threshold: explained residual over its noise, and the value that it seldom exceeds
+    # where the stamps agree
     statistic: float
     threshold: float
-    delay: float
-    sigma: float
+    delay: float  # δ, by which the torque is stamped too late [s]
+    sigma: float  # standard deviation of δ [s]
 
     @property
     def is_contradicted(self) -> bool:
@@ -208,15 +197,10 @@ def delay_column(fit: FreeFit) -> Array | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionTest:
-    """Result of the test.
+    """Result of the test."""
 
-    Attributes:
-        excess: statistic of all joints over the value that it seldom exceeds.
-        joints: excess of the columns of every joint alone, (n,); zeros where `excess` is 1 or
-            less.
-    """
-
-    excess: float
+    excess: float  # statistic of all joints over the value that it seldom exceeds
+    # excess of the columns of every joint alone, (n,); zeros where `excess` is 1 or less
     joints: Array
 
     @property

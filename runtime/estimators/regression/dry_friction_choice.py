@@ -44,20 +44,14 @@ _RANK = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """Rows on which further columns are tried.
+    """Rows on which further columns are tried."""
 
-    Attributes:
-        columns: those of the terms, then `position`, then `dahl` and `position` of each stroke,
-            (N, n, k); of the joints that move.
-        rest: torque less the rigid model of the URDF, at every delay, (M, N, n) [N·m, N].
-        count: number of columns of the terms.
-        place: of `coulomb` among them.
-    """
-
+    # those of the terms, then `position`, then `dahl` and `position` of each stroke, (N, n, k); of
+    # the joints that move
     columns: Array
-    rest: Array
-    count: int
-    place: int
+    rest: Array  # torque less the rigid model of the URDF, at every delay, (M, N, n) [N·m, N]
+    count: int  # number of columns of the terms
+    place: int  # of `coulomb` among them
 
     def losses(self, memory: int | None, position: bool) -> Array:
         """Mean of ln s_j² over the joints, of every delay, (M,), with the stroke of an index."""

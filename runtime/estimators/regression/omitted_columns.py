@@ -34,23 +34,14 @@ EQUATIONS = 14_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeFit:
-    """Least squares of base parameters and friction without a prior, on evenly spread samples.
+    """Least squares of base parameters and friction without a prior, on evenly spread samples."""
 
-    Attributes:
-        samples: the N samples.
-        scale: √w_j that the rows are multiplied by, (n,).
-        basis: orthonormal basis of the weighted columns, (N n, p).
-        predicted: weighted torque of the fit, (N n,).
-        rest: weighted residual, (N n,).
-        shares: of every frequency that the basis takes up, by `shares_of_basis`.
-    """
-
-    samples: Samples
-    scale: Array
-    basis: Array
-    predicted: Array
-    rest: Array
-    shares: tuple[Array, ...]
+    samples: Samples  # the N samples
+    scale: Array  # √w_j that the rows are multiplied by, (n,)
+    basis: Array  # orthonormal basis of the weighted columns, (N n, p)
+    predicted: Array  # weighted torque of the fit, (N n,)
+    rest: Array  # weighted residual, (N n,)
+    shares: tuple[Array, ...]  # of every frequency that the basis takes up, by `shares_of_basis`
 
     def shares_with(self, directions: Array) -> tuple[Array, ...]:
         """Shares beside further orthonormal columns, (N n, k), orthogonal to the basis."""
@@ -60,19 +51,12 @@ class FreeFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """Result of the test of columns Z.
+    """Result of the test of columns Z."""
 
-    Attributes:
-        statistic: T.
-        quantile: value that T exceeds with the probability `SIGNIFICANCE` where ζ = 0.
-        density: S, in units of the weights.
-        columns: what Z adds to the other columns, (N n, k).
-    """
-
-    statistic: float
-    quantile: float
-    density: float
-    columns: Array
+    statistic: float  # T
+    quantile: float  # value that T exceeds with the probability `SIGNIFICANCE` where ζ = 0
+    density: float  # S, in units of the weights
+    columns: Array  # what Z adds to the other columns, (N n, k)
 
 
 def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:

@@ -32,22 +32,15 @@ DETERMINED = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Normal posterior of p unknowns of linear rows.
+    """Normal posterior of p unknowns of linear rows."""
 
-    Attributes:
-        mean: x̂, (p,), or (p, k) of k right-hand sides; 0 without one. Over unit columns it is of
-            least length.
-        root: R, C = R Rᵀ, (p, r).
-        sizes: singular values of the unit columns, or in units of the prior, descending.
-        absent: scaled directions that the rows do not determine, (p − r, p); none with a prior.
-        prior_root: R₀, (p, q); empty without a prior of all unknowns.
-    """
-
+    # x̂, (p,), or (p, k) of k right-hand sides; 0 without one. Over unit columns it is of least
+    # length
     mean: Array
-    root: Array
-    sizes: Array
-    absent: Array
-    prior_root: Array
+    root: Array  # R, C = R Rᵀ, (p, r)
+    sizes: Array  # singular values of the unit columns, or in units of the prior, descending
+    absent: Array  # scaled directions that the rows do not determine, (p − r, p); none with a prior
+    prior_root: Array  # R₀, (p, q); empty without a prior of all unknowns
 
     @property
     def covariance(self) -> Array:

@@ -49,21 +49,13 @@ CUTOFF_HZ, SHARE = 10.0, 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayProfile:
-    """Loss over the delay.
+    """Loss over the delay."""
 
-    Attributes:
-        delays: δ that were tried, (M,) [s], ascending.
-        loss: L(δ) − min L, (M,); 1.92 at the ends of the interval.
-        best: δ̂, least point of a parabola through the three lowest losses [s].
-        interval: first and last δ within the interval [s].
-        variance: residual variance of every joint at every delay, (M, n) [(N·m)²].
-    """
-
-    delays: Array
-    loss: Array
-    best: float
-    interval: tuple[float, float]
-    variance: Array
+    delays: Array  # δ that were tried, (M,) [s], ascending
+    loss: Array  # L(δ) − min L, (M,); 1.92 at the ends of the interval
+    best: float  # δ̂, least point of a parabola through the three lowest losses [s]
+    interval: tuple[float, float]  # first and last δ within the interval [s]
+    variance: Array  # residual variance of every joint at every delay, (M, n) [(N·m)²]
 
     @property
     def is_flat(self) -> bool:
@@ -89,15 +81,11 @@ class DelayProfile:
 
 @dataclass(frozen=True, slots=True)
 class RecordedDelay:
-    """Delay of a recording.
+    """Delay of a recording."""
 
-    Attributes:
-        profile: loss over δ = `Preparation.torque_delay_s`.
-        sign: of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it
-            is stamped, 1 for a measured one, which is stamped later than it acts.
-    """
-
-    profile: DelayProfile
+    profile: DelayProfile  # loss over δ = `Preparation.torque_delay_s`
+    # of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it is
+    # stamped, 1 for a measured one, which is stamped later than it acts
     sign: float
 
     @property

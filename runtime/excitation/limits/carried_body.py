@@ -60,17 +60,11 @@ class CarriedBox:
 
 @dataclass(frozen=True, slots=True)
 class CarriedBody:
-    """A body that moves with a link; picklable.
+    """A body that moves with a link; picklable."""
 
-    Attributes:
-        link: index of the moving link that carries it.
-        pi: its parameters in that link's frame, (10,): kg, kg·m ×3, kg·m² ×6.
-        box: box around it, or None where its shape is not known.
-    """
-
-    link: int
-    pi: tuple[float, ...]
-    box: CarriedBox | None = None
+    link: int  # index of the moving link that carries it
+    pi: tuple[float, ...]  # its parameters in that link's frame, (10,): kg, kg·m ×3, kg·m² ×6
+    box: CarriedBox | None = None  # box around it, or None where its shape is not known
 
     @property
     def sentence(self) -> str:
@@ -95,21 +89,13 @@ def with_load(pi: Array, body: CarriedBody | None) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Poses of the joints at N samples.
+    """Poses of the joints at N samples."""
 
-    Attributes:
-        rotation: (N, n, 3, 3).
-        origin: (N, n, 3) m.
-        axis: axes of the joints in the base frame, (N, n, 3).
-        slides: joints that slide, (n,).
-        movers: movers[i, j] where joint j moves link i, (n, n).
-    """
-
-    rotation: Array
-    origin: Array
-    axis: Array
-    slides: NDArray[np.bool_]
-    movers: NDArray[np.bool_]
+    rotation: Array  # (N, n, 3, 3)
+    origin: Array  # (N, n, 3) m
+    axis: Array  # axes of the joints in the base frame, (N, n, 3)
+    slides: NDArray[np.bool_]  # joints that slide, (n,)
+    movers: NDArray[np.bool_]  # movers[i, j] where joint j moves link i, (n, n)
 
     @classmethod
     def at(cls, lib: Library, q: Array) -> "Poses":

@@ -27,15 +27,10 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class DependentJoints:
-    """Dependent joints with limits, and their motion.
+    """Dependent joints with limits, and their motion."""
 
-    Attributes:
-        lib: the robot.
-        rows: indices among all joints, (R,).
-    """
-
-    lib: Library
-    rows: tuple[int, ...]
+    lib: Library  # the robot
+    rows: tuple[int, ...]  # indices among all joints, (R,)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,22 +78,16 @@ class DependentJoints:
 
 @dataclass(frozen=True, slots=True)
 class _OfDependents:
-    """Ends of a quantity of R dependent joints, upper ones first; an infinite end has no row.
-
-    Attributes:
-        joints: the joints.
-        upper, lower: ends, (R,).
-        above, below: units of g towards both ends, (R,).
-    """
+    """Ends of a quantity of R dependent joints, upper ones first; an infinite end has no row."""
 
     order: ClassVar[int]
     per: ClassVar[str]
     even: ClassVar[bool] = True
     precision: ClassVar[tuple[float, float]] = SMOOTH
-    joints: DependentJoints
-    upper: Array
+    joints: DependentJoints  # the joints
+    upper: Array  # upper, lower: ends, (R,)
     lower: Array
-    above: Array
+    above: Array  # above, below: units of g towards both ends, (R,)
     below: Array
 
     @property

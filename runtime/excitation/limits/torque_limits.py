@@ -45,17 +45,11 @@ WIDE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class ModelBand:
-    """Half-widths of a band of models.
+    """Half-widths of a band of models."""
 
-    Attributes:
-        lib: the robot.
-        pi: Δ of the parameters of all links, (10 L,) [kg, kg·m, kg·m²].
-        viscous: Δf of viscous friction, (n,) [N·m·s/rad].
-    """
-
-    lib: Library
-    pi: Array
-    viscous: Array
+    lib: Library  # the robot
+    pi: Array  # Δ of the parameters of all links, (10 L,) [kg, kg·m, kg·m²]
+    viscous: Array  # Δf of viscous friction, (n,) [N·m·s/rad]
 
     def torques(self, motion: Array) -> Array:
         """Largest change of the torque of a motion (3 or more, N, n), (N, n) N·m."""
@@ -134,13 +128,9 @@ class ModelBand:
 
 @dataclass(frozen=True, slots=True)
 class KnownTorque:
-    """Springs and curves of one robot.
+    """Springs and curves of one robot."""
 
-    Attributes:
-        lib: the robot.
-    """
-
-    lib: Library
+    lib: Library  # the robot
 
     def torque(self, q: Array) -> Array:
         """Torque p, (N, n) N·m, of positions (N, n)."""

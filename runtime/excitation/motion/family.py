@@ -93,14 +93,8 @@ class ClosedForm:
 
 @dataclass(frozen=True, slots=True)
 class BasisFamily:
-    """A basis as users select it.
+    """A basis as users select it."""
 
-    Attributes:
-        name: word by which a user selects it, as in trajectory files.
-        sentence: what the functions are, for help texts.
-        make: the basis; true for a third derivative of zero at both ends.
-    """
-
-    name: str
-    sentence: str
-    make: Callable[[bool], Basis]
+    name: str  # word by which a user selects it, as in trajectory files
+    sentence: str  # what the functions are, for help texts
+    make: Callable[[bool], Basis]  # the basis; true for a third derivative of zero at both ends

@@ -23,32 +23,22 @@ UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """Largest use of one limit.
+    """Largest use of one limit."""
 
-    Attributes:
-        kind: position and braking (as a share of the way from home to the limit), velocity,
-            acceleration, jerk, position and velocity of dependent joints, torque, torque rate,
-            tip box, tip speed, self-collision, table, obstacle.
-        bound: largest use over all t; 1 is the limit itself. For distances it is
-            1 + (limit − value)/0.1 m.
-        where: joint, axis, pair or proxy of the largest use.
-        time: its time, s; to one step of the grid.
-        value: quantity there, in `unit`, as the bound states it.
-        limit: limit of the quantity.
-        unit: of value and limit.
-        is_proven: a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`).
-        intervals: number of intervals of the proof.
-    """
-
+    # position and braking (as a share of the way from home to the limit), velocity, acceleration,
+    # jerk, position and velocity of dependent joints, torque, torque rate, tip box, tip speed,
+    # self-collision, table, obstacle
     kind: str
+    # largest use over all t; 1 is the limit itself. For distances it is 1 + (limit − value)/0.1 m
     bound: float
-    where: str
-    time: float
-    value: float
-    limit: float
-    unit: str
+    where: str  # joint, axis, pair or proxy of the largest use
+    time: float  # its time, s; to one step of the grid
+    value: float  # quantity there, in `unit`, as the bound states it
+    limit: float  # limit of the quantity
+    unit: str  # of value and limit
+    # a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`)
     is_proven: bool = True
-    intervals: int = 0
+    intervals: int = 0  # number of intervals of the proof
 
     @property
     def margin(self) -> float:
@@ -68,20 +58,14 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Use of every limit at every instant.
+    """Use of every limit at every instant."""
 
-    Attributes:
-        uses: the largest use per kind of limit that is checked.
-        unlimited: kinds and joints for which the robot states no limit.
-        unchecked: other limits that are not checked.
-        distances: one use per pair of links and per proxy over a table and beside an obstacle.
-        load: mass and box of the carried body that the limits count, or "empty hand".
-    """
-
-    uses: tuple[Use, ...]
-    unlimited: tuple[str, ...]
-    unchecked: tuple[str, ...] = ()
+    uses: tuple[Use, ...]  # the largest use per kind of limit that is checked
+    unlimited: tuple[str, ...]  # kinds and joints for which the robot states no limit
+    unchecked: tuple[str, ...] = ()  # other limits that are not checked
+    # one use per pair of links and per proxy over a table and beside an obstacle
     distances: tuple[Use, ...] = ()
+    # mass and box of the carried body that the limits count, or "empty hand"
     load: str = EMPTY_HAND
 
     @property

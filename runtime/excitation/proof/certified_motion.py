@@ -21,19 +21,12 @@ AnyMotion = TypeVar("AnyMotion", Trajectory, JoinedMotion, Trajectory | JoinedMo
 
 @dataclass(frozen=True, slots=True)
 class CertifiedMotion:
-    """A trajectory of a robot and the certificate of its limits, which need not hold.
+    """A trajectory of a robot and the certificate of its limits, which need not hold."""
 
-    Attributes:
-        lib: the robot.
-        trajectory: its motion, one or several in a row.
-        safety: limits beyond those of the joints; None where only those were checked.
-        certificate: of this trajectory under these limits.
-    """
-
-    lib: Library
-    trajectory: Trajectory | JoinedMotion
-    safety: Safety | None
-    certificate: Certificate
+    lib: Library  # the robot
+    trajectory: Trajectory | JoinedMotion  # its motion, one or several in a row
+    safety: Safety | None  # limits beyond those of the joints; None where only those were checked
+    certificate: Certificate  # of this trajectory under these limits
 
     def header(self) -> tuple[str, ...]:
         """Lines for the head of a file: robot, duration and the use of every limit."""

@@ -85,18 +85,12 @@ def interval_count(trajectory: Trajectory) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Chords:
-    """The inequality of the module's head, for derivatives by s.
+    """The inequality of the module's head, for derivatives by s."""
 
-    Attributes:
-        up, down: limits.
-        third: Σ|a| sup of the third derivative.
-        rounding: of the value.
-    """
-
-    up: Array
+    up: Array  # up, down: limits
     down: Array
-    third: Array
-    rounding: Array
+    third: Array  # Σ|a| sup of the third derivative
+    rounding: Array  # of the value
 
     @classmethod
     def of(cls, trajectory: Trajectory, up: Array, down: Array) -> "_Chords":

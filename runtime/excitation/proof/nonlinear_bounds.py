@@ -64,23 +64,14 @@ _DIVIDED = 20
 
 @dataclass(frozen=True, slots=True)
 class ConstraintBound:
-    """Largest g of one row.
+    """Largest g of one row."""
 
-    Attributes:
-        constraint: the constraint.
-        row: index of its row.
-        bound: largest g over all t; inf where it is not a number.
-        time: its time, s; to one interval.
-        is_proven: the bound is a theorem, not a measured second derivative.
-        intervals: number of intervals that were evaluated.
-    """
-
-    constraint: Constraint
-    row: int
-    bound: float
-    time: float
-    is_proven: bool
-    intervals: int
+    constraint: Constraint  # the constraint
+    row: int  # index of its row
+    bound: float  # largest g over all t; inf where it is not a number
+    time: float  # its time, s; to one interval
+    is_proven: bool  # the bound is a theorem, not a measured second derivative
+    intervals: int  # number of intervals that were evaluated
 
 
 class Peaks:

@@ -28,15 +28,10 @@ FAR_FAVOUR = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """The map from x to coefficients.
+    """The map from x to coefficients."""
 
-    Attributes:
-        spread: S, (n M, p).
-        shape: n, M.
-    """
-
-    spread: Array
-    shape: tuple[int, int]
+    spread: Array  # S, (n M, p)
+    shape: tuple[int, int]  # n, M
 
     def coefficients(self, points: Array) -> Array:
         """Coefficients a of K points x, (K, n, M)."""

@@ -57,23 +57,19 @@ torque of other motions."""
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A criterion for one robot, home and information.
+    """A criterion for one robot, home and information."""
 
-    Attributes:
-        stages: measures of the descent in turn, with the number of iterations of each.
-        target: measure of the last stage; its exponential has the unit of the criterion.
-        errors: part of the target without its smooth log cond; None where it has none.
-        condition_share: weight of log cond W̄_b, which compares starts together with `errors`.
-        balanced: logs of single errors which, with log cond W̄_b, choose among starts that are
-            nearly as good as the best, see `choice`.
-        last: measure of the last descent, of the best start alone; None is the target.
-    """
-
+    # measures of the descent in turn, with the number of iterations of each
     stages: tuple[tuple[Measure, int], ...]
-    target: Measure
+    target: Measure  # measure of the last stage; its exponential has the unit of the criterion
+    # part of the target without its smooth log cond; None where it has none
     errors: Measure | None = None
+    # weight of log cond W̄_b, which compares starts together with `errors`
     condition_share: float = 0.0
+    # logs of single errors which, with log cond W̄_b, choose among starts that are nearly as good
+    # as the best, see `choice`
     balanced: tuple[Measure, ...] = ()
+    # measure of the last descent, of the best start alone; None is the target
     last: Measure | None = None
 
 

@@ -36,15 +36,10 @@ SMALL = 0.9 ** np.arange(1, 23)
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A trajectory that keeps its limits at 1 kHz.
+    """A trajectory that keeps its limits at 1 kHz."""
 
-    Attributes:
-        trajectory: the motion.
-        use: largest |value| / limit per kind of limit, 1 is the limit itself.
-    """
-
-    trajectory: Trajectory
-    use: dict[str, float]
+    trajectory: Trajectory  # the motion
+    use: dict[str, float]  # largest |value| / limit per kind of limit, 1 is the limit itself
 
 
 def finished(lib: Library, search: Search, a: Array) -> Finished:

@@ -63,19 +63,12 @@ def even_columns(names: tuple[str, ...]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """A regressor less its part along friction columns.
+    """A regressor less its part along friction columns."""
 
-    Attributes:
-        rows: R, (K, N, n, k).
-        shares: X, (K, n, m, k).
-        slopes: ∂F/∂dq, (K, N, n, m).
-        filtered: A of every joint, (n, N, N) or (1, N, N), which rows and columns have passed; None
-            without.
-    """
-
-    rows: Array
-    shares: Array
-    slopes: Array
+    rows: Array  # R, (K, N, n, k)
+    shares: Array  # X, (K, n, m, k)
+    slopes: Array  # ∂F/∂dq, (K, N, n, m)
+    # A of every joint, (n, N, N) or (1, N, N), which rows and columns have passed; None without
     filtered: Array | None = None
 
     def seed_of_speed(self, seed: Array) -> Array:

@@ -35,24 +35,16 @@ _COM = np.array([0.0, 0.0, 0.1])
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """All criteria of one motion for one set of columns.
+    """All criteria of one motion for one set of columns."""
 
-    Attributes:
-        samples: equally spaced, both ends included.
-        columns: number of columns of the regressor, friction included.
-        friction: names of its columns, empty without.
-        condition: cond of those columns of this motion, each of unit length; without earlier logs.
-        relative_error: RMS over the unknowns of σ / size.
-        torque_error: RMS error of the torque on unseen motions, all joints together, N·m or N.
-        half_axis: geometric mean of the half-axes of the unknowns' confidence ellipsoid, mixed SI.
-    """
-
-    samples: int
-    columns: int
-    friction: tuple[str, ...]
+    samples: int  # equally spaced, both ends included
+    columns: int  # number of columns of the regressor, friction included
+    friction: tuple[str, ...]  # names of its columns, empty without
+    # cond of those columns of this motion, each of unit length; without earlier logs
     condition: float
-    relative_error: float
-    torque_error: float
+    relative_error: float  # RMS over the unknowns of σ / size
+    torque_error: float  # RMS error of the torque on unseen motions, all joints together, N·m or N
+    # geometric mean of the half-axes of the unknowns' confidence ellipsoid, mixed SI
     half_axis: float
 
 

@@ -212,32 +212,20 @@ class _Point:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A solution of the programme.
+    """A solution of the programme."""
 
-    Attributes:
-        step: d.
-        decrease: of log cond, by the model.
-        weights: duals of both ends as matrices (m, m) of trace 1.
-    """
-
-    step: Array
-    decrease: float
-    weights: tuple[Array, Array]
+    step: Array  # d
+    decrease: float  # of log cond, by the model
+    weights: tuple[Array, Array]  # duals of both ends as matrices (m, m) of trace 1
 
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """One cluster, relative to its extreme eigenvalue.
+    """One cluster, relative to its extreme eigenvalue."""
 
-    Attributes:
-        vectors: V, (m, r).
-        values: Λ / λ, (r,).
-        slopes: Vᵀ C_i V / λ, (p, r, r).
-    """
-
-    vectors: Array
-    values: Array
-    slopes: Array
+    vectors: Array  # V, (m, r)
+    values: Array  # Λ / λ, (r,)
+    slopes: Array  # Vᵀ C_i V / λ, (p, r, r)
 
     def block(self, sign: float, column: int, variables: int) -> ConeBlock:
         """Block sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
@@ -262,15 +250,10 @@ class _End:
 
 @dataclass(frozen=True, slots=True)
 class _Model:
-    """The programme at one point.
+    """The programme at one point."""
 
-    Attributes:
-        curvature: B, (p, p).
-        upper, lower: both ends of the spectrum.
-    """
-
-    curvature: Array
-    upper: _End
+    curvature: Array  # B, (p, p)
+    upper: _End  # upper, lower: both ends of the spectrum
     lower: _End
 
     @classmethod

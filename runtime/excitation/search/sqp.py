@@ -39,19 +39,12 @@ _PATIENCE = 3
 
 @dataclass(frozen=True, slots=True)
 class Descended:
-    """End of a descent.
+    """End of a descent."""
 
-    Attributes:
-        x: point with A x ≤ b.
-        value: f(x); without g never above that of the start.
-        iterations: steps taken.
-        curvature: the BFGS matrix, for a next objective that is like this one.
-    """
-
-    x: Array
-    value: float
-    iterations: int
-    curvature: Array
+    x: Array  # point with A x ≤ b
+    value: float  # f(x); without g never above that of the start
+    iterations: int  # steps taken
+    curvature: Array  # the BFGS matrix, for a next objective that is like this one
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,17 +48,11 @@ the same: descents end up to 0.02 from their optimum, and other optima are 0.1 o
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One descent, small enough to be sent to another process.
+    """One descent, small enough to be sent to another process."""
 
-    Attributes:
-        number: of the random start; variations continue the count.
-        parents: coefficients (n, M), best first; none for a random start.
-        best: least target of the rounds before.
-    """
-
-    number: int
-    parents: tuple[Array, ...] = ()
-    best: float = np.inf
+    number: int  # of the random start; variations continue the count
+    parents: tuple[Array, ...] = ()  # coefficients (n, M), best first; none for a random start
+    best: float = np.inf  # least target of the rounds before
 
     def done(self, search: Search) -> tuple[float, Array]:
         """Target and coefficients (n, M) of the descent."""

@@ -83,18 +83,14 @@ _AGAIN = "run again: python -m runtime reproduce"
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """Mean, standard deviation (None for a single number) and count of one metric.
-
-    Attributes:
-        quartiles: first quartile, median and third quartile; empty in files without them.
-        misprint: number that the document prints in its place; empty where it is the same.
-    """
+    """Mean, standard deviation (None for a single number) and count of one metric."""
 
     mean: float
     std: float | None = None
     n: int | None = None
+    # first quartile, median and third quartile; empty in files without them
     quartiles: tuple[float, ...] = ()
-    misprint: str = ""
+    misprint: str = ""  # number that the document prints in its place; empty where it is the same
 
 
 MetricKey = tuple[str, str, str]
@@ -118,16 +114,9 @@ class SavedView:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Content of the folder of one study.
+    """Content of the folder of one study."""
 
-    Attributes:
-        name: name of its folder.
-        document: numbers of the document by id, then by key.
-        source: their table or figure in the document, by id.
-        provenance: (quantity, value) pairs.
-    """
-
-    name: str
+    name: str  # name of its folder
     title: str
     trials: int
     config_hash: str
@@ -137,10 +126,10 @@ class Experiment:
     views: tuple[SavedView, ...]
     series: Mapping[str, Array]
     values: Mapping[MetricKey, Value]
-    document: Mapping[str, Mapping[MetricKey, Value]]
-    source: Mapping[str, str]
+    document: Mapping[str, Mapping[MetricKey, Value]]  # numbers of the document by id, then by key
+    source: Mapping[str, str]  # their table or figure in the document, by id
     facts: Mapping[str, Any]
-    provenance: tuple[tuple[str, str], ...]
+    provenance: tuple[tuple[str, str], ...]  # (quantity, value) pairs
 
 
 def is_experiments(folder: Path) -> bool:

@@ -46,18 +46,14 @@ DAHL = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
 
 @dataclass(frozen=True, slots=True)
 class BenchConfig:
-    """Perturbed CAD model, Table 5.8.
-
-    Attributes:
-        friction: friction columns of map-friction.
-        dahl: friction columns of map-dahl; their stroke is twice that of the virtual robot.
-    """
+    """Perturbed CAD model, Table 5.8."""
 
     seed: int = 0
     perturbation: float = 0.05
     adam: Preset = PRESETS["real"]
     configurations: int = 50
-    friction: Friction = SMOOTH
+    friction: Friction = SMOOTH  # friction columns of map-friction
+    # friction columns of map-dahl; their stroke is twice that of the virtual robot
     dahl: Friction = DAHL
 
 

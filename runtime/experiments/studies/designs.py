@@ -40,17 +40,11 @@ DISTANCES = ("airm", "frobenius_rms", "base_error", "iterations", "strict")
 
 @dataclass(frozen=True, slots=True)
 class DesignsConfig:
-    """Settings of the excitation study, and the number of trials of each design.
+    """Settings of the excitation study, and the number of trials of each design."""
 
-    Attributes:
-        seed: first of the seeds over 20.
-        trials: number of trials of each design.
-        starts: starts of each search.
-    """
-
-    seed: int = 0
-    trials: int = 30
-    starts: int = 5
+    seed: int = 0  # first of the seeds over 20
+    trials: int = 30  # number of trials of each design
+    starts: int = 5  # starts of each search
     harmonics: int = 5
     duration: float = 10.0
     cases: tuple[Case, ...] = tuple(CASES)

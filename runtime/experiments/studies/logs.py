@@ -31,23 +31,18 @@ PREPARATION = replace(DOCUMENT, trim_s=0.15)
 
 @dataclass(frozen=True, slots=True)
 class LogsConfig:
-    """Arm, noise and payload.
+    """Arm, noise and payload."""
 
-    Attributes:
-        seed: of the noise.
-        truth_seed: of the arm; its errors before tuning and with payload are within a quarter of
-            those of the document at joints 1 to 6.
-        test_seed: of the test motion, a separate design from one start with torques as large as
-            in the document; training and validation are the best two of the excitation study.
-        payload: a box: mass [kg], position and size [m] in the frame of link 7.
-        repeats: number of further logs of the training motion.
-    """
-
-    seed: int = 0
+    seed: int = 0  # of the noise
+    # of the arm; its errors before tuning and with payload are within a quarter of those of the
+    # document at joints 1 to 6
     truth_seed: int = 4
+    # of the test motion, a separate design from one start with torques as large as in the document;
+    # training and validation are the best two of the excitation study
     test_seed: int = 31
+    # a box: mass [kg], position and size [m] in the frame of link 7
     payload: str = "1.8,0.01,0.02,0.167,0.1,0.08,0.1"
-    repeats: int = 2
+    repeats: int = 2  # number of further logs of the training motion
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,21 +30,14 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, trim_s=0.05, rat
 
 @dataclass(frozen=True, slots=True)
 class MethodsConfig:
-    """Simulated plant.
-
-    Attributes:
-        methods: one trial each.
-        cad: relative error of λ of the CAD model.
-        sigma_q, sigma_tau: noise of positions [rad] and torques [N·m].
-        speed_hz: cut-off f of the velocity filter of the controller: σ_dq = 2π f σ_q.
-    """
+    """Simulated plant."""
 
     seed: int = 0
-    methods: tuple[str, ...] = METHODS.builtin
-    cad: float = 0.05
-    sigma_q: float = 1e-4
+    methods: tuple[str, ...] = METHODS.builtin  # one trial each
+    cad: float = 0.05  # relative error of λ of the CAD model
+    sigma_q: float = 1e-4  # sigma_q, sigma_tau: noise of positions [rad] and torques [N·m]
     sigma_tau: float = 0.05
-    speed_hz: float = 30.0
+    speed_hz: float = 30.0  # cut-off f of the velocity filter of the controller: σ_dq = 2π f σ_q
     rotor: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
     coulomb: tuple[float, ...] = (0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1)
     viscous: tuple[float, ...] = (0.5, 0.5, 0.4, 0.4, 0.2, 0.15, 0.1)

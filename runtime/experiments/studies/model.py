@@ -23,20 +23,14 @@ JOINT = 4
 
 @dataclass(frozen=True, slots=True)
 class ModelConfig:
-    """Steps and point of the Taylor test.
+    """Steps and point of the Taylor test."""
 
-    Attributes:
-        seed: of the point and of the direction.
-        rate_hz: sample rate [Hz].
-        perturbation: relative distance of λ̄ from the truth; Δ ~ N(0, 1) per entry.
-        steps: exponents of the largest and smallest ε, and their number.
-        straight: exponents between which the slope is fitted, above rounding errors.
-    """
-
-    seed: int = 0
-    rate_hz: float = 100.0
-    perturbation: float = 0.15
+    seed: int = 0  # of the point and of the direction
+    rate_hz: float = 100.0  # sample rate [Hz]
+    perturbation: float = 0.15  # relative distance of λ̄ from the truth; Δ ~ N(0, 1) per entry
+    # exponents of the largest and smallest ε, and their number
     steps: tuple[float, float, int] = (-1.0, -7.0, 25)
+    # exponents between which the slope is fitted, above rounding errors
     straight: tuple[float, float] = (-5.0, -2.0)
 
 

@@ -36,60 +36,39 @@ METHODS = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One column of a table.
+    """One column of a table."""
 
-    Attributes:
-        name: name in all files.
-        perturbation: relative perturbation p of the initial guess.
-        noise: σ of the torque [N·m].
-        training: name of the training motion.
-        methods: names of `METHODS`.
-    """
-
-    name: str
-    perturbation: float
-    noise: float = 0.0
-    training: str = "designed"
-    methods: tuple[str, ...] = ("adam", "adam-zero", "lm")
+    name: str  # name in all files
+    perturbation: float  # relative perturbation p of the initial guess
+    noise: float = 0.0  # σ of the torque [N·m]
+    training: str = "designed"  # name of the training motion
+    methods: tuple[str, ...] = ("adam", "adam-zero", "lm")  # names of `METHODS`
 
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloConfig:
-    """Config of a Monte Carlo study.
-
-    Attributes:
-        seed: of all trials.
-        rate_hz: of the samples.
-        adam: Table 5.1; its stopping threshold (2e-6) is not in the document.
-        configurations: number of configurations at which mass matrices are compared.
-        curve_every: iterations between two points of an AIRM curve.
-        sinusoid: amplitude of Eq. 5.5 as a share of the limits, and the seed of its phases.
-    """
+    """Config of a Monte Carlo study."""
 
     cases: tuple[Case, ...]
-    seed: int = 0
-    rate_hz: float = 100.0
+    seed: int = 0  # of all trials
+    rate_hz: float = 100.0  # of the samples
+    # Table 5.1; its stopping threshold (2e-6) is not in the document
     adam: Preset = PRESETS["simulation"]
-    configurations: int = 50
-    curve_every: int = 25
+    configurations: int = 50  # number of configurations at which mass matrices are compared
+    curve_every: int = 25  # iterations between two points of an AIRM curve
+    # amplitude of Eq. 5.5 as a share of the limits, and the seed of its phases
     sinusoid: tuple[float, int] = (0.5, 0)
 
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloSetup:
-    """Input that all trials share.
-
-    Attributes:
-        lam: (10 n,) λ of the true robot.
-        train: samples without noise by name of the motion.
-        held: validation samples without noise.
-    """
+    """Input that all trials share."""
 
     lib: Library
     config: MonteCarloConfig
-    lam: Array
-    train: dict[str, Samples]
-    held: Samples
+    lam: Array  # (10 n,) λ of the true robot
+    train: dict[str, Samples]  # samples without noise by name of the motion
+    held: Samples  # validation samples without noise
     scorer: Scorer
 
 

@@ -13,21 +13,13 @@ from runtime.library.parameters import links, mass
 
 @dataclass(frozen=True, slots=True)
 class Scorer:
-    """Reference to which results are compared.
+    """Reference to which results are compared."""
 
-    Attributes:
-        lib: the robot.
-        test: motion and torque that no method has used; without noise in simulation.
-        pi: (10 n,) true parameters; None where unknown.
-        configurations: (K, n) positions at which mass matrices are compared [rad, m].
-        mass: (K, n, n) true mass matrices.
-    """
-
-    lib: Library
-    test: Samples
-    pi: Array | None
-    configurations: Array
-    mass: Array
+    lib: Library  # the robot
+    test: Samples  # motion and torque that no method has used; without noise in simulation
+    pi: Array | None  # (10 n,) true parameters; None where unknown
+    configurations: Array  # (K, n) positions at which mass matrices are compared [rad, m]
+    mass: Array  # (K, n, n) true mass matrices
 
     def row(self, pi: Array, friction: Array | None = None, unrepaired: float | None = None) -> Row:
         """Metrics of a result: airm, frobenius, torque errors, base error, consistency.

@@ -36,21 +36,14 @@ GRID = 80
 
 @dataclass(frozen=True, slots=True)
 class FleetFriction:
-    """Friction coefficients of a type.
+    """Friction coefficients of a type."""
 
-    Attributes:
-        columns: names of the k columns that all units have.
-        widths: coulomb_speed, stribeck_speed [rad/s] and dahl_stroke [rad] of the columns.
-        mean: μ, (n, k) [N·m per unit of the column]; NaN where nothing is known.
-        sigma: standard deviation of a further unit, (n, k).
-        units: coefficients of every unit, (U, n, k); NaN where its log does not determine one.
-    """
-
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # names of the k columns that all units have
+    # coulomb_speed, stribeck_speed [rad/s] and dahl_stroke [rad] of the columns
     widths: tuple[float, float, float]
-    mean: Array
-    sigma: Array
-    units: Array
+    mean: Array  # μ, (n, k) [N·m per unit of the column]; NaN where nothing is known
+    sigma: Array  # standard deviation of a further unit, (n, k)
+    units: Array  # coefficients of every unit, (U, n, k); NaN where its log does not determine one
 
 
 def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFriction:

@@ -65,31 +65,21 @@ STILL = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class FleetFit:
-    """Hierarchical prior of a type, and its units.
+    """Hierarchical prior of a type, and its units."""
 
-    Attributes:
-        centre: π0 of the type, (10 n,), P0_k ≻ 0.
-        kappa: κ, so that 1/√κ is the relative standard deviation of a unit from the centre.
-        interval: 95 % interval of κ by the likelihood ratio.
-        trust: κ of the prior of a new unit: the spread of the units and the error of the centre.
-        pi: most probable parameters of each unit, (U, 10 n).
-        statistic: T of each unit, (U,).
-        p_value: probability of a larger T, times the number of units, at most 1; (U,).
-        stands_out: whether a unit differs from its type by more than the spread, (U,).
-        links: link of each unit that stands out by which it differs; −1 for the others, (U,).
-        covariance: of β of each unit, (U, n_b, n_b).
-    """
-
-    centre: Array
-    kappa: float
-    interval: tuple[float, float]
+    centre: Array  # π0 of the type, (10 n,), P0_k ≻ 0
+    kappa: float  # κ, so that 1/√κ is the relative standard deviation of a unit from the centre
+    interval: tuple[float, float]  # 95 % interval of κ by the likelihood ratio
+    # κ of the prior of a new unit: the spread of the units and the error of the centre
     trust: float
-    pi: Array
-    statistic: Array
-    p_value: Array
+    pi: Array  # most probable parameters of each unit, (U, 10 n)
+    statistic: Array  # T of each unit, (U,)
+    p_value: Array  # probability of a larger T, times the number of units, at most 1; (U,)
+    # whether a unit differs from its type by more than the spread, (U,)
     stands_out: NDArray[np.bool_]
+    # link of each unit that stands out by which it differs; −1 for the others, (U,)
     links: NDArray[np.int_]
-    covariance: Array
+    covariance: Array  # of β of each unit, (U, n_b, n_b)
 
 
 def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> FleetFit:

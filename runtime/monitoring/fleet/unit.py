@@ -19,28 +19,19 @@ from runtime.recording.settings import WIDTHS, widths_of
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """Contribution of one unit.
+    """Contribution of one unit."""
 
-    Attributes:
-        name: of the unit.
-        columns: names of the k friction columns that belong to the whole log.
-        widths: widths of these columns: coulomb_speed, stribeck_speed [rad/s], dahl_stroke [rad].
-        factor: A, (n_b, n_b), in units of the noise.
-        target: b, (n_b,).
-        friction: f, G and v per joint and column, (n, k, n_b + 2); v is infinite where the log
-            does not determine the coefficient.
-        noise: standard deviation of the torque per joint, (n,) [N·m, N]; NaN where not known.
-        density: S, variance with which noise over its standard deviation enters the unknowns.
-    """
-
-    name: str
-    columns: tuple[str, ...]
+    name: str  # of the unit
+    columns: tuple[str, ...]  # names of the k friction columns that belong to the whole log
+    # widths of these columns: coulomb_speed, stribeck_speed [rad/s], dahl_stroke [rad]
     widths: tuple[float, float, float]
-    factor: Array
-    target: Array
+    factor: Array  # A, (n_b, n_b), in units of the noise
+    target: Array  # b, (n_b,)
+    # f, G and v per joint and column, (n, k, n_b + 2); v is infinite where the log does not
+    # determine the coefficient
     friction: Array
-    noise: Array
-    density: float
+    noise: Array  # standard deviation of the torque per joint, (n,) [N·m, N]; NaN where not known
+    density: float  # S, variance with which noise over its standard deviation enters the unknowns
 
 
 def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:

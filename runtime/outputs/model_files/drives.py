@@ -10,25 +10,15 @@ KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """Drives of all joints in SI units; None where a value is unknown.
+    """Drives of all joints in SI units; None where a value is unknown."""
 
-    Attributes:
-        joints: names.
-        values: key of `KEYS` → one value per joint.
-        sigma: the same for standard deviations.
-        delay: of the torque, per joint [s].
-        delay_sigma: likewise [s].
-        kp: stiffness of the control law, per joint [N·m/rad, N/m].
-        kd: damping of the control law, per joint [N·m·s/rad, N·s/m].
-    """
-
-    joints: tuple[str, ...]
-    values: dict[str, tuple[float | None, ...]]
-    sigma: dict[str, tuple[float | None, ...]]
-    delay: tuple[float | None, ...]
-    delay_sigma: tuple[float | None, ...]
-    kp: tuple[float | None, ...]
-    kd: tuple[float | None, ...]
+    joints: tuple[str, ...]  # names
+    values: dict[str, tuple[float | None, ...]]  # key of `KEYS` → one value per joint
+    sigma: dict[str, tuple[float | None, ...]]  # the same for standard deviations
+    delay: tuple[float | None, ...]  # of the torque, per joint [s]
+    delay_sigma: tuple[float | None, ...]  # likewise [s]
+    kp: tuple[float | None, ...]  # stiffness of the control law, per joint [N·m/rad, N/m]
+    kd: tuple[float | None, ...]  # damping of the control law, per joint [N·m·s/rad, N·s/m]
 
     def delay_note(self) -> str:
         """Sentence on the delay for the head of a model file; "" without one."""

@@ -23,24 +23,16 @@ TERMS = ("damping", "friction", "armature")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFriction:
-    """Joint friction as simulators describe it, per joint of the library.
+    """Joint friction as simulators describe it, per joint of the library."""
 
-    Attributes:
-        damping: viscous coefficient [N·m·s/rad, N·s/m].
-        friction: dry friction [N·m, N].
-        armature: rotor inertia on the joint side [kg·m², kg].
-        notes: what these three do not represent, sentences.
-        names, values: the identified columns and φ (n, k) [N·m or N per unit of the column].
-        coulomb_speed: ε of the smooth sign of dry friction [rad/s].
-    """
-
-    damping: Values
-    friction: Values
-    armature: Values
-    notes: tuple[str, ...] = ()
+    damping: Values  # viscous coefficient [N·m·s/rad, N·s/m]
+    friction: Values  # dry friction [N·m, N]
+    armature: Values  # rotor inertia on the joint side [kg·m², kg]
+    notes: tuple[str, ...] = ()  # what these three do not represent, sentences
+    # names, values: the identified columns and φ (n, k) [N·m or N per unit of the column]
     names: tuple[str, ...] = ()
     values: Array | None = None
-    coulomb_speed: float = Friction().coulomb_speed
+    coulomb_speed: float = Friction().coulomb_speed  # ε of the smooth sign of dry friction [rad/s]
 
     @property
     def is_known(self) -> bool:

@@ -19,17 +19,12 @@ from runtime.recording import Friction
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkBodies:
-    """Rigid bodies of the links.
+    """Rigid bodies of the links."""
 
-    Attributes:
-        by_link: body of every link that has one: moving links, links fixed to them, links fixed
-            to the base.
-        emptied: links whose inertia went to the moving link that carries them.
-        notes: how fixed bodies were treated, one sentence per moving link that carries some.
-    """
-
+    # body of every link that has one: moving links, links fixed to them, links fixed to the base
     by_link: dict[str, RigidBody]
-    emptied: tuple[str, ...]
+    emptied: tuple[str, ...]  # links whose inertia went to the moving link that carries them
+    # how fixed bodies were treated, one sentence per moving link that carries some
     notes: tuple[str, ...]
 
 

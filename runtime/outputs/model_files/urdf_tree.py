@@ -24,43 +24,28 @@ WORLD = "world"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A joint of the URDF, fixed ones included.
-
-    Attributes:
-        placement: T from the frame of the child (at q = 0) to that of the parent, (4, 4).
-        axis: unit vector in the frame of the child, (3,).
-        lower, upper: rad or m, None without limit.
-    """
+    """A joint of the URDF, fixed ones included."""
 
     name: str
     kind: str
     parent: str
     child: str
-    placement: Array
-    axis: Array
-    lower: float | None
+    placement: Array  # T from the frame of the child (at q = 0) to that of the parent, (4, 4)
+    axis: Array  # unit vector in the frame of the child, (3,)
+    lower: float | None  # lower, upper: rad or m, None without limit
     upper: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
-    """A URDF document; `root` is not shared and may be changed.
+    """A URDF document; `root` is not shared and may be changed."""
 
-    Attributes:
-        name: name of the robot.
-        root: the <robot> element.
-        links: elements by link name.
-        edges: joints by the name of their child link.
-        base: root link.
-        moving: moving links in the order of the library.
-    """
-
-    name: str
-    root: Element
-    links: dict[str, Element]
-    edges: dict[str, Edge]
-    base: str
-    moving: tuple[str, ...]
+    name: str  # name of the robot
+    root: Element  # the <robot> element
+    links: dict[str, Element]  # elements by link name
+    edges: dict[str, Edge]  # joints by the name of their child link
+    base: str  # root link
+    moving: tuple[str, ...]  # moving links in the order of the library
 
     def carrier(self, link: str) -> tuple[str | None, Array]:
         """The moving link that a link is fixed to, and T (4, 4) from its frame to that link's.

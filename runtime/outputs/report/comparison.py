@@ -35,36 +35,22 @@ GLOSSARY = (
 
 @dataclass(frozen=True, slots=True)
 class MethodEntry:
-    """Results of one method.
+    """Results of one method."""
 
-    Attributes:
-        method: name.
-        outcome: whether it ran, and why not.
-        status: its final message.
-        rms: (n,) RMS torque errors [N·m, N]; None where it did not run.
-        test, train: torque errors [%]; NaN where unknown.
-        base: error of the base parameters [%]; NaN where unknown.
-        seconds: computing time [s].
-        iterations: number of iterations, where it counts them.
-        eigenvalue: smallest λ_min(P)/tr P over the links.
-        gap: relative distance of its loss to the convex optimum.
-        consistent: whether all links are physically consistent.
-        boundary: whether a link is close to the limit of consistency.
-    """
-
-    method: str
-    outcome: str
-    status: str
+    method: str  # name
+    outcome: str  # whether it ran, and why not
+    status: str  # its final message
+    # (n,) RMS torque errors [N·m, N]; None where it did not run
     rms: NDArray[np.float64] | None = None
-    test: float = math.nan
+    test: float = math.nan  # test, train: torque errors [%]; NaN where unknown
     train: float = math.nan
-    base: float = math.nan
-    seconds: float = math.nan
-    iterations: int | None = None
-    eigenvalue: float = math.nan
-    gap: float = math.nan
-    consistent: bool = False
-    boundary: bool = False
+    base: float = math.nan  # error of the base parameters [%]; NaN where unknown
+    seconds: float = math.nan  # computing time [s]
+    iterations: int | None = None  # number of iterations, where it counts them
+    eigenvalue: float = math.nan  # smallest λ_min(P)/tr P over the links
+    gap: float = math.nan  # relative distance of its loss to the convex optimum
+    consistent: bool = False  # whether all links are physically consistent
+    boundary: bool = False  # whether a link is close to the limit of consistency
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,19 +19,13 @@ _PER_DEGREE = 180 / np.pi
 
 @dataclass(frozen=True, slots=True)
 class ReloadedStage:
-    """A robot as usd-core read it from a stage.
+    """A robot as usd-core read it from a stage."""
 
-    Attributes:
-        engine: name and version.
-        pi: (n, 10) bodies; those fixed to each other are summed in the frame of the moving link.
-        joints: name of a joint → its prim.
-        stage: to which the prims belong; they expire with it.
-    """
-
-    engine: str
+    engine: str  # name and version
+    # (n, 10) bodies; those fixed to each other are summed in the frame of the moving link
     pi: Array
-    joints: dict[str, Any]
-    stage: Any
+    joints: dict[str, Any]  # name of a joint → its prim
+    stage: Any  # to which the prims belong; they expire with it
 
     def place_error(self, name: str, placement: Array, axis: Array | None) -> float:
         """Largest difference of the placement of a joint, and of its axis."""

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from runtime.estimators.convex import prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
@@ -16,7 +17,7 @@ from runtime.estimators.regression.samples import (
     samples_of,
     thesis_weights,
 )
-from runtime.estimators.uncertainty import uncertainty_of
+from runtime.estimators.uncertainty import uncertainty_of, vague_posterior
 from runtime.library import Library
 from runtime.recording import Recording
 
@@ -196,3 +197,20 @@ def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library, unit: floa
 def _rank(matrix: np.ndarray) -> int:
     lengths = np.linalg.norm(matrix, axis=0)
     return int(np.linalg.matrix_rank(matrix / np.where(lengths > 0, lengths, 1.0), tol=1e-8))
+
+
+def test_the_vague_posterior_is_shrunk_to_the_prior(lib: Library) -> None:
+    """Oracle: Bayes' rule of one mass, whose variance is that of the entropic prior of trust 1.
+
+    A mass of 1.3 times the prior's that is measured as well as the prior knows it is estimated half
+    way between the two.
+    """
+    prior = prior_of(lib)
+    around = lib.nearest_realisable(prior.centre, 1 / 3)
+    hessian = prior.bodies.curvature(around)[1][-1]
+    sigma = np.sqrt(np.linalg.inv(hessian)[0, 0])
+    row = np.eye(lib.pi0.size)[[-10]] / sigma
+    mass = prior.centre[-10]
+    mean, root = vague_posterior(lib, prior, row, np.array([1.3 * mass / sigma]))
+    assert mean[-10] == pytest.approx(1.15 * mass, rel=1e-6)
+    assert np.linalg.norm(root[-10]) == pytest.approx(sigma / np.sqrt(2), rel=1e-6)

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.convex import prior_of, reduce
 from runtime.estimators.prior_file import read_prior
+from runtime.estimators.uncertainty import vague_posterior
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
-from runtime.identification.free_base.rows import FreeBaseRows, rows_of
+from runtime.identification.free_base.noise import _student
+from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, rows_of
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -266,3 +269,45 @@ def test_damaged_logs_get_a_sentence(lib: Library, log: VirtualLog, case: str) -
     changes, removed, sentence = BAD[case]
     with pytest.raises(RuntimeFault, match=sentence):
         identified(lib, without(log, *removed, **changes))
+
+
+def test_what_means_and_sensors_explain_is_missing_in_the_residual() -> None:
+    """Oracle: n − p of linear regression: σ of 12 independent values behind a mean and 4 columns.
+
+    Columns whose coefficients are known explain nothing, and the mean one value.
+    """
+    rng = np.random.default_rng(0)
+    rest, columns = rng.normal(size=(240, 1)), rng.normal(size=(240, 1, 4))
+    for known, used in ((1e6, 5), (1e-6, 1)):
+        few, many = (_student(rest, columns, np.full(4, known), n)[0] for n in (12.0, 240.0))
+        assert few / many == pytest.approx(np.sqrt(12 / (12 - used) * (240 - used) / 240), rel=1e-3)
+
+
+def test_equations_behind_unknown_wrenches_are_continuous(lib: Library, log: VirtualLog) -> None:
+    """Property: the basis of the null space turns no faster than the Jacobian of the contact.
+
+    A low-pass and an autocorrelation of the residuals need that; an SVD alone jumps.
+    """
+    arrays = without(log, contact_wrench=log.arrays["contact_wrench"].copy())
+    arrays["contact_wrench"][:, 0] = np.nan
+    motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
+    rows = rows_of(lib, motion, "all")
+    steps = np.linalg.norm(np.diff(rows.basis, axis=0), axis=(1, 2))
+    turned = np.linalg.norm(np.diff(contact_jacobian(lib, motion)[:, :6], axis=0), axis=(1, 2))
+    assert steps.max() < 2 * turned.max()
+
+
+def test_what_the_prior_moves_counts_as_error(lib: Library, log: VirtualLog) -> None:
+    """Oracle: the variance of π contains the square of its difference from the vague posterior."""
+    arrays = without(
+        log, tau=log.arrays["tau"] + 5 * np.random.default_rng(0).normal(size=(600, 3))
+    )
+    result = identified(lib, arrays, "joints")
+    known = result.information
+    data, _ = reduce(known.statistics, 9)
+    scale = np.sqrt(known.density)
+    vague, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
+    pull = result.pi - vague
+    variance = np.sum(result.root**2, axis=1)
+    assert (variance > pull**2).all()
+    assert np.sum(pull**2 > 0.2 * variance) > 3

@@ -7,14 +7,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from runtime import Recording, write_recording
+from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
+from runtime.identification.identified import torque_of
 from runtime.identification.result_file import write_result
+from runtime.identification.saved_result import read_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.monitoring.drift import Change, _ranked
+from runtime.monitoring.drift import (
+    Change,
+    Hypothesis,
+    _ranked,
+    _tested,
+    baseline_of,
+    hypotheses,
+    verdict_of,
+)
 from runtime.recording import Friction, Preparation
+from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
 from runtime.simulation.box_payload import Box
 from runtime.simulation.virtual_robot import perturbed
@@ -242,3 +256,48 @@ def test_the_usual_change_between_days_is_learnt(
     assert known["p_value"] == 1.0
     assert clean["references"] == 3
     assert "hidden are changes below" in clean["hidden"]
+
+
+def test_the_interval_holds_the_size_in_95_of_100() -> None:
+    """Oracle: 2000 draws of scores with a known change; 4 deviations of a share of 2000.
+
+    The penalty of a coefficient is log N_eff, and a size counts from the corrected level on.
+    """
+    rng = np.random.default_rng(3)
+    column = rng.normal(size=(6, 1))
+    part = Hypothesis("sensor bias", "j", np.eye(1), np.array([2.0]), "N·m")
+    held = []
+    for noise in rng.normal(size=(2000, 6)):
+        test = _tested(part, 0.7 * column[:, 0] + noise, column, 1e6, 50.0, 0.01 / 40)
+        assert test.interval is not None
+        held.append(test.interval[0] < 1.4 < test.interval[1])
+    assert np.mean(held) == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 2000))
+    assert test.chi2 - test.score == pytest.approx(np.log(50.0))
+    assert test.least is not None
+    sigma = 2.0 / np.linalg.norm(column)
+    assert 40 * chi2.sf((test.least / sigma) ** 2, 1) == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_p_value_counts_all_hypotheses_and_independent_samples(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: the smallest p-value times the number of hypotheses (Bonferroni), below 1.
+
+    AR(1) noise of ρ = 0.9 leaves one independent sample of 19 where the motion is slow.
+    """
+    saved = read_result(arm)
+    root = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size)
+    baseline = baseline_of(lib, saved, root, np.full(lib.n_joints, NOISE))
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    tau = log.required("tau")
+    verdict = verdict_of(lib, baseline, log.replace(tau=tau + 0.02 * np.eye(lib.n_joints)[4]))
+    smallest = min(test.p_value for test in verdict.tests)
+    assert smallest < 1e-3
+    count = len(hypotheses(lib, baseline.changes))
+    assert verdict.p_value == pytest.approx(min(1.0, count * smallest))
+    assert verdict.n_eff == pytest.approx(len(log), rel=0.45)
+    white = np.random.default_rng(4).normal(0, NOISE, tau.shape)
+    coloured = np.asarray(lfilter([np.sqrt(1 - 0.81)], [1, -0.9], white, axis=0))
+    known = torque_of(lib, samples_of(log, lib), saved.pi, saved.phi)
+    later = verdict_of(lib, baseline, log.replace(tau=known + coloured))
+    assert len(log) / 30 < later.n_eff < len(log) / 8

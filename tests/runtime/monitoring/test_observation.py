@@ -10,9 +10,12 @@ import pytest
 from runtime import Recording, write_recording
 from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of, wrench_at
+from runtime.monitoring.false_alarms import AlarmRate
 from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import noise_of_observer, read_held_out
+from runtime.monitoring.noise import ObserverNoise, noise_of_observer, read_held_out
+from runtime.monitoring.observation import Detector, both_torques, observation_of, signals_of
 from runtime.monitoring.observer import ObserverSettings
+from runtime.monitoring.session import usual_torque
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
@@ -173,3 +176,36 @@ def test_unknown_first_state_of_dahl_friction_raises_no_threshold(
     noise = noise_of_observer(settings, held_out, t, np.zeros((600, 7)))
     assert (noise.largest < 0.03).all()
     assert held_out.is_used.mean() > 0.7  # of 3 s each .46 s of travel and .1 s beside it
+
+
+def test_variances_of_noise_model_and_session_count_once(
+    lib: Library, monitored: Monitored, rest_of_log: Recording
+) -> None:
+    """Oracle: σ² is the sum of three variances, that of the model at rest ‖Y_b(q) L‖² of gravity.
+
+    The threshold is z σ with what does not follow a variance, where it is above the least one.
+    """
+    model = model_of(monitored.saved, lib)
+    still = rest_of_log.take(slice(0, 300), "still")
+    q = np.repeat(still.q[:1] + 0.2, 300, axis=0)
+    noise = np.random.default_rng(0).normal(0, 0.1, q.shape)
+    log = still.replace(t=np.arange(300) / 200, q=q, dq=0 * q, tau=noise)
+    root = np.zeros((len(model.beta) + model.phi.size, 2))
+    root[: len(model.beta)] = 3 * np.random.default_rng(1).normal(size=(len(model.beta), 2))
+    settings = ObserverSettings(200.0, 100.0)
+    spread = ObserverNoise(*np.full((2, 7), 0.1), np.full(7, 0.01), np.zeros(7), np.ones((1, 7)))
+    rate = AlarmRate("1 per hour", 1 / 3600)
+    detector = Detector(model, settings, 0.025, rate, spread, np.full(7, 5.0), root)
+    seen = signals_of(lib, detector, log)
+    r, _, features = both_torques(lib, model, settings, log)
+    _, session = usual_torque(r, features, spread.sigma, 200.0)
+    y = lib.base_regressor(q, 0 * q, 0 * q)
+    by_model = np.sum((y @ root[: len(model.beta)]) ** 2, axis=2)
+    known = np.isfinite(r)
+    expected = spread.sigma**2 + by_model + session
+    np.testing.assert_allclose((seen.sigma**2)[known], expected[known], rtol=1e-6)
+    found = observation_of(lib, detector, seen)
+    others = detector.share * seen.extra + seen.rest
+    np.testing.assert_allclose(
+        (found.threshold - others)[known], 5 * np.sqrt(expected[known]), rtol=1e-6
+    )

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -233,3 +234,33 @@ def test_every_log_has_a_delay_of_its_own(lib: Library, command: Command, tmp_pa
     assert "prepared in another way" not in ran.out
     # With both delays taken out the logs agree: the residual is that of the noise.
     assert facts["torque_error_percent"]["after_overall"] < 1.0
+
+
+def test_thinned_rows_end_within_a_deviation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: passes on thinned rows end at a step below σ, and all rows state the result.
+
+    The toy has its minimum at 1.2 by thinned rows and at 1.0 by all; every step halves the rest.
+    """
+    usual, seen = Preparation(filter="butterworth", cutoff_hz=10.0), []
+
+    class Toy:
+        preparation = usual
+        most_step = np.array([np.inf])
+        recording = SimpleNamespace(rate_hz=1000.0)
+
+        def rough(self, preparation: Preparation = usual) -> SimpleNamespace:
+            return SimpleNamespace(preparation=preparation)
+
+    def linearised_at(_: Toy, present: Preparation, x: np.ndarray, rough: bool) -> SimpleNamespace:
+        end, sigma = (1.0, 0.01) if present is usual else (1.2, 0.2)
+        seen.append((present.rate_hz, abs(end - x[0]) / 2 / sigma))
+        return SimpleNamespace(step=(end - x) / 2, sigma=np.array([sigma]))
+
+    monkeypatch.setattr(passes, "identification_at", lambda present, x: present.preparation)
+    monkeypatch.setattr(passes, "linearised_at", linearised_at)
+    x, sigma = passes.newton_passes(Toy(), np.array([0.6]))  # type: ignore[arg-type]
+    assert [rate for rate, _ in seen] == [100.0] * 2 + [None] * 4
+    assert [size <= 1.0 for _, size in seen][:2] == [False, True]
+    assert len(seen) == passes.PASSES
+    assert sigma[0] == 0.01
+    assert x[0] == pytest.approx(1.0, abs=0.005)

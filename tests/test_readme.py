@@ -84,6 +84,25 @@ def test_every_fence_is_of_a_kind_that_is_tested():
         assert set(kinds) - {""} <= known, name_of(page)
 
 
+FOREIGN = {
+    "my.urdf": "`my.urdf` is any URDF, such as that of [Your own robot]",
+    "motion.json": "`motion.json` comes from `symgen excite",
+    "results/first": "`results/first` comes from `symgen identify",
+}
+"""Files that blocks find in the folder of these tests, and how a page says where they come from."""
+
+
+def test_pages_say_where_their_files_come_from():
+    """Property: one line names the command or the page, where no block of the page makes a file."""
+    for page in EXECUTED:
+        text = page.read_text(encoding="utf-8")
+        ran = "".join(block for kind, block in blocks(text) if kind in {"bash", "python"})
+        for name, words in FOREIGN.items():
+            first = re.search(rf"(--out )?(?<![\w/]){re.escape(name)}", ran)
+            if first and not first[1]:
+                assert words in text, f"{name_of(page)}: {name}"
+
+
 def test_the_readme_is_short():
     """Property: what is longer has a page of docs/."""
     assert len(README.read_text(encoding="utf-8").splitlines()) <= LONGEST

@@ -29,8 +29,10 @@ from runtime.campaign.rehearsal import rehearse, unnoticed
 from runtime.campaign.target import Target, known_before, reached, torque_noise
 from runtime.common.files import DRAFT, json_of, replacing
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory, design
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certified_motion import slowed
+from runtime.excitation.search.design import design
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.excitation.way import way_to

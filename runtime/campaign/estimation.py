@@ -14,8 +14,8 @@ from runtime.campaign.gear_friction import (
     prepared_log,
 )
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import NONE
 from runtime.estimators.convex.constraints import Constraints
+from runtime.estimators.convex.entropic_prior import NONE
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.coloured_noise import coloured_noise_of

@@ -21,7 +21,8 @@ import numpy as np
 
 from runtime.campaign.estimation import PREPARATION
 from runtime.campaign.gear_friction import FRICTION, GearFriction, prepared_columns, smoothed
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.inspection import ERROR, inspect_log
 from runtime.library import Library

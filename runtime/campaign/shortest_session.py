@@ -14,11 +14,13 @@ import numpy as np
 
 from runtime.campaign.target import Target
 from runtime.errors import IdentificationError
-from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
+from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.criteria import sizes
-from runtime.excitation.search.information import information
+from runtime.excitation.search.design import Design, design
+from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.information import Information, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.expected_accuracy.session_error import (
     GAINS,

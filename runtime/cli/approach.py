@@ -39,8 +39,8 @@ from runtime.cli.motion_output import (
 from runtime.common.files import require_unused
 from runtime.common.terminal import completing, say
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.excitation import Safety, Trajectory
-from runtime.excitation.limits.safety import TABLE, require_consent
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import TABLE, Safety, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined
 from runtime.excitation.motion_export import MOTION_FORMATS

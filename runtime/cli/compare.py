@@ -50,7 +50,7 @@ from runtime.identification.long_logs.identify import assemble_streamed, require
 from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.identification.settings import AUTO, Settings
-from runtime.outputs.report import write_report
+from runtime.outputs.report.report import write_report
 from runtime.recording import open_log
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")

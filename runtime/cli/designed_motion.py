@@ -27,21 +27,20 @@ from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
 from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
-from runtime.excitation import (
-    COST_SAMPLES,
-    Design,
-    Information,
-    Prediction,
-    Trajectory,
-    design,
-    predict,
-)
+from runtime.excitation import COST_SAMPLES, Trajectory
 from runtime.excitation.limits.constraints import FIT_PROXIES
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside
-from runtime.excitation.search.design import design_several, torque_sigma, with_motion
+from runtime.excitation.search.design import (
+    Design,
+    design,
+    design_several,
+    torque_sigma,
+    with_motion,
+)
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import FRICTION
+from runtime.excitation.search.information import FRICTION, Information
+from runtime.excitation.search.prediction import Prediction, predict
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.search.variations import variation_count

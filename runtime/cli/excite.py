@@ -69,11 +69,13 @@ from runtime.common.files import require_unused
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
-from runtime.excitation import BASES, CRITERIA, Design, DesignSettings, basis_of
 from runtime.excitation.limits.safety import TABLE, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
+from runtime.excitation.motion.trajectory import BASES, basis_of
 from runtime.excitation.motion_export import MOTION_FORMATS
-from runtime.excitation.search.criteria import criterion_of
+from runtime.excitation.search.criteria import CRITERIA, criterion_of
+from runtime.excitation.search.design import Design
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION
 from runtime.recording.friction import COLUMNS
 from runtime.simulation import sample_times

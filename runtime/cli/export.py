@@ -9,8 +9,9 @@ from runtime.cli.common import Yes, listed, open_robot
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
-from runtime.outputs.model_files import EXPORT_FORMATS, export_model
 from runtime.outputs.model_files.drives import drives_of
+from runtime.outputs.model_files.export import export_model
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS
 from runtime.outputs.model_files.model import springs_left_out
 
 

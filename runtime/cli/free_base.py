@@ -23,8 +23,8 @@ from runtime.identification.result_record import ResultRecord
 from runtime.identification.settings import AUTO, NO_FRICTION
 from runtime.library import Library
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.model_files import write_urdf
-from runtime.outputs.report import write_report
+from runtime.outputs.model_files.export import write_urdf
+from runtime.outputs.report.report import write_report
 from runtime.recording.free_base import FreeBaseRecording, read_free_base
 
 EquationRows = Annotated[

@@ -17,8 +17,8 @@ from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import error_parts, write_result
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
-from runtime.outputs.model_files import write_urdf
-from runtime.outputs.report import write_report
+from runtime.outputs.model_files.export import write_urdf
+from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html")

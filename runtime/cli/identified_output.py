@@ -13,8 +13,8 @@ from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
 from runtime.identification.several_logs.agreement import LogAgreement
 from runtime.identification.statistics_file import statistics_of, write_statistics
-from runtime.outputs.model_files import write_urdf
-from runtime.outputs.report import write_report
+from runtime.outputs.model_files.export import write_urdf
+from runtime.outputs.report.report import write_report
 
 STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""

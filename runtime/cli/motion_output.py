@@ -8,7 +8,6 @@ from rich.table import Column, Table
 
 from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
-from runtime.excitation import LONGEST, Design
 from runtime.excitation.limits.obstacles import OBSTACLE
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
@@ -18,6 +17,8 @@ from runtime.excitation.proof.certified_motion import (
     require_speed,
     slowed,
 )
+from runtime.excitation.search.design import Design
+from runtime.excitation.search.design_settings import LONGEST
 from runtime.outputs.report.motion_figures import picture_paths
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times

@@ -9,7 +9,7 @@ from runtime.cli.common import Overwrite, require_page
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError
-from runtime.outputs.report import REPORT_KINDS, write_report
+from runtime.outputs.report.report import REPORT_KINDS, write_report
 from runtime.outputs.report.trends import write_trends
 
 

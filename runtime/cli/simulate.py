@@ -16,7 +16,8 @@ from runtime.cli.common import Overwrite, Robot, Seed, Yes, given_options, open_
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
-from runtime.excitation import Trajectory, design
+from runtime.excitation import Trajectory
+from runtime.excitation.search.design import design
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.library import Library
 from runtime.recording import Recording, write_recording

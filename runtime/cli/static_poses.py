@@ -12,8 +12,7 @@ from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import say
 from runtime.errors import RuntimeFault
-from runtime.excitation import Safety
-from runtime.excitation.limits.safety import unchecked
+from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.static_poses import (
     RANDOM_SETS,
     PoseDesign,

@@ -11,8 +11,9 @@ from runtime.cli.common import Overwrite, Robot, Yes, open_robot
 from runtime.cli.log_options import Recipe, Run
 from runtime.common.files import replacing, require_unused
 from runtime.common.terminal import say
-from runtime.outputs.viewer import Player, Scene, look_of, read_motion
-from runtime.outputs.viewer.scene import FRAME_S
+from runtime.outputs.viewer.player import Player, read_motion
+from runtime.outputs.viewer.scene import FRAME_S, Scene
+from runtime.outputs.viewer.shapes import look_of
 
 
 def view_command(

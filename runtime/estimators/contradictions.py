@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime.estimators.column_faults import column_faults
-from runtime.estimators.convex import Prior, Reduced
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.prior_agreement import LEAST_DENSITY, PriorTest, prior_test
 from runtime.estimators.regression.deviation_tests import (
     DelayTest,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array
 from runtime.recording.friction import names_where

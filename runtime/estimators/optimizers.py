@@ -21,15 +21,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Adam",
-    "Status",
-    "Trace",
-    "adam_step",
-    "descend_traced",
-    "descend_validated",
-    "run",
-]
+__all__ = ["Adam", "Status", "descend_validated"]
 
 _LARGEST_DAMPING = 1e200
 """μ beyond which no step is tried any more."""
@@ -127,17 +119,7 @@ def run(
     max_iterations: int,
     observe: Callable[[int, S], Status | None] | None = None,
 ) -> tuple[S, int, Status]:
-    """Step until the optimiser, the observer or the limit ends it; Ctrl-C ends it, too.
-
-    Args:
-        optimiser: init, step and status.
-        start: first point, (size,).
-        max_iterations: limit of steps, accepted or not.
-        observe: called after each step with its number and the state; a status ends the loop.
-
-    Returns:
-        The last state, the number of steps begun, and why the loop ended.
-    """
+    """Step until the optimiser, the observer or the limit ends it; Ctrl-C ends it, too."""
     state = optimiser.init(start)
     status, iteration = optimiser.status(state), 0
     try:
@@ -214,18 +196,7 @@ def descend_traced(
     max_iterations: int,
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
-    """Descend until the optimiser stops; the last point is returned.
-
-    Args:
-        optimiser: init, step and status.
-        start: first point, (size,).
-        validation: loss that is recorded at every new point; it does not stop the descent.
-        max_iterations: limit of steps, accepted or not.
-        progress: called with iteration and training loss after every step.
-
-    Returns:
-        The last point; its validation loss is ∞ where the training loss is not finite.
-    """
+    """Descend until the optimiser stops; the last point is returned."""
     rows: list[tuple[int, float, float]] = []
 
     def observe(iteration: int, state: S) -> None:
@@ -310,14 +281,7 @@ def adam_step(
 ) -> tuple[AdamState, Array]:
     """Moments and point after one step.
 
-    Args:
-        state: moments before the step.
-        x: point before the step, (size,).
-        gradient: of the loss at x, (size,).
-        options: step size and decay of the moments.
-
-    Returns:
-        The moments and the point after the step.
+    x (size,), gradient (size,).
     """
     step = state.step + 1
     m = options.beta1 * state.m + (1 - options.beta1) * gradient

@@ -38,8 +38,8 @@ from scipy.spatial import ConvexHull, QhullError
 from runtime.common.files import text_of
 from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import ConstraintRow, Constraints
+from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, NONE
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.estimators.type_prior import (
     BodyTables,

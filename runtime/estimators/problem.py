@@ -17,23 +17,15 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.optimizers import Trace
-from runtime.estimators.regression import Statistics, compress_all
 from runtime.estimators.regression.coloured_noise import ColouredNoise
+from runtime.estimators.regression.compression import compress_all
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
-__all__ = [
-    "Fit",
-    "FrictionPrior",
-    "Learned",
-    "NoiseFloor",
-    "Origin",
-    "Problem",
-    "best_friction",
-    "mass_unit",
-]
+__all__ = ["Fit", "Problem"]
 
 USUAL = 2.0
 """Median mass of a link of usual arms, kg."""
@@ -43,46 +35,26 @@ WITHIN = 16.0
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Log behind the samples, for methods that simulate or filter.
+    """Log behind the samples, for methods that simulate or filter."""
 
-    Attributes:
-        recording: the training recording before it was prepared and split.
-        friction: names and width of the friction columns.
-        aligned: another recording on the same clock, prepared alike → its rows of the training
-            samples.
-        span: first and last instant of the training samples, s.
-        inputs: what single methods need beyond the log, by name.
-    """
-
-    recording: Recording
-    friction: Friction
+    recording: Recording  # the training recording before it was prepared and split
+    friction: Friction  # names and width of the friction columns
+    # another recording on the same clock, prepared alike → its rows of the training samples
     aligned: Callable[[Recording], Samples]
-    span: tuple[float, float]
+    span: tuple[float, float]  # first and last instant of the training samples, s
+    # what single methods need beyond the log, by name
     inputs: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionPrior:
-    """Gaussian prior of friction coefficients.
+    """Gaussian prior of friction coefficients."""
 
-    Attributes:
-        mean: (n, k) [N·m per unit of the column].
-        sigma: standard deviations, (n, k); infinite where there is no prior.
-    """
-
-    mean: Array
-    sigma: Array
+    mean: Array  # (n, k) [N·m per unit of the column]
+    sigma: Array  # standard deviations, (n, k); infinite where there is no prior
 
     def statistics(self, like: Statistics, variance: float) -> Statistics:
-        """The prior as rows of least squares.
-
-        Args:
-            like: statistics whose columns the rows have.
-            variance: variance of the residuals [(N·m)²].
-
-        Returns:
-            Statistics of the rows (φ − mean)/σ √variance, which count as no sample.
-        """
+        """The prior as rows of least squares."""
         rows, target = np.zeros_like(like.factor), np.zeros_like(like.target)
         root = np.sqrt(variance) / self.sigma.ravel()
         places = np.arange(like.n_base, len(target))
@@ -93,15 +65,10 @@ class FrictionPrior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseFloor:
-    """Least noise of rows whose residuals cannot show it: fewer independent ones than unknowns.
+    """Least noise of rows whose residuals cannot show it: fewer independent ones than unknowns."""
 
-    Attributes:
-        sigma: least standard deviation per equation, (m,) [N·m, N].
-        inflation: least N / N_eff.
-    """
-
-    sigma: Array
-    inflation: float
+    sigma: Array  # least standard deviation per equation, (m,) [N·m, N]
+    inflation: float  # least N / N_eff
 
 
 @dataclass(frozen=True, eq=False)  # no slots: the statistics are computed once and kept
@@ -231,13 +198,7 @@ class Fit:
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
     """Friction coefficients that fit best at fixed π, by least squares.
 
-    Args:
-        statistics: compressed rows of the samples.
-        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
-        shape: joints and columns (n, k).
-
-    Returns:
-        φ (n, k) [N·m or N per unit of the column].
+    pi (10 n,) [kg, kg·m, kg·m²], shape (n, k) → (n, k) [N·m or N per unit of the column].
     """
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
@@ -248,12 +209,7 @@ def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> 
 def mass_unit(lib: Library, pi: Array) -> float:
     """Unit of mass s of a robot, kg.
 
-    Args:
-        lib: library of the robot.
-        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
-
-    Returns:
-        Power of 4 that brings the median mass of the links to a usual size; 1 where it has one.
+    pi (10 n,) [kg, kg·m, kg·m²].
     """
     middle = float(np.median(mass(links(pi))))
     if not middle > 0:

@@ -24,7 +24,7 @@ import numpy as np
 from msgspec import Meta
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import Prior, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import Prior, bodies_of, prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links

@@ -26,9 +26,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from runtime.estimators.contradictions import ModelTests, model_tests
-from runtime.estimators.convex import CAD, NONE, Prior, bodies_of, com_sigma, reduce, spread_of
-from runtime.estimators.regression import Statistics, compress
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import (
+    CAD,
+    NONE,
+    Prior,
+    bodies_of,
+    com_sigma,
+    spread_of,
+)
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
+from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.nuisance import nuisance_slopes
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of

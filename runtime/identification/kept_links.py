@@ -18,8 +18,8 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NotRealisableError
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.problem import FrictionPrior, Problem, best_friction
-from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, TrainedModel

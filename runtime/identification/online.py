@@ -15,16 +15,11 @@ from numpy.typing import ArrayLike
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import (
-    CAD,
-    ConvexProblem,
-    Prior,
-    convex_problem,
-    minimise,
-    prior_of,
-    reduce,
-)
-from runtime.estimators.regression import Statistics, compress, from_triangle
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
+from runtime.estimators.convex.newton import ConvexProblem, convex_problem, minimise
+from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import Statistics, from_triangle
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy.expected import Knowledge
 from runtime.identification.expected_accuracy.growth import (

@@ -20,8 +20,8 @@ from scipy.linalg import solve_triangular
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.convex import bodies_of, reduce
-from runtime.estimators.convex.eliminate_friction import Elimination, Reduced
+from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
+from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.uncertainty import LogInformation, Uncertainty
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics

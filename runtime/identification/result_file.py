@@ -14,7 +14,7 @@ import numpy as np
 from runtime.common.files import replacing
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
-from runtime.estimators.regression import compress
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics

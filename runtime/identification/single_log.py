@@ -22,12 +22,12 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.estimators.classical.pc_ols import convex_optimum
-from runtime.estimators.convex import CAD
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of

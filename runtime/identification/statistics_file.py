@@ -20,7 +20,7 @@ from runtime.common.files import bytes_of, replacing
 from runtime.common.records import Record
 from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz, record_from_arrays

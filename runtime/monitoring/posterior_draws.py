@@ -17,16 +17,10 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import (
-    Bodies,
-    Prior,
-    bodies_of,
-    convex_problem,
-    prior_of,
-    solve,
-    spread_of,
-)
+from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import Bodies, Prior, bodies_of, prior_of, spread_of
+from runtime.estimators.convex.newton import convex_problem
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library

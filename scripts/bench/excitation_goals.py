@@ -9,10 +9,10 @@ import numpy as np
 from bench.compiled import processor
 from bench.front import Sheet, cpu_seconds
 from runtime.common.threads import cores
-from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.search.design import design
 from runtime.excitation.search.information import information
 from runtime.excitation.search.prediction import predict
 from runtime.library import Library

@@ -15,7 +15,7 @@ from bench.front import SHORT, cpu_seconds, python
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction
 from runtime.estimators.prior_file import PriorFile, read_prior
-from runtime.estimators.regression import compress
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording

@@ -15,11 +15,13 @@ import pinocchio
 from scipy.optimize import minimize_scalar
 
 from runtime import load
-from runtime.excitation import Limits, Safety, Trajectory, basis_of
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import Clearance
-from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.limits.joint_limits import Limits, inside
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque
+from runtime.excitation.motion.trajectory import basis_of
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library

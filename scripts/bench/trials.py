@@ -12,8 +12,11 @@ import runtime
 from runtime import Recording, identify_payload
 from runtime.common.threads import cores
 from runtime.estimators.classical.pc_ols import cone_optimum
-from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
-from runtime.estimators.regression import compress
+from runtime.estimators.convex.compiled import follow_many, solve_many
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, prior_of
+from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
 from runtime.experiments.trials.motions import document_robot

@@ -26,7 +26,7 @@ from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
-from runtime.estimators.regression import load_statistics
+from runtime.estimators.regression.factor import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.experiments.report import write_experiments
 from runtime.experiments.storage.chunks import read_rows
@@ -39,8 +39,9 @@ from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe
 from runtime.library.manifest import read_manifest
-from runtime.outputs.report import write_report
-from runtime.outputs.viewer import look_of, read_motion
+from runtime.outputs.report.report import write_report
+from runtime.outputs.viewer.player import read_motion
+from runtime.outputs.viewer.shapes import look_of
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
 from runtime.simulation.settings import settings_of

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from runtime.estimators.regression import compress
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion

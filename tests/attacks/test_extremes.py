@@ -233,7 +233,7 @@ def test_what_identify_writes_evaluate_reads(
         words += [option, data.draw(values)] if data.draw(st.booleans()) else []
     (desk.folder / "out" / "result.json").unlink(missing_ok=True)
     with pytest.MonkeyPatch.context() as patch:  # the page takes most of the time
-        patch.setattr("runtime.outputs.report.write_report", lambda folder: folder)
+        patch.setattr("runtime.outputs.report.report.write_report", lambda folder: folder)
         ran = command(*desk.identify(log, *words), "--overwrite")
     assert ran.code in {0, 2}, ran.err
     written = desk.folder / "out" / "result.json"

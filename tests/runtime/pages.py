@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.outputs.report import write_report
+from runtime.outputs.report.report import write_report
 
 Change = Callable[[dict[str, Any]], object]
 

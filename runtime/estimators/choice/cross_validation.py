@@ -6,7 +6,7 @@ blocks predicts block b. Contiguous blocks keep the correlation of neighbouring 
 
 import numpy as np
 
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 

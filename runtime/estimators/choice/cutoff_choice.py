@@ -26,8 +26,9 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, predicted, solved
-from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
+from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split

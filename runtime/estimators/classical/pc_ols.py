@@ -18,20 +18,18 @@ from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
-from runtime.estimators.convex import Path, follow_compiled, prior_of, reduce
-from runtime.estimators.convex.path import PATIENCE, SHRINK
+from runtime.estimators.convex.compiled import follow_compiled
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import prior_of
+from runtime.estimators.convex.path import PATIENCE, SHRINK, Path
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
-__all__ = [
-    "BOUNDARY",
-    "convex_optimum",
-    "fit_pc_ols",
-]
+__all__ = ["fit_pc_ols"]
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -71,17 +69,7 @@ def convex_optimum(
     Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves the
     problem instead.
 
-    Args:
-        lib: library of the robot.
-        statistics: compressed rows of the samples.
-        first_guess: π where the path starts, (10 n,) [kg, kg·m, kg·m²]; by default π0.
-        bounds: signs of the friction coefficients.
-
-    Returns:
-        Optimum with its loss, parameters and certificate.
-
-    Raises:
-        IdentificationError: neither solver reaches the optimum.
+    first_guess (10 n,) [kg, kg·m, kg·m²].
     """
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:

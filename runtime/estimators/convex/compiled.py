@@ -24,16 +24,7 @@ from runtime.library.parameters import N_PARAMETERS
 
 
 def solve(lib: Library, problem: ConvexProblem, start: Array | None = None) -> Minimum:
-    """Minimise a convex problem by the compiled Newton method where there is one.
-
-    Args:
-        lib: library of the robot.
-        problem: data, prior and constraints.
-        start: first point, (10 n,); default is the centre of the prior.
-
-    Returns:
-        The minimiser.
-    """
+    """Minimise a convex problem by the compiled Newton method where there is one."""
     return solve_many(lib, [problem], [start])[0]
 
 
@@ -43,17 +34,7 @@ def solve_many(
     starts: Sequence[Array | None] | None = None,
     threads: int = 1,
 ) -> list[Minimum]:
-    """Minimise many problems of one robot, for Monte Carlo.
-
-    Args:
-        lib: library of the robot.
-        problems: data, prior and constraints of each.
-        starts: first points, None for the centre of the prior.
-        threads: number of threads; the results do not depend on it.
-
-    Returns:
-        The minimisers, in order.
-    """
+    """Minimise many problems of one robot, for Monte Carlo."""
     firsts: list[Array | None] = list(starts or [None] * len(problems))
     plain = all(p.inside is None and p.free is None for p in problems)
     if not lib.solves_convex or not plain or not problems:
@@ -71,18 +52,7 @@ def follow_compiled(
     shrink: float = SHRINK,
     most_steps: int = PATIENCE,
 ) -> Path:
-    """Follow a path by the compiled Newton method where there is one.
-
-    Args:
-        lib: library of the robot.
-        data: least squares over π.
-        prior: entropic prior; its centre starts the path.
-        shrink: ratio from one weight γ to the next.
-        most_steps: limit of Newton steps per γ.
-
-    Returns:
-        The path with its certificate.
-    """
+    """Follow a path by the compiled Newton method where there is one."""
     return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]
 
 
@@ -94,19 +64,7 @@ def follow_many(
     shrink: float = SHRINK,
     most_steps: int = PATIENCE,
 ) -> list[Path]:
-    """Follow the paths of many problems of one robot.
-
-    Args:
-        lib: library of the robot.
-        data: least squares over π of each problem.
-        priors: entropic prior of each problem.
-        threads: number of threads; the results do not depend on it.
-        shrink: ratio from one weight γ to the next.
-        most_steps: limit of Newton steps per γ.
-
-    Returns:
-        The paths, in order.
-    """
+    """Follow the paths of many problems of one robot."""
     pairs = list(zip(data, priors, strict=True))
     sequences = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
     if not lib.solves_convex or not pairs:

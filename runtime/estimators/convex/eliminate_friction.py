@@ -9,28 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import ROUNDING
 from runtime.library import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """Least squares over π: ‖A π − b‖² + ρ = Σ rᵀ W r at the best φ, the mean loss half of it / N.
+    """Least squares over π: ‖A π − b‖² + ρ = Σ rᵀ W r at the best φ; the loss is half of it / N."""
 
-    Attributes:
-        factor: A, (m, 10 n).
-        target: b, (m,).
-        rest: ρ, the part that no π explains.
-        count: N samples.
-        freedom: equations less determined columns, the expected ρ of unit noise.
-    """
-
-    factor: Array
-    target: Array
-    rest: float
-    count: float
-    freedom: float
+    factor: Array  # A, (m, 10 n)
+    target: Array  # b, (m,)
+    rest: float  # ρ, the part that no π explains
+    count: float  # N samples
+    freedom: float  # equations less determined columns, the expected ρ of unit noise
 
     def value(self, pi: Array) -> float:
         """Mean loss L at π, (10 n,), with the best φ."""
@@ -46,14 +38,7 @@ class Reduced:
 def reduced_of(rows: Array, target: Array, count: int, freedom: int) -> Reduced:
     """Least squares over π of rows without friction columns, on their triangle.
 
-    Args:
-        rows: (m, 10 n), m > 10 n.
-        target: (m,).
-        count: number of samples.
-        freedom: degrees of freedom of the residual.
-
-    Returns:
-        The same least squares.
+    rows (m, 10 n), target (m,).
     """
     triangle = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
     factor, aim = np.ascontiguousarray(triangle[:-1, :-1]), np.ascontiguousarray(triangle[:-1, -1])
@@ -62,21 +47,13 @@ def reduced_of(rows: Array, target: Array, count: int, freedom: int) -> Reduced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elimination:
-    """Triangular system that gives the best φ at a given π.
+    """Triangular system that gives the best φ at a given π."""
 
-    Attributes:
-        matrix: upper triangle of the determined columns, (rank, rank).
-        over_pi: R K in the rows of the triangle, (rank, 10 n).
-        target: r in the rows of the triangle, (rank,).
-        order: columns of φ by falling pivot, (n k,).
-        lengths: lengths of the columns of φ, (n k,).
-    """
-
-    matrix: Array
-    over_pi: Array
-    target: Array
-    order: Array
-    lengths: Array
+    matrix: Array  # upper triangle of the determined columns, (rank, rank)
+    over_pi: Array  # R K in the rows of the triangle, (rank, 10 n)
+    target: Array  # r in the rows of the triangle, (rank,)
+    order: Array  # columns of φ by falling pivot, (n k,)
+    lengths: Array  # lengths of the columns of φ, (n k,)
 
     def phi(self, pi: Array) -> Array:
         """Best φ at π (10 n,), flat (n k,); a zero or dependent column gets 0."""
@@ -89,15 +66,7 @@ class Elimination:
 
 
 def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
-    """Eliminate φ from compressed samples.
-
-    Args:
-        statistics: compressed samples, weighted by W.
-        joints: equations per sample.
-
-    Returns:
-        Least squares over π alone, and the system that gives φ.
-    """
+    """Eliminate φ from compressed samples."""
     # Columns of φ at unit length, so that one tolerance serves N·m and N·m·s alike.
     n_base = statistics.n_base
     columns = statistics.factor[:, n_base:]

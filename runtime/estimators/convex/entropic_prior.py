@@ -44,13 +44,9 @@ CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
-    """Map P(π) = Σ π_i B_i of one body, the same for every link of every robot.
+    """Map P(π) = Σ π_i B_i of one body, the same for every link of every robot."""
 
-    Attributes:
-        basis: B, (10, 4, 4).
-    """
-
-    basis: Array
+    basis: Array  # B, (10, 4, 4)
 
     def pseudo_inertia(self, pi: Array) -> Array:
         """Pseudo-inertia P_k, (n, 4, 4), from π (10 n,)."""
@@ -106,35 +102,16 @@ def bodies_of(lib: Library) -> Bodies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Entropic prior around given bodies.
+    """Entropic prior around given bodies."""
 
-    Attributes:
-        bodies: map P(π) of one body.
-        centre: π0 after the floor, (10 n,); P0_k ≻ 0.
-        slope: tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π.
-        notes: sentences on what had to be repaired.
-    """
-
-    bodies: Bodies
-    centre: Array
-    slope: Array
-    notes: tuple[str, ...] = ()
+    bodies: Bodies  # map P(π) of one body
+    centre: Array  # π0 after the floor, (10 n,); P0_k ≻ 0
+    slope: Array  # tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π
+    notes: tuple[str, ...] = ()  # sentences on what had to be repaired
 
 
 def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Prior:
-    """Entropic prior around strictly consistent bodies.
-
-    Args:
-        bodies: map P(π) of one body.
-        centre: π0 of any number n of bodies, (10 n,) or (n, 10).
-        notes: sentences on what had to be repaired.
-
-    Returns:
-        The prior.
-
-    Raises:
-        IdentificationError: a P0_k is not positive definite.
-    """
+    """Entropic prior around strictly consistent bodies."""
     flat = np.ascontiguousarray(centre, dtype=float).ravel()
     if flat.size % N_PARAMETERS or not np.isfinite(flat).all() or bodies.log_det(flat) is None:
         raise IdentificationError(
@@ -148,16 +125,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
 def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> Prior:
     """Entropic prior of a robot, with the eigenvalues of Σ_com raised to a floor.
 
-    Args:
-        lib: library of the robot.
-        pi: π0, (10 n,) [kg, kg·m, kg·m²]; default is that of the URDF.
-        floor: smallest eigenvalue of Σ_com relative to their sum.
-
-    Returns:
-        The prior; its notes name links that were not consistent.
-
-    Raises:
-        IdentificationError: a mass that is not above 0.
+    pi (10 n,) [kg, kg·m, kg·m²].
     """
     given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
     masses = mass(links(given))
@@ -184,15 +152,7 @@ def spread_of(
 ) -> Posterior:
     """Posterior of π with the curvature of the prior at strictly consistent bodies.
 
-    Args:
-        bodies: map P(π) of one body.
-        pi: π, (10 n,), P_k ≻ 0.
-        rows: Ã, weighted data over their noise, (m, 10 n).
-        kappa: trust κ in the prior.
-        target: right-hand side of the rows less that of the centre of the prior, (m,).
-
-    Returns:
-        The posterior; its mean is that of π less the centre.
+    pi (10 n,), rows (m, 10 n), target (m,).
     """
     # R₀ R₀ᵀ = (κ B)⁻¹
     return posterior_of(rows, target, prior=block_diag(*bodies.spread(pi)) / np.sqrt(kappa))
@@ -201,12 +161,7 @@ def spread_of(
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
     """Standard deviation of the centre of mass c = (m c)/m of every link.
 
-    Args:
-        root: C = root rootᵀ of π, (10 n, k).
-        pi: π, (10 n,).
-
-    Returns:
-        σ of c per link, (3,) [m]; None for a link without mass.
+    root (10 n, k), pi (10 n,) → (3,) [m].
     """
     roots = root.reshape(-1, N_PARAMETERS, root.shape[1])
     return [

@@ -11,8 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, reduce, solve
+from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, Prior
+from runtime.estimators.convex.newton import Minimum, convex_problem
 from runtime.estimators.friction_bounds import (
     Bounds,
     Held,
@@ -23,8 +26,9 @@ from runtime.estimators.friction_bounds import (
 from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
+from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library

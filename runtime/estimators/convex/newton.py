@@ -42,17 +42,11 @@ MOST_HALVINGS = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfSpaces:
-    """Half-spaces a_c · π ≤ l_c, kept strictly by a logarithmic barrier.
+    """Half-spaces a_c · π ≤ l_c, kept strictly by a logarithmic barrier."""
 
-    Attributes:
-        rows: a, (c, 10 n).
-        limits: l, (c,).
-        weight: μ of the logarithms.
-    """
-
-    rows: Array
-    limits: Array
-    weight: float
+    rows: Array  # a, (c, 10 n)
+    limits: Array  # l, (c,)
+    weight: float  # μ of the logarithms
 
     def slack(self, pi: Array) -> Array:
         """Slack l − a π, (c,)."""
@@ -61,34 +55,21 @@ class HalfSpaces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspace:
-    """Affine subspace π = origin + basis z that linear equations leave free.
+    """Affine subspace π = origin + basis z that linear equations leave free."""
 
-    Attributes:
-        origin: (10 n,).
-        basis: (10 n, free directions).
-    """
-
-    origin: Array
-    basis: Array
+    origin: Array  # (10 n,)
+    basis: Array  # (10 n, free directions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexProblem:
-    """Least squares over π with an entropic prior and optional linear constraints.
+    """Least squares over π with an entropic prior and optional linear constraints."""
 
-    Attributes:
-        data: least squares over π.
-        prior: entropic prior of all bodies.
-        gamma: weight γ of the prior per body, (n,), above 0.
-        inside: half-spaces, or None.
-        free: subspace, or None.
-    """
-
-    data: Reduced
-    prior: Prior
-    gamma: Array
-    inside: HalfSpaces | None = None
-    free: Subspace | None = None
+    data: Reduced  # least squares over π
+    prior: Prior  # entropic prior of all bodies
+    gamma: Array  # weight γ of the prior per body, (n,), above 0
+    inside: HalfSpaces | None = None  # half-spaces, or None
+    free: Subspace | None = None  # subspace, or None
 
     def weighted(self, factor: float) -> "ConvexProblem":
         """The same problem with γ times a factor."""
@@ -97,22 +78,14 @@ class ConvexProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum:
-    """Minimiser of a convex problem with its optimality measure.
+    """Minimiser of a convex problem with its optimality measure."""
 
-    Attributes:
-        problem: the problem that was solved.
-        pi: π, (10 n,), P_k ≻ 0.
-        loss: L at π, without the share of the prior.
-        decrement: ½ gᵀH⁻¹g, how far the cost is above its minimum, to second order.
-        steps: Newton steps.
-        converged: whether the decrement is small enough; else π is the last point that was better.
-    """
-
-    problem: ConvexProblem
-    pi: Array
-    loss: float
-    decrement: float
-    steps: int
+    problem: ConvexProblem  # the problem that was solved
+    pi: Array  # π, (10 n,), P_k ≻ 0
+    loss: float  # L at π, without the share of the prior
+    decrement: float  # ½ gᵀH⁻¹g, how far the cost is above its minimum, to second order
+    steps: int  # Newton steps
+    # whether the decrement is small enough; else π is the last point that was better
     converged: bool
 
     def hessian(self) -> Array:
@@ -129,18 +102,7 @@ def convex_problem(
 ) -> ConvexProblem:
     """Return the problem of these parts, after checking that they fit together.
 
-    Args:
-        data: least squares over π, (m, 10 n).
-        prior: entropic prior of the same n bodies.
-        gamma: weight of the prior, one number or one per body, (n,).
-        inside: half-spaces to keep strictly.
-        free: affine subspace to stay in.
-
-    Returns:
-        The problem with γ per body.
-
-    Raises:
-        IdentificationError: shapes, values that are not finite, or a γ that is not above 0.
+    data (m, 10 n), gamma (n,).
     """
     bodies = prior.centre.size // N_PARAMETERS
     weights = np.broadcast_to(np.asarray(gamma, dtype=float), (bodies,)).copy()
@@ -161,19 +123,7 @@ def convex_problem(
 def minimise(
     problem: ConvexProblem, start: Array | None = None, most_steps: int = MOST_STEPS
 ) -> Minimum:
-    """Minimise a convex problem by damped Newton steps.
-
-    Args:
-        problem: data, prior and constraints.
-        start: first point, (10 n,), strictly inside; default is the centre of the prior.
-        most_steps: limit of Newton steps.
-
-    Returns:
-        The minimiser; `converged` is False where the limit or rounding ended the descent.
-
-    Raises:
-        IdentificationError: the start is not strictly inside.
-    """
+    """Minimise a convex problem by damped Newton steps."""
     cost = _Cost(problem)
     pi = np.array(problem.prior.centre if start is None else start, dtype=float)
     value = cost.value(pi)
@@ -310,18 +260,7 @@ def factors(problem: ConvexProblem, start: Array) -> Array:
 
 
 def minimise_anywhere(problem: ConvexProblem, start: Array | None = None) -> Minimum:
-    """Minimise a convex problem by Newton's method, by continuation where it does not converge.
-
-    Args:
-        problem: data, prior and constraints.
-        start: first point, (10 n,), strictly inside; default is the centre of the prior.
-
-    Returns:
-        The minimiser; `converged` is False where continuation ended early, too.
-
-    Raises:
-        IdentificationError: the start is not strictly inside.
-    """
+    """Minimise a convex problem by Newton's method, by continuation where it does not converge."""
     direct = minimise(problem, start)
     if direct.converged:
         return direct

@@ -29,36 +29,18 @@ EXPLAINED = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Minimisers at falling weights γ, towards the optimum of all consistent models.
+    """Minimisers at falling weights γ, towards the optimum of all consistent models."""
 
-    Attributes:
-        gammas: weights, falling.
-        points: the minimisers π, one row each.
-        losses: L at them.
-        gap: 4 n_links γ at the end plus the Newton decrement: L − L* is no larger.
-        weight: Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for implausible bodies.
-        steps: total number of Newton steps.
-        converged: whether the minimisation converged at every γ.
-    """
-
-    gammas: Array
-    points: Array
-    losses: Array
-    gap: float
-    weight: float
-    steps: int
-    converged: bool
+    gammas: Array  # weights, falling
+    points: Array  # the minimisers π, one row each
+    losses: Array  # L at them
+    gap: float  # 4 n_links γ at the end plus the Newton decrement: L − L* is no larger
+    weight: float  # Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for implausible bodies
+    steps: int  # total number of Newton steps
+    converged: bool  # whether the minimisation converged at every γ
 
     def nearest(self, slack: float, optimum: float | None = None) -> Array | None:
-        """First point, so the nearest to the prior, within a relative slack of an optimum.
-
-        Args:
-            slack: admitted loss above the optimum, relative to it.
-            optimum: L*; default is the loss at the end of the path.
-
-        Returns:
-            π, (10 n,); None where no point comes so near.
-        """
+        """First point, so the nearest to the prior, within a relative slack of an optimum."""
         bar = float(self.losses[-1]) if optimum is None else optimum
         good = np.flatnonzero(self.losses <= (1 + slack) * bar)
         return np.array(self.points[good[0]]) if good.size else None
@@ -78,17 +60,7 @@ def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
 def follow(
     data: Reduced, prior: Prior, gammas: Array | None = None, most_steps: int = PATIENCE
 ) -> Path:
-    """Minimise at every γ, warm started, up to the first that takes too many steps.
-
-    Args:
-        data: least squares over π.
-        prior: entropic prior; its centre starts the path.
-        gammas: falling weights, (count,); default is `gamma_sequence`.
-        most_steps: limit of Newton steps per γ.
-
-    Returns:
-        The path with its certificate.
-    """
+    """Minimise at every γ, warm started, up to the first that takes too many steps."""
     weights = (
         gamma_sequence(data, prior.centre.size // N_PARAMETERS)
         if gammas is None

@@ -20,8 +20,7 @@ from runtime.estimators.optimizers import (
     Trace,
     descend_validated,
 )
-from runtime.estimators.regression import CompressedObjective
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.compression import CompressedObjective, TorqueObjective
 from runtime.library import AdamProblem, Array, CompiledAdam
 
 __all__ = [

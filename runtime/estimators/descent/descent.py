@@ -25,8 +25,8 @@ from runtime.estimators.optimizers import (
     trace_of,
 )
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.factor import Statistics
 from runtime.library import Array, LeastSquares
 from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct, next_fast_len
 
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import (
     basis_of_joints,
     least_squares,

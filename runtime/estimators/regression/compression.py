@@ -122,18 +122,7 @@ def compress(
 ) -> Statistics:
     """Compress N samples; the result does not depend on `threads`, to the bit.
 
-    Args:
-        lib: library of the robot.
-        samples: motion, torque and friction columns.
-        weights: diagonal of W, (n,).
-        sample_weights: weight s of each sample, (N,); None for ones.
-        threads: default is one per processor, as far as there are blocks for them.
-
-    Returns:
-        The statistics.
-
-    Raises:
-        IdentificationError: weights are negative or not finite, or samples are not finite.
+    weights (n,), sample_weights (N,).
     """
     weights = _weights("weights", weights, samples.equations)
     count = float(len(samples))
@@ -177,19 +166,7 @@ def compress(
 
 
 def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Statistics:
-    """Compress many pieces into one, with a bounded number of factors in memory.
-
-    Args:
-        lib: library of the robot.
-        pieces: samples, piece by piece.
-        weights: diagonal of W, (n,).
-
-    Returns:
-        Statistics of all pieces together.
-
-    Raises:
-        IdentificationError: as `compress`, or there is no piece.
-    """
+    """Compress many pieces into one, with a bounded number of factors in memory."""
     source = iter(pieces)
     first = tuple(islice(source, 2))
     if len(first) == 1:  # a short log; threads take longer to start than it takes
@@ -216,14 +193,7 @@ def reference_triangle(
 ) -> Array:
     """Triangle of samples by NumPy, from explicit rows [F Y_b τ]; the reference of the C code.
 
-    Args:
-        lib: library of the robot.
-        samples: N samples.
-        weights: diagonal of W, (n,).
-        sample_weights: weight of each sample, (N,); None for ones.
-
-    Returns:
-        Upper triangle over [φ; β; τ], (p + 1, p + 1).
+    weights (n,), sample_weights (N,) → (p + 1, p + 1).
     """
     rows = np.concatenate(
         [samples.friction_rows(), samples.base_rows(lib), samples.tau[:, :, None]], axis=2

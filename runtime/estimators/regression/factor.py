@@ -23,24 +23,16 @@ _NUMBERS = ("rest", "n_samples", "model_hash")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Statistics:
-    """Compressed samples of one robot: all that least squares needs of them.
+    """Compressed samples of one robot: all that least squares needs of them."""
 
-    Attributes:
-        factor: R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns
-            of φ first it is upper triangular with a diagonal ≥ 0.
-        target: r, (p,).
-        rest: ρ, the part that no parameters explain.
-        n_samples: N, or the sum of the sample weights.
-        base_matrix: K in β = K π, (n_b, 10 n).
-        model_hash: of the library.
-    """
-
+    # R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns of φ first
+    # it is upper triangular with a diagonal ≥ 0
     factor: Array
-    target: Array
-    rest: float
-    n_samples: float
-    base_matrix: Array
-    model_hash: str
+    target: Array  # r, (p,)
+    rest: float  # ρ, the part that no parameters explain
+    n_samples: float  # N, or the sum of the sample weights
+    base_matrix: Array  # K in β = K π, (n_b, 10 n)
+    model_hash: str  # of the library
 
     @property
     def n_base(self) -> int:
@@ -50,24 +42,14 @@ class Statistics:
     def residual(self, pi: Array, phi: Array) -> Array:
         """Residual R [K π; φ] − r.
 
-        Args:
-            pi: π, (10 n,).
-            phi: φ, (n, k).
-
-        Returns:
-            Residual, (p,).
+        pi (10 n,), phi (n, k) → (p,).
         """
         return self.factor @ np.concatenate([self.base_matrix @ pi, phi.ravel()]) - self.target
 
     def value(self, pi: Array, phi: Array) -> float:
         """Mean loss L = (‖R [K π; φ] − r‖² + ρ) / 2 N.
 
-        Args:
-            pi: π, (10 n,).
-            phi: φ, (n, k).
-
-        Returns:
-            L.
+        pi (10 n,), phi (n, k).
         """
         residual = self.residual(pi, phi)
         return float((residual @ residual + self.rest) / (2 * self.n_samples))
@@ -100,23 +82,14 @@ class Statistics:
     def holding(self, held: NDArray[np.bool_], values: Array) -> "Statistics":
         """Statistics in which some entries of φ are fixed at given values.
 
-        Args:
-            held: a flag per entry of φ, (n k,).
-            values: their values; entries that are not held do not count, (n k,).
-
-        Returns:
-            The torque of the held entries moves to the target, and their columns are zero.
+        held (n k,), values (n k,).
         """
         columns = self.factor[:, self.n_base :]
         shifted = replace(self, target=self.target - columns[:, held] @ values[held])
         return shifted.without(held)
 
     def merged(self, *others: "Statistics") -> "Statistics":
-        """Return the statistics of these and other samples together.
-
-        Raises:
-            IdentificationError: the others are of another robot, or have other friction columns.
-        """
+        """Return the statistics of these and other samples together."""
         for other in others:
             if other.model_hash != self.model_hash or other.factor.shape != self.factor.shape:
                 raise IdentificationError(
@@ -129,11 +102,7 @@ class Statistics:
         return from_triangle(triangle, count, self.base_matrix, self.model_hash)
 
     def scaled(self, forgetting: float) -> "Statistics":
-        """Return statistics in which every sample counts `forgetting` times, 0 < forgetting ≤ 1.
-
-        Raises:
-            IdentificationError: forgetting is outside of that range.
-        """
+        """Return statistics in which every sample counts `forgetting` times, 0 < forgetting ≤ 1."""
         if not 0.0 < forgetting <= 1.0:
             raise IdentificationError(
                 f"expected a forgetting factor above 0 and at most 1, got {forgetting}; "
@@ -159,29 +128,14 @@ class Statistics:
         return whole
 
     def save(self, path: Path) -> None:
-        """Write an .npz file, as a whole or not at all.
-
-        Raises:
-            RuntimeFault: the place cannot be written.
-        """
+        """Write an .npz file, as a whole or not at all."""
         with replacing(Path(path)) as file:
             values = {key: np.asarray(getattr(self, key)) for key in _ARRAYS + _NUMBERS}
             np.savez(file, **values)  # type: ignore[arg-type]
 
 
 def load_statistics(path: Path, lib: Library) -> Statistics:
-    """Read a file that `Statistics.save` has written for this robot.
-
-    Args:
-        path: .npz file.
-        lib: library of the robot.
-
-    Returns:
-        The statistics.
-
-    Raises:
-        IdentificationError: the file is missing, damaged, or of another robot.
-    """
+    """Read a file that `Statistics.save` has written for this robot."""
     try:
         file = open_npz(require_file(Path(path)).read_bytes(), Path(path).name)
         arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
@@ -225,14 +179,7 @@ def joined(parts: Array) -> Array:
 def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -> Statistics:
     """Return the statistics of a triangle over [φ; β; τ].
 
-    Args:
-        triangle: (p + 1, p + 1), upper.
-        count: number of samples, or the sum of their weights.
-        base: K in β = K π, (n_b, 10 n).
-        model_hash: of the library.
-
-    Returns:
-        Statistics with the columns of β first.
+    triangle (p + 1, p + 1), base (n_b, 10 n).
     """
     size, n_base = len(triangle) - 1, len(base)
     phi, beta = triangle[:size, : size - n_base], triangle[:size, size - n_base : size]

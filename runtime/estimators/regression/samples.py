@@ -14,15 +14,7 @@ from runtime.library import Array, Library
 from runtime.recording import Recording, friction
 from runtime.recording.prepared import DifferentiatedRecording, prepared_of
 
-__all__ = [
-    "NORMAL_95",
-    "SILENT",
-    "Samples",
-    "residuals",
-    "samples_of",
-    "thesis_weights",
-    "weights_from",
-]
+__all__ = ["Samples", "samples_of", "thesis_weights"]
 
 NORMAL_95 = 1.959963984540054
 """Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
@@ -195,14 +187,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """Residuals r = Y π + F φ − τ.
 
-    Args:
-        lib: library of the robot.
-        samples: complete samples.
-        pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
-        phi: friction coefficients, (n, k).
-
-    Returns:
-        r (N, m) [N·m, N; W for rows of power].
+    pi (10 n,) [kg, kg·m, kg·m²], phi (n, k) → (N, m) [N·m, N; W for rows of power].
     """
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
@@ -224,12 +209,7 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 def weights_from(sigma: Array, tau: Array) -> Array:
     """Weights w_j = 1/s_j², with s_j kept above rounding so that w_j stays finite.
 
-    Args:
-        sigma: standard deviation of the noise per joint, (n,) [N·m, N].
-        tau: measured torque, (N, n) [N·m, N].
-
-    Returns:
-        w (n,) [1/(N·m)², 1/N²].
+    sigma (n,) [N·m, N], tau (N, n) [N·m, N] → (n,) [1/(N·m)², 1/N²].
     """
     largest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
     return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2

@@ -92,15 +92,7 @@ def whitening(matrix: Array, n: int) -> Array:
     With a = S x, S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest. The raw
     coefficients differ in scale by three orders of magnitude, which slows a quasi-Newton method.
 
-    Args:
-        matrix: A of the limits, (rows, n M).
-        n: number of joints.
-
-    Returns:
-        S, (n M, n M), with one block per joint.
-
-    Raises:
-        IdentificationError: the samples of the limits do not determine the coefficients.
+    matrix (rows, n M) → (n M, n M).
     """
     width = matrix.shape[1] // n
     result = np.zeros((matrix.shape[1], matrix.shape[1]))

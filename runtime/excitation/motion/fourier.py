@@ -154,17 +154,7 @@ class Fourier(ClosedForm):
 
 
 def fourier_basis(lib: Library, harmonics: int, t: Array, duration: float) -> Array:
-    """Cosines φ_m(t) by the generated kernel.
-
-    Args:
-        lib: the robot.
-        harmonics: M.
-        t: times, (N,) s.
-        duration: t_f, s.
-
-    Returns:
-        φ_m and three time derivatives, (N, M, 4).
-    """
+    """Cosines φ_m(t) by the generated kernel."""
     m = np.arange(1, harmonics + 1, dtype=float)
     times, orders = np.repeat(t, harmonics), np.tile(m, len(t))
     return lib.harmonic_basis(orders, times, duration).reshape(len(t), harmonics, 4)

@@ -70,18 +70,7 @@ class Trajectory:
 
 
 def basis_of(name: str, zero_jerk: bool = False) -> Basis:
-    """The basis of this name.
-
-    Args:
-        name: one of `BASES`, or that of `Transfer`.
-        zero_jerk: the third derivative vanishes at both ends, too.
-
-    Returns:
-        The basis.
-
-    Raises:
-        IdentificationError: the name is unknown.
-    """
+    """The basis of this name."""
     if name == Transfer.name:
         return Transfer(zero_jerk)
     if name not in BASES:

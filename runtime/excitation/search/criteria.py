@@ -75,24 +75,17 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """A quantity that a search can minimise.
+    """A quantity that a search can minimise."""
 
-    Attributes:
-        name: word by which a user selects it.
-        sentence: what is minimised, for help texts.
-        unit: unit of exp(target), for tables.
-        goal: makes its measures from a robot, a home (n,) and information, which is None where
-            the criterion does not need it and the caller has none.
-        needs_information: the torque noise and the rate must be known.
-        is_kinked: the target is log cond, whose optimum lies in a kink: semidefinite programmes
-            end the search in it, and variations of the best starts follow.
-    """
-
-    name: str
-    sentence: str
-    unit: str
+    name: str  # word by which a user selects it
+    sentence: str  # what is minimised, for help texts
+    unit: str  # unit of exp(target), for tables
+    # makes its measures from a robot, a home (n,) and information, which is None where the
+    # criterion does not need it and the caller has none
     goal: Callable[[Library, Array, Information | None], Goal]
-    needs_information: bool = True
+    needs_information: bool = True  # the torque noise and the rate must be known
+    # the target is log cond, whose optimum lies in a kink: semidefinite programmes end the search
+    # in it, and variations of the best starts follow
     is_kinked: bool = False
 
 

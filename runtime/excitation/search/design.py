@@ -46,35 +46,25 @@ Ended = dict[int, tuple[float, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The best trajectory over all starts and variations.
+    """The best trajectory over all starts and variations."""
 
-    Attributes:
-        trajectory: the motion, within its limits at 1 kHz.
-        condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
-        conditions: the same for every start that ended, in order.
-        criterion: quantity that was minimised, one of `CRITERIA`.
-        values: exp of the target for every start that ended, in order.
-        unit: unit of the values.
-        use: largest |value| / limit at 1 kHz per kind of limit; 1 is the limit itself.
-        assumptions: limits that the robot does not state, and the values used instead.
-        safety: limits that were kept beyond those of the joints; None as in the document.
-        unchecked: kinds of limits that were not checked.
-        variations: cond of every variation of good starts that ended, in order.
-        behind: number of starts and variations of a smooth criterion that ended far behind the
-            best of the rounds before, where they are given up.
-    """
-
-    trajectory: Trajectory
-    condition: float
-    conditions: tuple[float, ...]
+    trajectory: Trajectory  # the motion, within its limits at 1 kHz
+    condition: float  # cond of the column-normalised base regressor at `COST_SAMPLES` samples
+    conditions: tuple[float, ...]  # the same for every start that ended, in order
+    # largest |value| / limit at 1 kHz per kind of limit; 1 is the limit itself
     use: dict[str, float]
+    # limits that the robot does not state, and the values used instead
     assumptions: tuple[str, ...]
-    criterion: str = "cond"
-    values: tuple[float, ...] = ()
-    unit: str = "cond"
+    criterion: str = "cond"  # quantity that was minimised, one of `CRITERIA`
+    values: tuple[float, ...] = ()  # exp of the target for every start that ended, in order
+    unit: str = "cond"  # unit of the values
+    # limits that were kept beyond those of the joints; None as in the document
     safety: Safety | None = None
-    unchecked: tuple[str, ...] = ()
+    unchecked: tuple[str, ...] = ()  # kinds of limits that were not checked
+    # cond of every variation of good starts that ended, in order
     variations: tuple[float, ...] = ()
+    # number of starts and variations of a smooth criterion that ended far behind the best of the
+    # rounds before, where they are given up
     behind: int = 0
 
 
@@ -89,32 +79,7 @@ def design(
     budget: float | None = None,
     **keywords: Any,
 ) -> Design:
-    """Best motion of several searches.
-
-    Args:
-        lib: the robot.
-        settings: duration, criterion, limits and the other options; None is the defaults.
-        progress: called after each start or variation with the number that have ended, exp of its
-            target and the best one. Ctrl-C stops and keeps the best so far.
-        processes: number of processes that search side by side. The design does not depend on it,
-            to the last bit. Each loads the library anew, so that a script which uses more than
-            one needs a main guard.
-        scheduler: address of a dask scheduler, such as tcp://host:8786, whose workers search
-            instead of `processes`; they need this package and the robot's folder under the same
-            path.
-        budget: time for starts and variations [s]: after the first, a further one is waited for
-            only if the mean time per search so far still fits. The best one is finished after
-            that. None searches to the end. With a budget the design depends on the machine.
-        **keywords: single options of `DesignSettings`, which replace those of `settings`:
-            duration, harmonics, starts, seed, home, criterion, basis, information, safety, margin.
-
-    Returns:
-        The best motion with its cost and the costs of the other searches.
-
-    Raises:
-        IdentificationError: options or home position make no trajectory, limits leave no room
-            for one; the budget is not positive; a process died, or there is no cluster.
-    """
+    """Best motion of several searches."""
     begin = time.monotonic()
     settings = settings_from(settings, keywords)
     if budget is not None and not budget > 0:

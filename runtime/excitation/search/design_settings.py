@@ -14,10 +14,7 @@ from runtime.excitation.motion.trajectory import BASES, COSINE
 from runtime.excitation.search.information import Information
 from runtime.library import Array, Library
 
-__all__ = [
-    "DesignSettings",
-    "SearchProblem",
-]
+__all__ = ["SearchProblem"]
 
 LONGEST = 3600.0
 """Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""

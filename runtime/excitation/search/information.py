@@ -88,53 +88,28 @@ class NoiseSpectrum:
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """Data from which the regressor of a motion becomes information.
+    """Data from which the regressor of a motion becomes information."""
 
-    Attributes:
-        noise: σ, (n,) N·m or N.
-        rate: f, Hz.
-        earlier: G₀ of earlier logs over β, (n_b, n_b); None without.
-        columns: T, (n_b, k); None is the identity.
-        left_out: places in β of the parameters that T leaves out one by one, because no motion
-            shows them (`unseen_parameters`); empty where T is a payload's.
-        friction: columns of every joint that are estimated beside the unknowns.
-        spectrum: of the noise, and the planned filter; None is white noise and no filter.
-    """
-
-    noise: Array
-    rate: float = RATE
-    earlier: Array | None = None
-    columns: Array | None = None
-    friction: tuple[str, ...] = ()
+    noise: Array  # σ, (n,) N·m or N
+    rate: float = RATE  # f, Hz
+    earlier: Array | None = None  # G₀ of earlier logs over β, (n_b, n_b); None without
+    columns: Array | None = None  # T, (n_b, k); None is the identity
+    friction: tuple[str, ...] = ()  # columns of every joint that are estimated beside the unknowns
+    # of the noise, and the planned filter; None is white noise and no filter
     spectrum: NoiseSpectrum | None = None
+    # places in β of the parameters that T leaves out one by one, because no motion shows them
+    # (`unseen_parameters`); empty where T is a payload's
     left_out: tuple[int, ...] = ()
 
     def of_mean(self, mean: Array, duration: float) -> Array:
-        """Information of the unknowns.
-
-        Args:
-            mean: mean_k Y_bᵀ diag(σ⁻²) Y_b of rows without the part along friction columns,
-                (..., n_b, n_b).
-            duration: t_f, s.
-
-        Returns:
-            (..., k, k).
-        """
+        """Information of the unknowns."""
         gram = mean * (self.rate * duration)
         if self.earlier is not None:
             gram = gram + self.earlier
         return gram if self.columns is None else self.columns.T @ gram @ self.columns
 
     def to_mean(self, slope: Array, duration: float) -> Array:
-        """Adjoint of `of_mean`: ∂f/∂mean from ∂f/∂information.
-
-        Args:
-            slope: ∂f/∂information, (..., k, k).
-            duration: t_f, s.
-
-        Returns:
-            (..., n_b, n_b).
-        """
+        """Adjoint of `of_mean`: ∂f/∂mean from ∂f/∂information."""
         if self.columns is not None:
             slope = self.columns @ slope @ self.columns.T
         return slope * (self.rate * duration)
@@ -148,23 +123,7 @@ def information(
     payload: bool = False,
     friction: tuple[str, ...] | None = None,
 ) -> Information:
-    """Information with its numbers checked.
-
-    Args:
-        lib: the robot.
-        noise: one σ or one per joint, N·m or N.
-        rate: Hz.
-        earlier: G₀ of earlier logs over β, (n_b, n_b), or None.
-        payload: the ten parameters of the last link are the only unknown inertial parameters.
-        friction: columns of every joint that are estimated too; None is `FRICTION`, and with
-            `payload` the offset alone, because the friction of a known arm is known.
-
-    Returns:
-        The information.
-
-    Raises:
-        RuntimeFault: a noise, a rate, a matrix or a friction column without a meaning.
-    """
+    """Information with its numbers checked."""
     sigma = np.asarray(noise, dtype=float)
     if sigma.shape not in {(), (1,), (lib.n_joints,)} or not (
         np.isfinite(sigma).all() and (sigma > 0).all()

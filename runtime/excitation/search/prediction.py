@@ -50,38 +50,25 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Expected accuracy of least squares on a motion.
+    """Expected accuracy of least squares on a motion."""
 
-    Attributes:
-        noise: σ of the torque, (n,) N·m or N.
-        rate: Hz.
-        has_earlier_logs: earlier logs count too.
-        payload_only: the unknowns are the ten of the last link, not the base parameters.
-        scores: without and with friction, at each of `SAMPLES`.
-        sigma: standard deviations of the unknowns, (k,) SI; friction is not estimated.
-        sigma_with_friction: the same with friction; None where it is not identifiable from this
-            motion.
-        torque: RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N;
-            friction is not estimated.
-        payload_mass: σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with
-            the offsets of the torques. None where it is not identifiable.
-        payload_com: σ of its centre of mass, (3,) m.
-        notes: sentences on what is not identifiable.
-        left_out: places in β of the parameters that are kept and have no σ.
-    """
-
-    noise: Array
-    rate: float
-    has_earlier_logs: bool
-    payload_only: bool
-    scores: tuple[Score, ...]
-    sigma: Array
+    noise: Array  # σ of the torque, (n,) N·m or N
+    rate: float  # Hz
+    has_earlier_logs: bool  # earlier logs count too
+    payload_only: bool  # the unknowns are the ten of the last link, not the base parameters
+    scores: tuple[Score, ...]  # without and with friction, at each of `SAMPLES`
+    sigma: Array  # standard deviations of the unknowns, (k,) SI; friction is not estimated
+    # the same with friction; None where it is not identifiable from this motion
     sigma_with_friction: Array | None
+    # RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N; friction is
+    # not estimated
     torque: Array
+    # σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with the offsets of
+    # the torques. None where it is not identifiable
     payload_mass: float | None
-    payload_com: Array | None
-    notes: tuple[str, ...]
-    left_out: tuple[int, ...] = ()
+    payload_com: Array | None  # σ of its centre of mass, (3,) m
+    notes: tuple[str, ...]  # sentences on what is not identifiable
+    left_out: tuple[int, ...] = ()  # places in β of the parameters that are kept and have no σ
 
 
 def predict(
@@ -90,20 +77,7 @@ def predict(
     known: Information,
     names: tuple[str, ...] = FRICTION,
 ) -> Prediction:
-    """Expected accuracy of a motion.
-
-    Args:
-        lib: the robot.
-        trajectory: the motion.
-        known: noise, rate, earlier logs and unknowns.
-        names: friction columns of the second set of scores.
-
-    Returns:
-        Standard deviations and criteria.
-
-    Raises:
-        IdentificationError: the unknowns are not identifiable even without friction.
-    """
+    """Expected accuracy of a motion."""
     joints = [_reduced(one, known) for one in unseen_joints(lib, trajectory.home)]
     seen = np.sum(joints, axis=0)
     size, scores, notes = sizes(lib, known), [], []
@@ -168,21 +142,7 @@ def covariance_of(
     names: tuple[str, ...] = (),
     samples: int | None = None,
 ) -> Array:
-    """Covariance of the unknowns by least squares on the motion, friction estimated too.
-
-    Args:
-        lib: the robot.
-        trajectory: the motion.
-        known: noise, rate, earlier logs and unknowns.
-        names: friction columns.
-        samples: number of samples of the motion; None is that of the log, up to `MOST_SAMPLES`.
-
-    Returns:
-        (k, k) SI.
-
-    Raises:
-        IdentificationError: the motion excites fewer columns than there are.
-    """
+    """Covariance of the unknowns by least squares on the motion, friction estimated too."""
     count = samples or min(round(known.rate * trajectory.duration) + 1, MOST_SAMPLES)
     gram, _ = _gram(lib, trajectory, known, names, count)
     k = len(lib.base_columns) if known.columns is None else known.columns.shape[1]
@@ -190,18 +150,7 @@ def covariance_of(
 
 
 def torque_band(lib: Library, spread: Array, q: Array, dq: Array, ddq: Array) -> Array:
-    """Standard deviation of the torque that follows from the covariance of the base parameters.
-
-    Args:
-        lib: the robot.
-        spread: C, (n_b, n_b).
-        q: (N, n) rad or m.
-        dq: (N, n) rad/s or m/s.
-        ddq: (N, n) rad/s² or m/s².
-
-    Returns:
-        √diag(Y_b C Y_bᵀ), (N, n) N·m or N.
-    """
+    """Standard deviation of the torque that follows from the covariance of the base parameters."""
     rows = lib.base_regressor(q, dq, ddq)
     return np.asarray(np.sqrt(np.einsum("tjk,kl,tjl->tj", rows, spread, rows, optimize=True)))
 

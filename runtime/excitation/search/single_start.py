@@ -27,10 +27,7 @@ from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Library, load
 
-__all__ = [
-    "TRIED",
-    "Search",
-]
+__all__ = ["Search"]
 
 START = 0.5
 """Limit use of a random start: far enough inside to choose its basin."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction

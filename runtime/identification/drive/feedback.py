@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from runtime.estimators.convex import bodies_of
+from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.posterior import (
     basis_of_joints,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.convex import reduce
-from runtime.estimators.regression import Statistics
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.regression.factor import Statistics
 from runtime.identification.expected_accuracy.expected import PAYLOAD_MASS, Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Array, Library

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.convex import spread_of
+from runtime.estimators.convex.entropic_prior import spread_of
 from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.search.criteria import PAYLOAD

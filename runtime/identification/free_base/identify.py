@@ -12,7 +12,8 @@ from scipy.linalg import solve_triangular
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_of
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of, spread_of
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile

@@ -11,9 +11,9 @@ import numpy as np
 
 from runtime.common.files import replacing
 from runtime.estimators.classical.pc_ols import BOUNDARY
-from runtime.estimators.convex import com_sigma
+from runtime.estimators.convex.entropic_prior import com_sigma
 from runtime.estimators.friction_bounds import OF
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.identification.free_base.identify import FreeBaseIdentification

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import Bodies, bodies_of
+from runtime.estimators.convex.entropic_prior import Bodies, bodies_of
 from runtime.library import Array, Library
 from runtime.library.parameters import inertia_entries, link_columns
 from runtime.recording.notebook import html_table

@@ -27,14 +27,9 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import (
-    NONE,
-    convex_problem,
-    minimise_anywhere,
-    prior_from,
-    reduced_of,
-    spread_of,
-)
+from runtime.estimators.convex.eliminate_friction import reduced_of
+from runtime.estimators.convex.entropic_prior import NONE, prior_from, spread_of
+from runtime.estimators.convex.newton import convex_problem, minimise_anywhere
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance

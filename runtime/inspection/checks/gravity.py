@@ -22,7 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.convex import NONE, convex_problem, prior_of, reduced_of, solve
+from runtime.estimators.convex.compiled import solve
+from runtime.estimators.convex.eliminate_friction import reduced_of
+from runtime.estimators.convex.entropic_prior import NONE, prior_of
+from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.gravity_direction import build_command, other_direction

@@ -32,16 +32,10 @@ from scipy.special import chdtrc, chdtri
 
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import (
-    CAD,
-    Prior,
-    Reduced,
-    convex_problem,
-    prior_from,
-    prior_of,
-    solve,
-    solve_many,
-)
+from runtime.estimators.convex.compiled import solve, solve_many
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_from, prior_of
+from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS

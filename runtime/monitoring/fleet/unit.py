@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from runtime.estimators.convex import Elimination, reduce
+from runtime.estimators.convex.eliminate_friction import Elimination, reduce
 from runtime.estimators.convex.prior_agreement import LEAST_DENSITY
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library

@@ -5,19 +5,3 @@ each other, `joint_friction` maps friction columns to damping, dry friction and 
 `formats` has one module per format; `engines` read a written file again and `reload_check`
 compares the result with the compiled library.
 """
-
-from runtime.outputs.model_files.export import Exported, export_model, write_urdf
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat
-from runtime.outputs.model_files.formats.urdf import urdf_text
-from runtime.outputs.model_files.model import IdentifiedModel, make_model
-
-__all__ = [
-    "EXPORT_FORMATS",
-    "ExportFormat",
-    "Exported",
-    "IdentifiedModel",
-    "export_model",
-    "make_model",
-    "urdf_text",
-    "write_urdf",
-]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import ExportError, NotRealisableError
 from runtime.library import Library
 from runtime.outputs.model_files.drives import Drives
-from runtime.outputs.model_files.engines import Unreadable
+from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.export_format import (
     EXPORT_FORMATS,
     ExportFormat,
@@ -23,19 +23,13 @@ from runtime.recording import Friction
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """Outcome of one format.
+    """Outcome of one format."""
 
-    Attributes:
-        kind: name of the format.
-        path: file or folder that was written; None where it was refused.
-        sentence: how the file was verified, or why it was refused.
-        is_optional: whether the file was refused because the model lacks what only this format
-            holds, see `ExportFormat.holds_inertia`.
-    """
-
-    kind: str
-    path: Path | None
-    sentence: str
+    kind: str  # name of the format
+    path: Path | None  # file or folder that was written; None where it was refused
+    sentence: str  # how the file was verified, or why it was refused
+    # whether the file was refused because the model lacks what only this format holds, see
+    # `ExportFormat.holds_inertia`
     is_optional: bool = False
 
 
@@ -49,21 +43,6 @@ def write_urdf(
     """Write the identified URDF, after a check that it reloads to the same torques.
 
     The file appears complete or not at all; an existing file stays where the new one is refused.
-
-    Args:
-        lib: the robot that π belongs to.
-        pi: (10 n,) parameters, every link fully physically consistent [kg, kg·m, kg·m²].
-        path: file to write; its folder is created.
-        terms: friction columns, where some were identified.
-        phi: (n, k) their coefficients [N·m or N per unit of the column].
-
-    Returns:
-        One sentence: how the file was verified, or that it was not.
-
-    Raises:
-        ShapeError: π does not have 10 entries per link.
-        ExportError: an inconsistent link, or a failed reload.
-        RuntimeFault: the file cannot be written.
     """
     return _write(make_model(lib, pi, terms, phi), EXPORT_FORMATS["urdf"], Path(path))
 
@@ -79,27 +58,7 @@ def export_model(
     drives: Drives | None = None,
     overwrite: bool = False,
 ) -> list[Exported]:
-    """Write some of `EXPORT_FORMATS` into a folder, each one if its check passes.
-
-    Args:
-        lib: the robot that π belongs to.
-        pi: (10 n,) parameters [kg, kg·m, kg·m²].
-        kinds: names of `EXPORT_FORMATS`.
-        folder: created where it is missing.
-        terms: friction columns, where some were identified.
-        phi: (n, k) their coefficients [N·m or N per unit of the column].
-        drives: gains, delay and standard deviations of the drives, where they are known.
-        overwrite: replace existing files.
-
-    Returns:
-        The outcome of each format, in the order of `kinds`.
-
-    Raises:
-        ShapeError: π does not have 10 entries per link.
-        ExportError: an unknown format, or an existing file without `overwrite`; nothing is
-            written then.
-        RuntimeFault: the folder cannot be written.
-    """
+    """Write some of `EXPORT_FORMATS` into a folder, each one if its check passes."""
     paths = {}
     for kind in kinds:
         if kind not in EXPORT_FORMATS:

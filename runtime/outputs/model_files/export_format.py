@@ -18,30 +18,23 @@ from runtime.registry import Registry
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportFormat:
-    """A model file format.
+    """A model file format."""
 
-    Attributes:
-        name: word by which a user selects it.
-        sentence: what the file holds and who reads it, without a full stop.
-        file: file name, in which {robot} stands for the name of the robot; of a folder, where
-            `write` returns several files.
-        write: model → text of the file, or texts by their path in the folder.
-        check: model, what `write` returned → one sentence on how it was verified. It raises
-            ExportError where it does not describe the model, Unreadable where it cannot be read.
-        holds_inertia: False for a file of joint friction alone. It is written for a model that is
-            not physically consistent too, and refused for a model without friction.
-        is_folder: whether `write` returns several files.
-        takes_free_base: whether the file can hold a robot with a free base.
-    """
-
-    name: str
-    sentence: str
+    name: str  # word by which a user selects it
+    sentence: str  # what the file holds and who reads it, without a full stop
+    # file name, in which {robot} stands for the name of the robot; of a folder, where `write`
+    # returns several files
     file: str
+    # model → text of the file, or texts by their path in the folder
     write: Callable[[IdentifiedModel], str | Mapping[str, str]]
+    # model, what `write` returned → one sentence on how it was verified. It raises ExportError
+    # where it does not describe the model, Unreadable where it cannot be read
     check: Callable[[IdentifiedModel, Any], str]
+    # False for a file of joint friction alone. It is written for a model that is not physically
+    # consistent too, and refused for a model without friction
     holds_inertia: bool = True
-    is_folder: bool = False
-    takes_free_base: bool = False
+    is_folder: bool = False  # whether `write` returns several files
+    takes_free_base: bool = False  # whether the file can hold a robot with a free base
 
 
 _FORMATS = "runtime.outputs.model_files.formats"

@@ -14,7 +14,8 @@ from runtime.identification.result_file import record_of
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library, load
 from runtime.outputs.model_files.drives import drives_of
-from runtime.outputs.model_files.engines import Unreadable, mujoco, pinocchio
+from runtime.outputs.model_files.engines import mujoco, pinocchio
+from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 

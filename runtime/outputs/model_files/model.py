@@ -118,36 +118,19 @@ def couplings(manifest: Manifest) -> dict[str, tuple[dict[str, float], float]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentifiedModel:
-    """Identified parameters of a robot and the kinematics of its URDF.
+    """Identified parameters of a robot and the kinematics of its URDF."""
 
-    Attributes:
-        lib: the robot.
-        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
-        tree: links and joints of the URDF.
-        bodies: rigid bodies of the links.
-        friction: damping, dry friction and rotor inertia of the joints.
-        states: number of random states at which a reloaded file is compared.
-        drives: gains, delay and standard deviations of the drives; None where they are unknown.
-    """
-
-    lib: Library
-    pi: Array
-    tree: Tree
-    bodies: LinkBodies
-    friction: JointFriction
-    states: int = STATES
+    lib: Library  # the robot
+    pi: Array  # (10 n,) identified parameters [kg, kg·m, kg·m²]
+    tree: Tree  # links and joints of the URDF
+    bodies: LinkBodies  # rigid bodies of the links
+    friction: JointFriction  # damping, dry friction and rotor inertia of the joints
+    states: int = STATES  # number of random states at which a reloaded file is compared
+    # gains, delay and standard deviations of the drives; None where they are unknown
     drives: Drives | None = None
 
     def comment(self, content: str, *more: str) -> tuple[str, ...]:
-        """Comment lines at the head of a file.
-
-        Args:
-            content: what the file holds, such as "Inertial parameters".
-            more: further sentences.
-
-        Returns:
-            One line each.
-        """
+        """Comment lines at the head of a file."""
         return (
             f"{content} identified by symgen.",
             f"model hash: {self.lib.manifest.model_hash}",
@@ -172,24 +155,7 @@ def make_model(
     states: int = STATES,
     drives: Drives | None = None,
 ) -> IdentifiedModel:
-    """Model of a robot; its links may be physically inconsistent, see `require_consistent`.
-
-    Args:
-        lib: the robot.
-        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
-        terms: friction columns, where some were identified.
-        phi: (n, k) their coefficients [N·m or N per unit of the column].
-        tree: of the URDF of the library, where it is read already.
-        states: number of random states at which a reloaded file is compared.
-        drives: gains, delay and standard deviations of the drives, where they are known.
-
-    Returns:
-        The model.
-
-    Raises:
-        ShapeError: π does not have 10 entries per link.
-        ExportError: a mass is not positive, a number not finite, or the URDF is damaged.
-    """
+    """Model of a robot; its links may be physically inconsistent, see `require_consistent`."""
     flat = np.asarray(pi, dtype=float)
     if flat.shape != lib.pi0.shape:
         raise ShapeError(

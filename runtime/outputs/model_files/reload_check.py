@@ -7,8 +7,7 @@ import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
-from runtime.outputs.model_files.engines import Reloaded
-from runtime.outputs.model_files.engines.answer import STATES, random_states
+from runtime.outputs.model_files.engines.answer import STATES, Reloaded, random_states
 from runtime.outputs.model_files.model import IdentifiedModel
 
 TOLERANCE = 1e-9

@@ -41,19 +41,7 @@ REPORT_KINDS = Registry(
 
 
 def write_report(folder: Path, out: Path | None = None) -> Path:
-    """Write `report.html` from the files of a result folder.
-
-    Args:
-        folder: output folder of an identification (`result.json` and `predictions.npz`), of a
-            comparison (`compare.json`), or both.
-        out: file to write; default `report.html` in the folder.
-
-    Returns:
-        Path of the report.
-
-    Raises:
-        RuntimeFault: a file is missing or damaged, or the report cannot be written.
-    """
+    """Write `report.html` from the files of a result folder."""
     folder = Path(folder)
     methods = read_methods(folder)
     if methods is not None and not (folder / "result.json").exists():

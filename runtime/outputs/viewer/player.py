@@ -23,21 +23,13 @@ TRAJECTORY = ".json"
 
 @dataclass(frozen=True, slots=True)
 class PlayedMotion:
-    """Motion that the viewer plays.
+    """Motion that the viewer plays."""
 
-    Attributes:
-        name: shown above the controls.
-        t: (N,) time from 0 [s].
-        q: (N, n) joint positions [rad, m].
-        dq: (N, n) joint velocities [rad/s, m/s]; None where unknown.
-        tau: (N, n) torques [N·m, N]; None where unknown.
-    """
-
-    name: str
-    t: Array
-    q: Array
-    dq: Array | None
-    tau: Array | None
+    name: str  # shown above the controls
+    t: Array  # (N,) time from 0 [s]
+    q: Array  # (N, n) joint positions [rad, m]
+    dq: Array | None  # (N, n) joint velocities [rad/s, m/s]; None where unknown
+    tau: Array | None  # (N, n) torques [N·m, N]; None where unknown
 
     @property
     def duration(self) -> float:
@@ -62,21 +54,7 @@ class PlayedMotion:
 def read_motion(
     source: str, lib: Library, recipe: str | None = None, run: str | None = None
 ) -> PlayedMotion:
-    """Read a trajectory of `excite` or a recording.
-
-    Args:
-        source: .json of a trajectory, whose torque follows from the parameters of the URDF; else
-            a log.
-        lib: the robot.
-        recipe: layout of the log, see `read_recording`.
-        run: which run of the log.
-
-    Returns:
-        The motion.
-
-    Raises:
-        RecordingError: the file cannot be read, or belongs to another robot.
-    """
+    """Read a trajectory of `excite` or a recording."""
     path = Path(source)
     if path.suffix == TRAJECTORY:
         trajectory = read_trajectory(path, lib)

@@ -58,19 +58,7 @@ def geometry_library() -> Any:
 
 
 def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = ()) -> Look:
-    """Shapes of a robot: visuals of the URDF, else collision capsules, else lines.
-
-    Args:
-        lib: the robot.
-        urdf: file with visuals of the same links; default the one that it was built from.
-        packages: folders in which packages are searched first.
-
-    Returns:
-        The shapes.
-
-    Raises:
-        RuntimeFault: the URDF cannot be read, or viser is not installed.
-    """
+    """Shapes of a robot: visuals of the URDF, else collision capsules, else lines."""
     text = lib.urdf() if urdf is None else _text(urdf)
     home = lib.folder if urdf is None else urdf.parent
     places = (*packages, *_package_path())

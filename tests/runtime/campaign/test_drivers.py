@@ -12,7 +12,8 @@ from runtime.campaign.driver import START, Sample, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
 from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
 from runtime.errors import IdentificationError, SimulationError
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 

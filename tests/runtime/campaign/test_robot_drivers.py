@@ -14,7 +14,7 @@ from runtime.campaign.driver import Driver
 from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.guards import usual_guards
 from runtime.errors import SimulationError
-from runtime.excitation import Safety
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
 from runtime.excitation.way import way_to
 from runtime.library import Library, load

@@ -10,11 +10,14 @@ from scipy.linalg import block_diag
 from runtime.campaign.shortest_session import shortest_session, size_of
 from runtime.campaign.target import target_of
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, prior_of
-from runtime.excitation import DesignSettings, Safety, Trajectory, basis_of, information
-from runtime.excitation.motion.trajectory import JoinedMotion
+from runtime.estimators.convex.entropic_prior import CAD, prior_of
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.trajectory import JoinedMotion, basis_of
 from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION as FRICTION_COLUMNS
+from runtime.excitation.search.information import information
 from runtime.identification.expected_accuracy.session_error import (
     DELAY,
     FRICTION,

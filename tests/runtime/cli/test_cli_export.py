@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from runtime.excitation import Design, Safety, Trajectory, design
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
+from runtime.excitation.search.design import Design, design
 from runtime.library import Library
 from tests.plugins import install_toy
 from tests.runtime.conftest import Command
@@ -42,7 +44,7 @@ TOY = """
 import csv
 import io
 
-from runtime.outputs.model_files import ExportFormat
+from runtime.outputs.model_files.export_format import ExportFormat
 
 
 def masses(model):

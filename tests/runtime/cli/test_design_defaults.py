@@ -1,7 +1,7 @@
 """Defaults of `symgen excite` that depend on other options."""
 
 from runtime.cli.excite import harmonics_of, margin_of
-from runtime.excitation import DesignSettings
+from runtime.excitation.search.design_settings import DesignSettings
 
 
 def test_defaults_depend_on_the_document_and_on_exports() -> None:

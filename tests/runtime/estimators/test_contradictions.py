@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.estimators import uncertainty
-from runtime.estimators.convex import bodies_of
 from runtime.estimators.convex.constraints import Constraints
+from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of

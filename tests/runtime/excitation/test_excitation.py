@@ -8,16 +8,10 @@ import pytest
 
 from runtime import load, to_pinocchio_order
 from runtime.errors import IdentificationError
-from runtime.excitation import (
-    COST_SAMPLES,
-    ConditionCost,
-    Design,
-    Limits,
-    Trajectory,
-    design,
-    fourier_basis,
-    whitening,
-)
+from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
+from runtime.excitation.limits.joint_limits import Limits, whitening
+from runtime.excitation.motion.fourier import fourier_basis
+from runtime.excitation.search.design import Design, design
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope

@@ -10,7 +10,8 @@ from scipy.interpolate import BPoly
 
 from runtime import read_recording
 from runtime.errors import ExportError, IdentificationError, RuntimeFault
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside, slowed

@@ -9,7 +9,8 @@ import pytest
 
 from runtime import load
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.proof.certified_motion import certified

@@ -9,8 +9,10 @@ import pinocchio
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation import DEFAULT_ACCELERATION, DEFAULT_RANGE, Safety, design
+from runtime.excitation.limits.joint_limits import DEFAULT_ACCELERATION, DEFAULT_RANGE
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.search.design import design
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from tests.oracle import pinocchio_model

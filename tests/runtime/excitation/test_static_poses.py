@@ -11,8 +11,8 @@ import pytest
 
 from runtime import load
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety
 from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.static_poses import (
     a_optimal,
     design_poses,

@@ -10,7 +10,8 @@ import pytest
 
 from runtime import load
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.excitation import Design, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.search.design import Design
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.library import Library
 

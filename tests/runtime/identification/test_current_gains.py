@@ -8,7 +8,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
 from runtime.identification.identify import identify
 from runtime.identification.result_file import record_of

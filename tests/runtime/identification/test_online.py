@@ -7,8 +7,10 @@ import pytest
 
 from runtime import OnlineEstimator
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, convex_problem, minimise, prior_of, reduce
-from runtime.estimators.regression import compress
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, prior_of
+from runtime.estimators.convex.newton import convex_problem, minimise
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.recording import Friction
 from runtime.recording.friction import add_columns

@@ -20,7 +20,8 @@ from runtime.identification.saved_result import read_result
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.identification.single_log import identify_recording
-from runtime.outputs.model_files import make_model, urdf_text
+from runtime.outputs.model_files.formats.urdf import urdf_text
+from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction, Preparation, Split, open_streamed
 from tests.oracle import pinocchio_model
 

@@ -9,7 +9,8 @@ import pytest
 
 from runtime import Recording
 from runtime.estimators.regression.samples import samples_of
-from runtime.excitation import Trajectory, basis_of
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import basis_of
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import (

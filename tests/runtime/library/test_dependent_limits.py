@@ -11,9 +11,11 @@ import pytest
 from runtime.campaign.driver import Reference, Sample
 from runtime.campaign.guards import LimitsGuard
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory, design
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints, require_rest
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import Use, certificate_of
+from runtime.excitation.search.design import design
 from runtime.excitation.search.unseen_motions import unseen_motions
 from runtime.excitation.way import way_to
 from runtime.library import Library, load

@@ -1,7 +1,7 @@
 """Searches with a small share of the limits."""
 
-from runtime.excitation import information
 from runtime.excitation.search.design_settings import DesignSettings, problem_of
+from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.library import Library

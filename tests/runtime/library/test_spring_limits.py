@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.safety import SPRINGS, unchecked
+from runtime.excitation.limits.safety import SPRINGS, Safety, unchecked
 from runtime.excitation.limits.torque_limits import KnownTorque, Torque, TorqueRate
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library

@@ -8,8 +8,9 @@ import pytest
 
 from runtime.campaign.target import target_of
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
 from runtime.library.manifest import common_unit, file_units, listed_torques, torque_units

@@ -8,7 +8,7 @@ from scipy.stats import chi2, kstest, multivariate_normal
 
 from runtime import Recording
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import prior_of
+from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, random_effects

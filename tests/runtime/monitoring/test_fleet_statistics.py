@@ -129,7 +129,7 @@ def test_the_commands_from_log_to_prior(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Property: identify --save-statistics, fleet, identify --prior; nothing is overwritten."""
-    monkeypatch.setattr("runtime.outputs.report.write_report", lambda folder: folder)  # slow
+    monkeypatch.setattr("runtime.outputs.report.report.write_report", lambda folder: folder)  # slow
     words = ("--friction", "viscous,coulomb", "--out", "units/real", "--save-statistics")
     ran = command("identify", log, "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err

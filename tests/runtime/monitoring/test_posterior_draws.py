@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
-from runtime.estimators.convex import bodies_of
+from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.monitoring import posterior_draws

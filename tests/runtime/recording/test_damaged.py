@@ -188,7 +188,7 @@ def test_a_result_holds_numbers_of_an_arm(tmp_path: Path, value: str) -> None:
 def test_a_film_needs_a_tree_and_numbers(tmp_path: Path, tiny: Library) -> None:
     """Property: joints in a ring end, and numbers, entities and meshes that are none are told."""
     pytest.importorskip("viser")
-    from runtime.outputs.viewer import look_of
+    from runtime.outputs.viewer.shapes import look_of
 
     def look(text: str) -> str:
         (tmp_path / "r.urdf").write_text(text)

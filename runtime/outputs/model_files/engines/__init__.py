@@ -2,7 +2,3 @@
 
 In outputs, only these modules may import pinocchio, mujoco, pydrake, pxr and yaml.
 """
-
-from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states
-
-__all__ = ["Reloaded", "Unreadable", "random_states"]

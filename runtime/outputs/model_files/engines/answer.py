@@ -20,34 +20,21 @@ class Unreadable(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reloaded:
-    """A robot as an engine read it from a file.
+    """A robot as an engine read it from a file."""
 
-    Attributes:
-        engine: name and version.
-        tau: (N, n) inverse dynamics at `random_states`, less damping and armature [N·m, N].
-        pi: (n, 10) its bodies; those fixed to each other are summed in the frame of the moving
-            link [kg, kg·m, kg·m²].
-        damping, friction, armature: (n,) as read; None where the engine does not read it.
-    """
-
-    engine: str
-    tau: Array
+    engine: str  # name and version
+    tau: Array  # (N, n) inverse dynamics at `random_states`, less damping and armature [N·m, N]
+    # (n, 10) its bodies; those fixed to each other are summed in the frame of the moving link [kg,
+    # kg·m, kg·m²]
     pi: Array
+    # damping, friction, armature: (n,) as read; None where the engine does not read it
     damping: Array | None = None
     friction: Array | None = None
     armature: Array | None = None
 
 
 def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Array]:
-    """Random states, the same for every engine.
-
-    Args:
-        lib: the robot.
-        count: number of states.
-
-    Returns:
-        q, dq, ddq, (count, n) each [rad, rad/s, rad/s²; m]; (count, 6 + n) with a free base.
-    """
+    """Random states, the same for every engine."""
     q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, count, lib.n_rows))
     if lib.manifest.loops:  # postures that close
         limits = lib.limits()

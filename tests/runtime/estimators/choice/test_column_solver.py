@@ -6,7 +6,7 @@ import pytest
 from runtime.estimators.choice import default_friction as module
 from runtime.estimators.choice.default_friction import column_solver
 from runtime.estimators.choice.friction_choice import solved
-from runtime.estimators.regression import Statistics
+from runtime.estimators.regression.factor import Statistics
 
 BASE, OTHERS = 5, 9
 

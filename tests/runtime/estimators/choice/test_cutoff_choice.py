@@ -60,7 +60,7 @@ def test_a_wide_band_wins_nothing_by_itself(lib: Library, noisy: Recording) -> N
 
 def test_cutoff_is_the_one_that_finds_the_truth(lib: Library, noisy: Recording, pi_true) -> None:
     """Oracle: base parameters fitted at the choice err less than at both ends of the candidates."""
-    from runtime.estimators.regression import compress
+    from runtime.estimators.regression.compression import compress
     from runtime.estimators.regression.samples import samples_of
 
     recording = _noisy(noisy, 3e-4)

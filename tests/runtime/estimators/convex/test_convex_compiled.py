@@ -6,23 +6,17 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.convex import (
-    CAD,
+from runtime.estimators.convex.compiled import follow_compiled, follow_many, solve, solve_many
+from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.convex.eliminate_friction import reduce
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_from, prior_of
+from runtime.estimators.convex.newton import (
     ConvexProblem,
-    bodies_of,
     convex_problem,
-    follow,
-    follow_compiled,
-    follow_many,
     minimise,
     minimise_anywhere,
-    prior_from,
-    prior_of,
-    reduce,
-    solve,
-    solve_many,
 )
-from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.convex.path import follow
 from runtime.library import Library, load
 from tests.robots import levels_here
 from tests.runtime.estimators.convex.test_convex import compressed

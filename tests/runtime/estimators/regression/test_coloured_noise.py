@@ -7,12 +7,13 @@ from scipy.linalg import toeplitz
 
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression import coloured_noise, compress
+from runtime.estimators.regression import coloured_noise
 from runtime.estimators.regression.coloured_noise import (
     ColouredNoise,
     coloured_noise_of,
     coloured_noise_of_rows,
 )
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import (
     Samples,
     autocorrelation,

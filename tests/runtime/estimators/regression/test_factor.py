@@ -10,14 +10,9 @@ import pytest
 
 from runtime.common.compiler import find_compiler, machine
 from runtime.errors import IdentificationError
-from runtime.estimators.regression import (
-    Statistics,
-    compress,
-    compress_all,
-    compression,
-    load_statistics,
-    reference_triangle,
-)
+from runtime.estimators.regression import compression
+from runtime.estimators.regression.compression import compress, compress_all, reference_triangle
+from runtime.estimators.regression.factor import Statistics, load_statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from tests.robots import levels_here

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from runtime.estimators.regression import compress, compression
+from runtime.estimators.regression import compression
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from tests.robots import levels_here

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from runtime.cli.motion_limits import band_of, band_of_payload, band_of_prior
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import SampledMotion
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque, TorqueRate
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library

@@ -5,10 +5,12 @@ import pinocchio
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation import COSINE, Safety, Trajectory, basis_of
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.trajectory import COSINE, basis_of
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope

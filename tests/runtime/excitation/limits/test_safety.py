@@ -14,10 +14,10 @@ import pinocchio
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Design, Safety, design
-from runtime.excitation.limits.safety import CARRIED, UNCHECKED
+from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
 from runtime.excitation.proof.certificate import DISTANCES, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.library import Library, ProxyFacts

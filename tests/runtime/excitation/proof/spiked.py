@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from runtime.excitation import COSINE
 from runtime.excitation.motion.family import ClosedForm
+from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Array
 
 BUMP = Polynomial([1.0, 0.0, -1.0]) ** 8

@@ -13,10 +13,12 @@ import pytest
 
 from runtime import load
 from runtime.cli.motion_limits import carried_body
-from runtime.excitation import Safety, Trajectory, design
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import TABLE_MARGIN
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.search.design import design
 from runtime.library import Library
 from tests.collision_oracle import capsule_of, pair_distances
 from tests.oracle import pinocchio_model

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import IntervalBounds
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
 from runtime.library import Library

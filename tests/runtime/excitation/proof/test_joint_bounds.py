@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from runtime.excitation import COSINE, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import COSINE
 from runtime.excitation.proof import joint_bounds as room
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds

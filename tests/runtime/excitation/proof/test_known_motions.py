@@ -7,9 +7,11 @@ import pytest
 
 from runtime import load
 from runtime.errors import ExportError
-from runtime.excitation import COSINE, Safety, Trajectory
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import Braking, Side
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.trajectory import COSINE
 from runtime.excitation.proof import certified_motion
 from runtime.excitation.proof.certificate import Use, certificate_of
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside

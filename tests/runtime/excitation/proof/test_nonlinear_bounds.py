@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.excitation import COSINE, Limits, Safety, Trajectory, basis_of
+from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.limits.joint_limits import Limits, inside
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
-from runtime.excitation.limits.safety import CARRIED, UNCHECKED
+from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
+from runtime.excitation.motion.trajectory import COSINE, basis_of
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from runtime import load
-from runtime.excitation import ConditionCost, Trajectory, fourier_basis, log_condition
+from runtime.excitation import ConditionCost, Trajectory, log_condition
+from runtime.excitation.motion.fourier import fourier_basis
 from runtime.library import Library
 from tests.robots import levels_here
 from tests.taylor import assert_second_order, taylor_slope

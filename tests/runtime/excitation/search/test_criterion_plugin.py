@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation import CRITERIA, DesignSettings
-from runtime.excitation.search.design_settings import settings_from
+from runtime.excitation.search.criteria import CRITERIA
+from runtime.excitation.search.design_settings import DesignSettings, settings_from
 from runtime.library import Library
 from tests.plugins import install_toy
 

@@ -12,8 +12,8 @@ import pytest
 
 from runtime import parallel as room
 from runtime.errors import IdentificationError
-from runtime.excitation import design
 from runtime.excitation.search import processes
+from runtime.excitation.search.design import design
 from runtime.library import Library
 from tests.runtime.conftest import Command
 

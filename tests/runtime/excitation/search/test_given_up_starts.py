@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from runtime.cli.designed_motion import search_notes
-from runtime.excitation import design
 from runtime.excitation.search import single_start
+from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search

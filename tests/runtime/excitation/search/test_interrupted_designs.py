@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation import ConditionCost, design
+from runtime.excitation import ConditionCost
+from runtime.excitation.search.design import design
 from runtime.library import Library
 
 

@@ -5,7 +5,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from runtime.excitation import Design, design
+from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import FEWEST_STARTS, PARENTS, ROUNDS, rounds

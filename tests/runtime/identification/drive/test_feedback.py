@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.estimators.convex import CAD
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.identification.drive import estimate, feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response

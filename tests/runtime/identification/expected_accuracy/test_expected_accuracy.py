@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from runtime import OnlineEstimator, Recording, identify_payload
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows

@@ -14,7 +14,8 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import RecordingError
-from runtime.estimators.regression import Statistics, compress, compress_all
+from runtime.estimators.regression.compression import compress, compress_all
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks

@@ -9,7 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from runtime.estimators.regression import compress, compress_all, compression
+from runtime.estimators.regression import compression
+from runtime.estimators.regression.compression import compress, compress_all
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import identify as passes

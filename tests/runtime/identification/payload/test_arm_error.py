@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime import identify_payload
-from runtime.estimators.convex import CAD, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.payload import estimate as module
 from runtime.identification.payload.arm import ArmModel, arm_covariance
 from runtime.identification.payload.body import mount_of

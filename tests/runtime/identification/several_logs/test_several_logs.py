@@ -12,7 +12,7 @@ from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog, joined, read_carried
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.outputs.report import write_report
+from runtime.outputs.report.report import write_report
 from runtime.recording import Friction, Preparation, write_recording
 from runtime.recording.friction import JointMotion, columns
 from runtime.recording.preprocessing import prepare

@@ -15,8 +15,11 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import EXPORT_FORMATS, IdentifiedModel, export, export_model
+from runtime.outputs.model_files import export
 from runtime.outputs.model_files.drives import KEYS, Drives
+from runtime.outputs.model_files.export import export_model
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import read_tree
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, random_states

@@ -12,7 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import export_model
+from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.formats.ros2 import ROS2
 from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction

@@ -11,7 +11,9 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError, RuntimeFault, ShapeError
 from runtime.library import Library, to_pinocchio_order
-from runtime.outputs.model_files import make_model, urdf_text, write_urdf
+from runtime.outputs.model_files.export import write_urdf
+from runtime.outputs.model_files.formats.urdf import urdf_text
+from runtime.outputs.model_files.model import make_model
 from tests.oracle import pinocchio_model
 from tests.runtime.exporting import link, perturbed
 

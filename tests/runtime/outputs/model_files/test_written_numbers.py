@@ -6,11 +6,12 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import EXPORT_FORMATS, make_model
 from runtime.outputs.model_files.bodies import smallest_eigenvalue
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS
 from runtime.outputs.model_files.formats import header
 from runtime.outputs.model_files.formats.sdf import sdf_text
 from runtime.outputs.model_files.joint_friction import joint_friction
+from runtime.outputs.model_files.model import make_model
 from runtime.outputs.model_files.reload_check import TOLERANCE
 from runtime.outputs.model_files.urdf_tree import short_names
 from runtime.recording import Friction

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from runtime import load
 from runtime.errors import RuntimeFault
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_profile import MotionProfile, profile_of
 from runtime.excitation.proof.certified_motion import certified
 from runtime.library import Library

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.outputs.report import write_report
 from runtime.outputs.report.figures import mass_change
+from runtime.outputs.report.report import write_report
 from runtime.outputs.report.result import read_result
 from tests.runtime.pages import Change, Reader, predictions, read, write
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from runtime.outputs.report import write_report
+from runtime.outputs.report.report import write_report
 from tests.browser import Watched, chromium
 from tests.runtime.pages import write
 

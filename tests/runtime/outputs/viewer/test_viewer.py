@@ -16,9 +16,9 @@ from runtime.errors import LibraryError, RecordingError
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.outputs.viewer import PlayedMotion, Player, Scene, look_of, read_motion
-from runtime.outputs.viewer.player import bars
-from runtime.outputs.viewer.shapes import BASE
+from runtime.outputs.viewer.player import PlayedMotion, Player, bars, read_motion
+from runtime.outputs.viewer.scene import Scene
+from runtime.outputs.viewer.shapes import BASE, look_of
 from tests.browser import chromium
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command

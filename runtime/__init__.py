@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from runtime.estimators.descent.adam import Preset
     from runtime.estimators.descent.fit import PRESETS
     from runtime.estimators.methods import METHODS
+    from runtime.excitation.search.design import Design, excite
+    from runtime.excitation.search.design_settings import DesignSettings
+    from runtime.identification.evaluation import Evaluation, evaluate
     from runtime.identification.identified import Identification
     from runtime.identification.identify import identify
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
@@ -36,9 +39,12 @@ if TYPE_CHECKING:
     from runtime.identification.saved_result import SavedResult, read_result
     from runtime.identification.sensor_gains.estimate import Gains, identify_gains
     from runtime.identification.settings import Settings
+    from runtime.inspection.inspection import Inspection
+    from runtime.inspection.inspection import inspect_log as inspect
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
-    from runtime.outputs.model_files.in_memory import to_mujoco, to_pinocchio
+    from runtime.outputs.model_files.in_memory import export, to_mujoco, to_pinocchio
+    from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
     from runtime.tapes.doors import jax, torch
 
@@ -49,8 +55,12 @@ __all__ = [
     "METHODS",
     "PRESETS",
     "BaseMotion",
+    "Design",
+    "DesignSettings",
+    "Evaluation",
     "Gains",
     "Identification",
+    "Inspection",
     "Library",
     "Observer",
     "OnlineEstimate",
@@ -62,13 +72,18 @@ __all__ = [
     "Settings",
     "choose_default_friction",
     "choose_friction",
+    "evaluate",
+    "excite",
+    "export",
     "identify",
     "identify_gains",
     "identify_payload",
+    "inspect",
     "jax",
     "load",
     "read_recording",
     "read_result",
+    "report",
     "to_mujoco",
     "to_pinocchio",
     "to_pinocchio_order",
@@ -78,8 +93,12 @@ __all__ = [
 
 _MODULES = {
     "BaseMotion": "runtime.library",
+    "Design": "runtime.excitation.search.design",
+    "DesignSettings": "runtime.excitation.search.design_settings",
+    "Evaluation": "runtime.identification.evaluation",
     "Gains": "runtime.identification.sensor_gains.estimate",
     "Identification": "runtime.identification.identified",
+    "Inspection": "runtime.inspection.inspection",
     "Library": "runtime.library",
     "METHODS": "runtime.estimators.methods",
     "Observer": "runtime.monitoring.observer",
@@ -93,27 +112,33 @@ _MODULES = {
     "Settings": "runtime.identification.settings",
     "choose_default_friction": "runtime.estimators.choice.default_friction",
     "choose_friction": "runtime.estimators.choice.friction_choice",
+    "evaluate": "runtime.identification.evaluation",
+    "excite": "runtime.excitation.search.design",
+    "export": "runtime.outputs.model_files.in_memory",
     "identify": "runtime.identification.identify",
     "identify_gains": "runtime.identification.sensor_gains.estimate",
     "identify_payload": "runtime.identification.payload.estimate",
+    "inspect": "runtime.inspection.inspection:inspect_log",
     "jax": "runtime.tapes.doors",
     "load": "runtime.library",
     "read_recording": "runtime.recording",
     "read_result": "runtime.identification.saved_result",
+    "report": "runtime.outputs.report.report:write_report",
     "to_mujoco": "runtime.outputs.model_files.in_memory",
     "to_pinocchio": "runtime.outputs.model_files.in_memory",
     "to_pinocchio_order": "runtime.library",
     "torch": "runtime.tapes.doors",
     "write_recording": "runtime.recording",
 }
-"""Module of every name: imported at the first use, since scipy takes most of a second."""
+"""Module of every name, and its name there; imported at the first use: scipy takes 0.5 s."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a name of `__all__` at its first use."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name]), name)
+    module, _, there = _MODULES[name].partition(":")
+    value = getattr(import_module(module), there or name)
     globals()[name] = value
     return value
 

@@ -11,7 +11,7 @@ from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
 from runtime.outputs.model_files.model import springs_left_out
 
 
@@ -56,10 +56,10 @@ def export_command(
     symgen export results/log-map --to urdf,mjcf --out robots/mine
 
     Each file is read again by a program that it is meant for. It is kept where that program
-    gives the torques of the library at 1000 random states. `--formats` lists the formats.
+    gives the torques of the library at 1000 random states. `--formats` lists the formats;
+    casadi is written only where it is named.
     """
-    names = tuple(EXPORT_FORMATS)
-    kinds = listed(to, names, "--to") if to else names
+    kinds = listed(to, tuple(EXPORT_FORMATS), "--to") if to else usual_formats()
     saved = read_result(result, with_learned=True)
     lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
     notes = require_model(saved, lib, result, same_bodies=True)

@@ -8,7 +8,7 @@ to the same fit (`single_log.identify_assembled`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -33,13 +33,13 @@ from runtime.identification.prepared_log import (
     without_memory,
 )
 from runtime.identification.problem_setup import settings_for
-from runtime.identification.settings import AUTO, Settings, settings_from
+from runtime.identification.settings import AUTO, SettingKeywords, Settings, settings_from
 from runtime.identification.several_logs.drives import delay_notes, with_delays, with_drives
 from runtime.identification.several_logs.identify import identify_logs
 from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.identification.watch import SILENT, Watch
-from runtime.library import Library
+from runtime.library import Library, require_library
 from runtime.recording import Recording, Split, StreamedRecording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import before_test
@@ -76,7 +76,7 @@ def identify(
     *,
     progress: Callable[[int, float], None] | None = None,
     watch: Watch = SILENT,
-    **keywords: Any,
+    **keywords: Unpack[SettingKeywords],
 ) -> Identification:
     """Identify π, and friction, of a robot from a log or from several logs, as the command does.
 
@@ -97,10 +97,7 @@ def identify(
         settings: what is done; a string is the name of a method, None the defaults.
         progress: called by methods that iterate, with iteration and best validation loss.
         watch: shown the steps and choices as well.
-        **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
-            prior, friction, coulomb_speed, preparation, cutoff, rate, regressor, delay,
-            encoder_bias, symmetric, tie, split, validation, test, lam0, inputs, seed, certify,
-            refit, robust, friction_prior.
+        **keywords: single fields of `Settings`, which replace those of `settings`.
 
     Returns:
         Parameters in SI units with their errors, certificates and prepared data.
@@ -108,6 +105,14 @@ def identify(
     Raises:
         RuntimeFault: the data or settings do not make an identification problem.
     """
+    require_library(lib)
+    if not isinstance(log, Recording | StreamedRecording | NamedLog | Sequence) or not all(
+        isinstance(each, Recording | StreamedRecording | NamedLog)
+        for each in (log if isinstance(log, Sequence) else ())
+    ):
+        raise IdentificationError(
+            f"expected a log, as runtime.read_recording gives it, or several, got {log!r:.60}"
+        )
     chosen = settings_from(settings, keywords)
     prior = with_mirrored_links(chosen.prior, lib, tuple(chosen.symmetric), chosen.tie)
     chosen = settings_for(lib, replace(chosen, prior=prior))

@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,13 @@ from runtime.identification.friction_intervals import friction_intervals
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.saved_result import LARGEST_VALUE, model_part
+from runtime.identification.saved_result import (
+    LARGEST_VALUE,
+    SavedResult,
+    model_part,
+    read_result,
+    saved_from,
+)
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
@@ -82,6 +89,21 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
             model_hash=lib.manifest.model_hash,
             seed=result.seed,
         ),
+    )
+
+
+def saved_of(result: SavedResult | Identification | str | PathLike[str]) -> SavedResult:
+    """Result of any kind, as `read_result` gives it."""
+    if isinstance(result, SavedResult):
+        return result
+    if isinstance(result, Identification):
+        place = f"the result of {result.lib.name}"
+        return saved_from(record_of(result, ""), place, result.row_marks, with_learned=True)
+    if isinstance(result, str | PathLike):
+        return read_result(result, with_learned=True)
+    raise IdentificationError(
+        "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
+        f"got {result!r:.60}"
     )
 
 

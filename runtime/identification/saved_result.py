@@ -101,12 +101,16 @@ class SavedResult(Framed):
         return self.record is not None and self.record.base == "free"
 
     def log_of(
-        self, log: str, lib: Library, recipe: str | None = None, run: str | None = None
+        self,
+        log: Recording | str | PathLike[str],
+        lib: Library,
+        recipe: str | None = None,
+        run: str | None = None,
     ) -> Recording:
         """Another log of the robot, motor currents as torques by the gains of the result.
 
         Args:
-            log: file, folder or name of a bundled log.
+            log: file, folder or name of a bundled log, or a log as it was read.
             lib: library of the robot.
             recipe: name or file of a recipe; None finds it.
             run: run of a data set that holds several.
@@ -114,7 +118,11 @@ class SavedResult(Framed):
         Returns:
             The recording, torques in N·m or N.
         """
-        recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+        if not isinstance(log, Recording):
+            log = read_recording(
+                log if isinstance(log, str) else Path(log), recipe, run, lib.joint_names
+            )
+        recording = independent_joints(log, lib)
         return recording if self.gains is None else scaled(recording, self.gains)
 
     def _repr_html_(self) -> str:
@@ -346,7 +354,14 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
         raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
-    record = read_record(file)
+    marks = _row_marks(file.parent / "predictions.npz")
+    return saved_from(read_record(file), str(file), marks, with_learned)
+
+
+def saved_from(
+    record: ResultRecord, file: str, marks: Marks | None, with_learned: bool
+) -> SavedResult:
+    """Parameters, friction and preparation of a record of a file."""
     if not NAME.fullmatch(record.robot):
         raise RecordingError(
             f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
@@ -377,7 +392,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
             record=record,
             learned=_learned(record.method, terms.net),
             gains=_gains(record.current_gains),
-            row_marks=_row_marks(file.parent / "predictions.npz"),
+            row_marks=marks,
         )
         bodies = n if saved.model is None else len(saved.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):
@@ -388,7 +403,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
             raise ValueError("friction.net does not fit to the joints")
     except (RecordingError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise RecordingError(
-            f"'{folder}' holds no valid result.json ({error}); give the folder that identify wrote"
+            f"'{file}' holds no valid result.json ({error}); give the folder that identify wrote"
         ) from None
     return saved
 

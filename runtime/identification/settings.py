@@ -7,7 +7,7 @@ fields that it cannot use.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
@@ -135,6 +135,34 @@ def cutoff_of(stated: float | str | None) -> float | None:
         raise IdentificationError(
             f"--cutoff needs a frequency in Hz or auto, got '{stated}'"
         ) from None
+
+
+class SettingKeywords(TypedDict, total=False):
+    """Fields of `Settings` as keywords."""
+
+    method: str | None
+    preset: "str | Preset | None"
+    prior: PriorFile | None
+    friction: Friction | str | Sequence[str] | None
+    coulomb_speed: float | None
+    preparation: Preparation | None
+    cutoff: float | str | None
+    rate: float | None
+    regressor: str | None
+    delay: float | str | None
+    encoder_bias: bool | None
+    symmetric: Sequence[str]
+    tie: bool
+    split: Split | None
+    validation: Recording | None
+    test: Recording | None
+    lam0: ArrayLike | None
+    inputs: Mapping[str, Any] | None
+    seed: int
+    certify: bool
+    refit: bool
+    robust: bool
+    friction_prior: FrictionPrior | None
 
 
 NAMES = tuple(each.name for each in fields(Settings))

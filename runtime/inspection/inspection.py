@@ -28,7 +28,7 @@ from runtime.inspection.checks.file_layout import draft
 from runtime.inspection.checks.vendor_signals import vendor_torque
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
-from runtime.library import Library
+from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
@@ -105,6 +105,9 @@ def inspect_log(
     Raises:
         RuntimeFault: the log cannot be read, or has another number of joints than the robot.
     """
+    require_library(lib)
+    if not isinstance(path, str | Path):
+        raise RecordingError(f"expected the file or folder of a log, got {path!r:.60}")
     raw, findings = _read(locate(path), lib, recipe, run, bare, rate_hz)
     findings += _of_file(raw)
     plan, backward = clock.order_of_time(raw, raw.plan)

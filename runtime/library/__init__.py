@@ -19,7 +19,7 @@ from runtime.library.compiled_descent import (
     LeastSquares,
 )
 from runtime.library.free_base import BaseMotion
-from runtime.library.library import Library, load
+from runtime.library.library import Library, load, require_library
 from runtime.library.manifest import (
     BrakingFacts,
     JointFacts,
@@ -50,5 +50,6 @@ __all__ = [
     "PairFacts",
     "ProxyFacts",
     "load",
+    "require_library",
     "to_pinocchio_order",
 ]

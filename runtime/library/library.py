@@ -375,6 +375,12 @@ def _is_built_here(folder: Path, robot: str) -> bool:
     return (folder / "manifest.json").is_file() and is_user_build(library, digest)
 
 
+def require_library(value: object) -> None:
+    """Raise LibraryError for what is no library of a robot."""
+    if not isinstance(value, Library):
+        raise LibraryError(f"expected a library, as runtime.load gives it, got {value!r:.60}")
+
+
 def load(
     robot: str | os.PathLike[str], level: str | None = None, threads: int | None = None
 ) -> Library:

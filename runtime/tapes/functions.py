@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.errors import LibraryError, ShapeError
-from runtime.library import Library
+from runtime.errors import ShapeError
+from runtime.library import Library, require_library
 from runtime.tapes.derivatives import Tensor
 
 
@@ -19,8 +19,7 @@ class TapeFunctions(ABC):
     """
 
     def __init__(self, lib: Library) -> None:
-        if not isinstance(lib, Library):
-            raise LibraryError(f"expected a library, as runtime.load gives it, got {lib!r:.60}")
+        require_library(lib)
         self.lib = lib
         self._size = {"pi": lib.pi0.size, "lam": lib.pi0.size}
         self._constants: dict[Any, Tensor] = {}

@@ -3,19 +3,26 @@
 The first file holds serialised `casadi.Function`s, one after the other; the second has CasADi's own
 ABI, with Jacobians, for `casadi.external` and for solvers that compile an optimal control problem.
 π is an input of every function; matrices are not flattened.
+
+As a program it fixes π, writes `<robot>_identified` of both kinds, and adds
+
+    torque = Y π + J ddq + friction(q, dq)
 """
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
+from runtime.common.child import serve
 from runtime.common.files import replacing
 from symgen.catalogue import make_catalogue
 from symgen.chain import read_chain
+from symgen.errors import SymgenError
 from symgen.kernel import Kernel
-from symgen.make.request import BuildRequest
+from symgen.make.request import BuildRequest, request_from_folder
 from symgen.mechanics.loop_range import within_loops
 
 EXPORTED = ("inverse_dynamics", "mass_matrix", "bias_forces", "forward_dynamics", "end_effector")
@@ -24,16 +31,68 @@ EXPORTED = ("inverse_dynamics", "mass_matrix", "bias_forces", "forward_dynamics"
 
 def write_casadi(request: BuildRequest, folder: Path) -> tuple[Path, Path]:
     """Write both files of a robot into its generated folder."""
-    chain = within_loops(read_chain(request.urdf, request.options))
-    kernels = {k.name: k for k in make_catalogue(chain, request.config.collision).kernels}
-    functions = [_function(kernels[name]) for name in EXPORTED]
-    functions.insert(3, _gravity(functions[EXPORTED.index("bias_forces")]))
+    functions = _functions(request)
     paths = folder / f"{request.name}.casadi", folder / f"{request.name}_casadi.c"
     texts = (_serialised(functions), _code(functions, paths[1].name))
     for path, text in zip(paths, texts, strict=True):
         with replacing(path) as file:
             file.write(text.encode())
     return paths
+
+
+def _functions(request: BuildRequest) -> list[Any]:
+    chain = within_loops(read_chain(request.urdf, request.options))
+    kernels = {k.name: k for k in make_catalogue(chain, request.config.collision).kernels}
+    functions = [_function(kernels[name]) for name in EXPORTED]
+    functions.insert(3, _gravity(functions[EXPORTED.index("bias_forces")]))
+    return functions
+
+
+COLUMNS: dict[str, Callable[[Any, dict[str, float]], Any]] = {
+    "viscous": lambda dq, _: dq,
+    "coulomb": lambda dq, width: ca.tanh(dq / width["coulomb_speed"]),
+    "offset": lambda dq, _: ca.SX.ones(dq.shape),
+    "asymmetric": lambda dq, width: dq * ca.tanh(dq / width["coulomb_speed"]),
+    "stribeck": lambda dq, width: (
+        ca.tanh(dq / width["coulomb_speed"]) * ca.exp(-((dq / width["stribeck_speed"]) ** 2))
+    ),
+}
+"""Friction columns of q and dq; `export` compares them with those of the run time."""
+
+
+def identified_texts(job: dict[str, Any]) -> dict[str, str]:
+    """Both files with π, inertia of rotors and friction of a result; or the reason for none."""
+    folder, known = Path(job["folder"]), {"pi": job["pi"], "rotor": job["armature"]}
+    try:
+        functions = [
+            _fixed(function, known) for function in _functions(request_from_folder(folder))
+        ]
+    except SymgenError as error:
+        return {"error": str(error)}
+    q, dq, ddq = (ca.SX.sym(name, len(job["armature"])) for name in ("q", "dq", "ddq"))
+    friction = ca.SX.zeros(dq.shape)
+    for name, values in job["friction"].items():
+        friction += ca.DM(values) * COLUMNS[name](dq, job["widths"])
+    torque = functions[0](q, dq, ddq) + ca.DM(job["armature"]) * ddq + friction
+    names = ["q", "dq", "ddq"]
+    functions += [
+        ca.Function("friction", [q, dq], [friction], names[:2], ["tau"]),
+        ca.Function("torque", [q, dq, ddq], [torque], names, ["tau"], {"cse": True}),
+    ]
+    name = f"{folder.name}_identified"
+    code = _code(functions, f"{name}.c")
+    return {f"{name}.casadi": _serialised(functions), f"{name}.c": job["head"] + code}
+
+
+def _fixed(function: Any, known: dict[str, list[float]]) -> Any:
+    """The function with numbers in place of some inputs."""
+    symbols = dict(zip(function.name_in(), function.sx_in(), strict=True))
+    value = function(*(known.get(name, symbol) for name, symbol in symbols.items()))
+    free = {name: symbol for name, symbol in symbols.items() if name not in known}
+    entries = [*free.values()]
+    return ca.Function(
+        function.name(), entries, [value], [*free], function.name_out(), {"cse": True}
+    )
 
 
 def _function(kernel: Kernel) -> Any:
@@ -71,3 +130,7 @@ def _code(functions: list[Any], name: str) -> str:
         generator.add(function)
         generator.add(function.jacobian())
     return str(generator.dump())
+
+
+if __name__ == "__main__":
+    serve(identified_texts)

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -26,7 +26,12 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
-from runtime.excitation.search.design_settings import DesignSettings, problem_of, settings_from
+from runtime.excitation.search.design_settings import (
+    DesignKeywords,
+    DesignSettings,
+    problem_of,
+    settings_from,
+)
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import covariance
@@ -35,7 +40,7 @@ from runtime.excitation.search.processes import Rounds, Started, in_turn, on_wor
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.search.variations import behind_count, rounds
-from runtime.library import Array, Library
+from runtime.library import Array, Library, require_library
 
 NEARLY = 0.01
 """Log target above the best below which a start is nearly as good: the last polish on the fine grid
@@ -77,10 +82,11 @@ def design(
     processes: int = 1,
     scheduler: str | None = None,
     budget: float | None = None,
-    **keywords: Any,
+    **keywords: Unpack[DesignKeywords],
 ) -> Design:
     """Best motion of several searches."""
     begin = time.monotonic()
+    require_library(lib)
     settings = settings_from(settings, keywords)
     if budget is not None and not budget > 0:
         raise IdentificationError(f"expected a budget above 0 s, got {budget:g}; give more seconds")
@@ -105,6 +111,40 @@ def design(
         if not ended:
             raise
     return _design(lib, search, settings, ended, _best(lib, search, ended))
+
+
+def excite(
+    lib: Library,
+    settings: DesignSettings | None = None,
+    *,
+    progress: Callable[[int, float, float], None] | None = None,
+    processes: int = 1,
+    budget: float | None = None,
+    **keywords: Unpack[DesignKeywords],
+) -> Design:
+    """Motion that makes the base parameters visible, within all limits that the robot states.
+
+    As `symgen excite`: without settings or `safety` of your own, torque, speed of the tip and
+    distances between links keep their limits too, not those of joints alone.
+
+    Args:
+        lib: library of the robot.
+        settings: duration, criterion, limits and the other options; None is the defaults.
+        progress: called after each start with their number, its cost and the best one.
+        processes: number of processes that search side by side; more than one need a main guard.
+        budget: time for the search [s]; None searches to the end.
+        **keywords: single fields of `DesignSettings`, which replace those of `settings`.
+
+    Returns:
+        The best motion (`trajectory`), with its cost, the use of every limit and what was not
+        checked.
+
+    Raises:
+        RuntimeFault: no library; options or limits that leave no motion.
+    """
+    if settings is None and "safety" not in keywords:
+        keywords["safety"] = Safety()
+    return design(lib, settings, progress=progress, processes=processes, budget=budget, **keywords)
 
 
 def _started(

@@ -1,9 +1,10 @@
 """The options of a design: one frozen record, and what a search gets of it, sent to processes."""
 
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -80,7 +81,22 @@ class DesignSettings:
             )
 
 
-def settings_from(settings: DesignSettings | None, keywords: dict[str, Any]) -> DesignSettings:
+class DesignKeywords(TypedDict, total=False):
+    """Fields of `DesignSettings` as keywords."""
+
+    duration: float
+    harmonics: int
+    starts: int
+    seed: int
+    home: Array | None
+    criterion: str
+    basis: Basis
+    information: Information | None
+    safety: Safety | None
+    margin: float
+
+
+def settings_from(settings: DesignSettings | None, keywords: Mapping[str, Any]) -> DesignSettings:
     """Settings with single options replaced."""
     known = [field.name for field in fields(DesignSettings)]
     for word in keywords:

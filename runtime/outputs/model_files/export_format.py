@@ -35,6 +35,7 @@ class ExportFormat:
     holds_inertia: bool = True
     is_folder: bool = False  # whether `write` returns several files
     takes_free_base: bool = False  # whether the file can hold a robot with a free base
+    on_request: bool = False  # whether it is written only where it is named, since it takes seconds
 
 
 _FORMATS = "runtime.outputs.model_files.formats"
@@ -53,8 +54,14 @@ EXPORT_FORMATS = Registry(
         "gravity": f"{_FORMATS}.gravity:GRAVITY",
         "friction": f"{_FORMATS}.inertials:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",
+        "casadi": f"{_FORMATS}.casadi:CASADI",
     },
 )
+
+
+def usual_formats() -> tuple[str, ...]:
+    """Names of the formats that an export without names writes."""
+    return tuple(each.name for each in EXPORT_FORMATS.records() if not each.on_request)
 
 
 def require_base(lib: Library, chosen: ExportFormat) -> None:

@@ -1,22 +1,29 @@
-"""Identified parameters → models of Pinocchio and MuJoCo in memory, of the texts that are exported.
+"""A result of any kind → files, and models of Pinocchio and MuJoCo in memory of the same texts.
 
 Pinocchio's URDF has no rotor inertia and requires limits: both are set in the model.
 """
 
 import os
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from runtime.errors import ExportError
 from runtime.identification.identified import Identification
-from runtime.identification.result_file import record_of
-from runtime.identification.saved_result import SavedResult, read_result, require_model
-from runtime.library import Library, load
+from runtime.identification.result_file import saved_of
+from runtime.identification.saved_result import SavedResult, require_model
+from runtime.library import Library, load, require_library
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.engines import mujoco, pinocchio
 from runtime.outputs.model_files.engines.answer import Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base
+from runtime.outputs.model_files.export import Exported, export_model
+from runtime.outputs.model_files.export_format import (
+    EXPORT_FORMATS,
+    require_base,
+    usual_formats,
+)
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 
 Result = SavedResult | Identification | str | os.PathLike[str]
@@ -93,30 +100,64 @@ def to_mujoco(result: Result, lib: Library | None = None) -> Any:
     return specification
 
 
-def _identified(result: Result, lib: Library | None) -> IdentifiedModel:
-    """Model of a result of any kind."""
-    if isinstance(result, str | os.PathLike):
-        result = read_result(result, with_learned=True)
-    if isinstance(result, Identification):
-        drives = drives_of(record_of(result, "")) if result.drive is not None else None
-        terms, phi = result.friction, result.usual_phi
-        return make_model(lib or result.lib, result.pi, terms, phi, states=STATES, drives=drives)
-    if not isinstance(result, SavedResult):
-        raise ExportError(
-            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
-            f"got {result!r:.60}"
-        )
-    lib = load(result.robot) if lib is None else lib
-    require_model(result, lib, f"the result of {result.robot}", same_bodies=True)
-    drives = drives_of(result.record)
-    return make_model(lib, result.pi, result.friction, result.phi, states=STATES, drives=drives)
+def export(
+    result: Result,
+    folder: str | os.PathLike[str],
+    to: str | Sequence[str] | None = None,
+    lib: Library | None = None,
+    *,
+    overwrite: bool = False,
+) -> list[Exported]:
+    """Write an identified model to files of simulators and controllers, as the command does.
+
+    Args:
+        result: of `runtime.identify` or `runtime.read_result`, or a folder that identify wrote.
+        folder: of the files, created where it is missing.
+        to: formats of `symgen export --formats`, as a sequence or with commas; None is all
+            that need no name.
+        lib: library of the robot; None is that of the result.
+        overwrite: replace existing files.
+
+    Returns:
+        Per format its name, its path (None where it was refused), and how it was checked.
+
+    Raises:
+        RuntimeFault: no result, an unknown format, another robot, or an existing file.
+    """
+    if not isinstance(folder, str | os.PathLike):
+        raise ExportError(f"expected a folder for the files, got {folder!r:.60}")
+    kinds = to.split(",") if isinstance(to, str) else usual_formats() if to is None else to
+    lib, saved = _opened(result, lib)
+    return export_model(
+        lib,
+        saved.pi,
+        [each.strip() for each in kinds],
+        Path(folder),
+        terms=saved.friction,
+        phi=saved.phi,
+        drives=drives_of(saved.record),
+        overwrite=overwrite,
+    )
+
+
+def _opened(result: Result, lib: Library | None) -> tuple[Library, SavedResult]:
+    """Library and parameters of a result of any kind."""
+    saved = saved_of(result)
+    if lib is None:
+        lib = result.lib if isinstance(result, Identification) else load(saved.robot)
+    require_library(lib)
+    require_model(saved, lib, f"the result of {saved.robot}", same_bodies=True)
+    return lib, saved
 
 
 def _checked(result: Result, lib: Library | None, kind: str) -> tuple[str, IdentifiedModel]:
     """Text of a format, reloaded and compared, and its model."""
     chosen = EXPORT_FORMATS[kind]
     try:
-        model = _identified(result, lib)
+        lib, saved = _opened(result, lib)
+        drives = drives_of(saved.record)
+        terms, phi = saved.friction, saved.phi
+        model = make_model(lib, saved.pi, terms, phi, states=STATES, drives=drives)
         require_base(model.lib, chosen)
         require_consistent(model)
         text = str(chosen.write(model))

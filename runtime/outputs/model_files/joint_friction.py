@@ -4,7 +4,7 @@ viscous dq → damping      coulomb tanh(dq/ε), dahl ζ → friction (both are 
 rotor ddq → armature      other columns have no counterpart and are listed in a note
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,10 +29,9 @@ class JointFriction:
     friction: Values  # dry friction [N·m, N]
     armature: Values  # rotor inertia on the joint side [kg·m², kg]
     notes: tuple[str, ...] = ()  # what these three do not represent, sentences
-    # names, values: the identified columns and φ (n, k) [N·m or N per unit of the column]
-    names: tuple[str, ...] = ()
+    # terms, values: the identified columns and φ (n, k) [N·m or N per unit of the column]
+    terms: Friction = field(default_factory=lambda: Friction(columns=()))
     values: Array | None = None
-    coulomb_speed: float = Friction().coulomb_speed  # ε of the smooth sign of dry friction [rad/s]
 
     @property
     def is_known(self) -> bool:
@@ -85,7 +84,6 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
     return JointFriction(
         **values,
         notes=tuple(notes),
-        names=terms.columns,
+        terms=terms,
         values=phi,
-        coulomb_speed=terms.coulomb_speed,
     )

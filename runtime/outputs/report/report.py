@@ -6,8 +6,10 @@ A comparison of methods in the folder is appended; without `result.json` it is t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
+from runtime.errors import ExportError
 from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
 from runtime.outputs.report.page import Page, write_page
 from runtime.outputs.report.result import Result, read_result
@@ -40,8 +42,22 @@ REPORT_KINDS = Registry(
 )
 
 
-def write_report(folder: Path, out: Path | None = None) -> Path:
-    """Write `report.html` from the files of a result folder."""
+def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = None) -> Path:
+    """Write `report.html` from the files of a result folder.
+
+    Args:
+        folder: output folder of an identification (`result.json` and `predictions.npz`), of a
+            comparison (`compare.json`), or both.
+        out: file to write; default `report.html` in the folder.
+
+    Returns:
+        Path of the report.
+
+    Raises:
+        RuntimeFault: a file is missing or damaged, or the report cannot be written.
+    """
+    if not isinstance(folder, str | PathLike):
+        raise ExportError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
     methods = read_methods(folder)
     if methods is not None and not (folder / "result.json").exists():
@@ -50,7 +66,7 @@ def write_report(folder: Path, out: Path | None = None) -> Path:
         shown = _page(read_result(folder))
         if methods is not None:
             shown = replace(shown, sections=(*shown.sections, *method_sections(methods)))
-    return write_page(shown, out or folder / "report.html")
+    return write_page(shown, folder / "report.html" if out is None else Path(out))
 
 
 def _page(result: Result) -> Page:

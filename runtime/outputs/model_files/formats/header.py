@@ -47,7 +47,7 @@ def header_text(model: IdentifiedModel) -> str:
         "pi": f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
         "lam": "per link: ln m, centre of mass, rotation vector, a, b, c",
         "beta": "base parameters, K pi",
-        "friction": f"per joint: {', '.join(friction.names)}; N m per unit of the column",
+        "friction": f"per joint: {', '.join(friction.terms.columns)}; N m per unit of the column",
     }
     lines = [
         *(f" * {comment_text(line)}" for line in model.comment("Parameters")),

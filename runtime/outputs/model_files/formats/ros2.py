@@ -111,7 +111,7 @@ def _values(model: IdentifiedModel) -> dict[str, str]:
         "parameters": str(model.pi.size),
         "joints": ", ".join(_quoted(name) for name in lib.joint_names),
         "joint_list": ", ".join(f"`{name}`" for name in lib.joint_names),
-        "friction_speed": digits(model.friction.coulomb_speed),
+        "friction_speed": digits(model.friction.terms.coulomb_speed),
         "gravity": row(lib.gravity),
         "notes": notes,
     }
@@ -125,8 +125,8 @@ def package_name(robot: str) -> str:
 def _arrays(model: IdentifiedModel) -> dict[str, Array]:
     friction = model.friction
     offset = np.zeros(model.lib.n_joints)
-    if friction.values is not None and "offset" in friction.names:
-        offset = friction.values[:, friction.names.index("offset")]
+    if friction.values is not None and "offset" in friction.terms.columns:
+        offset = friction.values[:, friction.terms.columns.index("offset")]
     return {
         "pi": model.pi,
         "damping": friction.filled("damping"),
@@ -159,7 +159,7 @@ def _header(model: IdentifiedModel) -> str:
 
 
 def _yaml(model: IdentifiedModel) -> str:
-    arrays = _arrays(model) | {"friction_speed": np.array([model.friction.coulomb_speed])}
+    arrays = _arrays(model) | {"friction_speed": np.array([model.friction.terms.coulomb_speed])}
     lines = [
         *(f"# {comment_text(line)}" for line in model.comment("Parameters")),
         "gravity_compensation:",

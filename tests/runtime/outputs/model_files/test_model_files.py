@@ -18,7 +18,7 @@ from runtime.library import Library
 from runtime.outputs.model_files import export
 from runtime.outputs.model_files.drives import KEYS, Drives
 from runtime.outputs.model_files.export import export_model
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import read_tree
 from runtime.recording import Friction
@@ -26,6 +26,7 @@ from tests.oracle import pinocchio_model, random_states
 from tests.runtime.exporting import perturbed
 
 TERMS = Friction(("viscous", "coulomb", "offset", "rotor"))
+EVERY = usual_formats()
 
 
 def friction_of(lib: Library) -> np.ndarray:
@@ -48,7 +49,7 @@ def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, st
     done = export_model(
         lib,
         perturbed(lib),
-        kinds or tuple(EXPORT_FORMATS),
+        kinds or EVERY,
         folder,
         terms=TERMS,
         phi=friction_of(lib),
@@ -74,8 +75,8 @@ def test_every_format_reloads_in_its_engine(
     """Oracle: pinocchio, MuJoCo, Drake and a C compiler, on tilted gravity and branches too."""
     lib = arm if name == "arm" else robot(name)
     files = exported(lib, tmp_path)
-    assert set(files) == set(EXPORT_FORMATS)
-    assert len(list(tmp_path.iterdir())) == len(EXPORT_FORMATS)
+    assert set(files) == set(EVERY)
+    assert len(list(tmp_path.iterdir())) == len(EVERY)
 
 
 def test_mujoco_and_pinocchio_move_alike(arm: Library, tmp_path: Path) -> None:
@@ -188,7 +189,7 @@ def test_without_an_engine_the_file_is_left_unchecked(
     for name in [name for name in sys.modules if name.split(".")[0] == module]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
-    done = export_model(arm, perturbed(arm), tuple(EXPORT_FORMATS), tmp_path, terms=TERMS,
+    done = export_model(arm, perturbed(arm), EVERY, tmp_path, terms=TERMS,
                         phi=friction_of(arm), drives=drives_of_arm(arm))  # fmt: skip
     needs = {
         "pinocchio": {"urdf", "inertials", "friction"},

@@ -7,7 +7,7 @@ from defusedxml.ElementTree import fromstring
 from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files.bodies import smallest_eigenvalue
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
 from runtime.outputs.model_files.formats import header
 from runtime.outputs.model_files.formats.sdf import sdf_text
 from runtime.outputs.model_files.joint_friction import joint_friction
@@ -100,7 +100,7 @@ def test_a_header_may_differ_by_its_tolerance(
             header.check_header(model, "")
 
 
-@pytest.mark.parametrize("kind", list(EXPORT_FORMATS))
+@pytest.mark.parametrize("kind", usual_formats())
 def test_formats_say_whether_they_write_a_folder(kind: str, arm: Library) -> None:
     """Property: several files by their path where a format is a folder, otherwise one text."""
     phi = np.full((arm.n_joints, 1), 0.5)

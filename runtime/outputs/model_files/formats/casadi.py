@@ -1,0 +1,80 @@
+"""Functions for CasADi with identified π: a serialised file, and C with CasADi's own ABI.
+
+Inverse and forward dynamics, mass matrix, bias forces, gravity and end effector without friction,
+`friction` and `torque` of rigid bodies, rotors and friction.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from runtime.errors import ExportError
+from runtime.outputs.model_files.engines import casadi, compiler
+from runtime.outputs.model_files.engines.answer import random_states
+from runtime.outputs.model_files.export_format import ExportFormat
+from runtime.outputs.model_files.formats.header import comment_text
+from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.reload_check import (
+    TOLERANCE,
+    torque_difference,
+    unchecked,
+    verified,
+)
+from runtime.recording.friction import model as friction
+from runtime.recording.settings import JointMotion
+
+OF_SPEED = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
+"""Friction columns that the functions have, beside the inertia of rotors."""
+
+
+def casadi_texts(model: IdentifiedModel) -> dict[str, str]:
+    """Both files by name."""
+    joints = model.friction
+    terms, phi = joints.terms, joints.values
+    kept = [name for name in terms.columns if name in OF_SPEED]
+    left_out = [name for name in terms.columns if name not in (*OF_SPEED, "rotor")]
+    note = f"Friction columns left out: {', '.join(left_out) or 'none'}."
+    lines = "".join(f" * {comment_text(line)}\n" for line in model.comment("Functions", note))
+    columns = {} if phi is None else {n: phi[:, terms.columns.index(n)].tolist() for n in kept}
+    widths = {"coulomb_speed": terms.coulomb_speed, "stribeck_speed": terms.stribeck_speed}
+    job = {
+        "folder": str(model.lib.folder),
+        "pi": model.pi.tolist(),
+        "armature": joints.filled("armature").tolist(),
+        "friction": columns,
+        "widths": widths,
+        "head": f"/*\n{lines} */\n",
+    }
+    return casadi.written(job)
+
+
+def check_casadi(model: IdentifiedModel, texts: Mapping[str, str]) -> str:
+    """Compile the C code; `torque` must be that of the library and its friction columns."""
+    lib, joints = model.lib, model.friction
+    q, dq, ddq = random_states(lib, model.states)
+    read = casadi.torques(texts[f"{lib.name}_identified.c"], q, dq, ddq)
+    if read is None:
+        return unchecked(compiler.INSTALL)
+    expected = lib.inverse_dynamics(q, dq, ddq, model.pi) + joints.filled("armature") * ddq
+    kept = [k for k, name in enumerate(joints.terms.columns) if name in OF_SPEED]
+    if joints.values is not None and kept:
+        terms = replace(joints.terms, columns=tuple(joints.terms.columns[k] for k in kept))
+        columns = friction.columns(JointMotion(dq), terms)
+        expected = expected + friction.torque(columns, joints.values[:, kept])
+    difference = torque_difference(read, expected)
+    if not difference <= TOLERANCE:
+        raise ExportError(
+            f"not written: the torques of the functions differ by {difference:.1e} of the largest "
+            f"torque, where {TOLERANCE:g} is allowed; report this as a fault of symgen"
+        )
+    return verified("a C compiler", difference, model.states)
+
+
+CASADI = ExportFormat(
+    "casadi",
+    "functions for CasADi and acados with π fixed: serialised, and C with CasADi's ABI; on request",
+    "{robot}_casadi",
+    casadi_texts,
+    check_casadi,
+    is_folder=True,
+    on_request=True,
+)

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.simulation import VirtualRobotSettings
-from runtime.simulation.settings import VirtualFriction
+from runtime.simulation.settings import VirtualFriction, VirtualRobotSettings
 
 
 def frictionless(settings: VirtualRobotSettings) -> VirtualRobotSettings:

@@ -30,8 +30,9 @@ from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET, dahl_state, spread
-from runtime.recording.preprocessing import differentiate, prepare
+from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import low_pass
+from runtime.recording.preprocessing.segments import differentiate
 
 MOTION_HZ, BELOW_RATE = 60.0, 0.4
 """Cut-off of q before it is differentiated [Hz], and the same over the rate of a slow log: measured

@@ -40,7 +40,8 @@ from runtime.recording.current_gains import (
     CurrentGains,
 )
 from runtime.recording.friction import DRIVE, geared
-from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.unit_conversion import scaled
 
 SCALE = 2e-3

@@ -42,7 +42,7 @@ from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library, require_library
 from runtime.recording import Recording, Split, StreamedRecording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.preprocessing import before_test
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.row_marks import COUNT, row_marks, same_rows
 from runtime.recording.unit_conversion import scaled
 

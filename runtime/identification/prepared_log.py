@@ -32,7 +32,7 @@ from runtime.recording import (
 )
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET, default_terms, has_memory
-from runtime.recording.preprocessing import before_test
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.static_poses import static_poses
 
 _ANY_HZ = 1.0

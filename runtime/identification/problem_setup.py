@@ -29,8 +29,9 @@ from runtime.recording.friction import (
     unresolved,
     without_columns,
 )
-from runtime.recording.preprocessing import prepare, prepare_power, prepared_parts
-from runtime.recording.preprocessing.parts import rows_between
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import prepared_parts, rows_between
+from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.settings import EVERYTHING
 
 __all__ = [

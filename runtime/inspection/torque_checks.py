@@ -25,7 +25,7 @@ from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
 from runtime.recording.friction import DRIVE, ROTOR, names_where
-from runtime.recording.preprocessing import before_test
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.reader import Raw, recording_of
 from runtime.recording.rest_speeds import as_rest_speed
 

@@ -325,15 +325,10 @@ class ForeignRobotError(LibraryError):
 
 @dataclass(frozen=True, slots=True)
 class RobotFolder:
-    """Generated folder of a robot.
+    """Generated folder of a robot."""
 
-    Attributes:
-        folder: the folder.
-        origin: whose it is, a phrase.
-    """
-
-    folder: Path
-    origin: str
+    folder: Path  # the folder
+    origin: str  # whose it is, a phrase
 
 
 def find(robot: str | os.PathLike[str]) -> RobotFolder:

@@ -20,18 +20,14 @@ FORMAT = 4
 
 @dataclass(frozen=True, slots=True)
 class ArgumentFacts:
-    """Name, shape and unit of a kernel's input or output; `summed` over a batch or not.
-
-    Attributes:
-        size: number of entries.
-    """
+    """Name, shape and unit of a kernel's input or output; `summed` over a batch or not."""
 
     name: str
     shape: tuple[int, ...]
     unit: str
     summed: bool = False
     shared: bool = False
-    size: int = 0
+    size: int = 0  # number of entries
 
     def __post_init__(self) -> None:
         # Every call of a kernel needs it several times.

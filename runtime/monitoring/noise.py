@@ -26,8 +26,8 @@ from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.preprocessing import segments
 from runtime.recording.preprocessing.filters import scipy_signal
+from runtime.recording.preprocessing.segments import segments
 
 KEPT = 0.6
 """Share of a low-pass's cut-off up to which it leaves a residual as it is (2 % in amplitude)."""

@@ -47,7 +47,8 @@ from runtime.monitoring.observer import (
 from runtime.monitoring.session import usual_torque
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction import motion_of
-from runtime.recording.preprocessing import differentiate, on_grid, segments
+from runtime.recording.preprocessing.pipeline import on_grid
+from runtime.recording.preprocessing.segments import differentiate, segments
 
 WITHIN_S = 0.025
 """Time in which r shows 95 % of a step unless it is stated, or three samples if these are longer

@@ -22,8 +22,8 @@ from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.model import NO_SIGNALS, MonitoredModel, Signals, model_of
-from runtime.recording.preprocessing import segments
 from runtime.recording.preprocessing.filters import scipy_signal
+from runtime.recording.preprocessing.segments import segments
 
 BANDWIDTH = 100.0
 """K_O of the observer unless it is stated [1/s]."""

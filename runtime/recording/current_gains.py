@@ -21,27 +21,18 @@ VERDICTS = (DETERMINED, UP_TO_FACTOR, OF_URDF, UNSEEN)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurrentGains:
-    """Estimated gains of the channels of one log.
+    """Estimated gains of the channels of one log."""
 
-    Attributes:
-        channels: names of the joints, or of the motors where the gear couples them.
-        gain: k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others.
-        sigma: standard deviation with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`.
-        ratio_sigma: relative standard deviation of k_j/k_r without the URDF, (n,); NaN likewise.
-        reference: channel r.
-        verdicts: per channel, one of `VERDICTS`.
-        scale: what fixes the common factor, a phrase.
-        common_sigma: relative standard deviation of the common factor with the URDF as prior.
-    """
-
-    channels: tuple[str, ...]
-    gain: FloatArray
+    channels: tuple[str, ...]  # names of the joints, or of the motors where the gear couples them
+    gain: FloatArray  # k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others
+    # standard deviation with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`
     sigma: FloatArray
+    # relative standard deviation of k_j/k_r without the URDF, (n,); NaN likewise
     ratio_sigma: FloatArray
-    reference: int
-    verdicts: tuple[str, ...]
-    scale: str
-    common_sigma: float
+    reference: int  # channel r
+    verdicts: tuple[str, ...]  # per channel, one of `VERDICTS`
+    scale: str  # what fixes the common factor, a phrase
+    common_sigma: float  # relative standard deviation of the common factor with the URDF as prior
 
     def facts(self) -> list[dict[str, Any]]:
         """`current_gains` of result.json, one table per channel."""

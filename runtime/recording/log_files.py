@@ -32,21 +32,13 @@ def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:
 
 @dataclass(slots=True)
 class LogFiles:
-    """The raw files of one recording.
+    """The raw files of one recording."""
 
-    Attributes:
-        place: file, folder of raw files, or folder that is one log.
-        recipe: as chosen, empty for the default convention.
-        joints: names that select joints of a bag where the recipe does not.
-        in_place: large files are not held.
-        sha256: file name → digest of what was read.
-    """
-
-    place: Path
-    recipe: Recipe
-    joints: tuple[str, ...] = ()
-    in_place: bool = False
-    sha256: Digests = field(default_factory=Digests)
+    place: Path  # file, folder of raw files, or folder that is one log
+    recipe: Recipe  # as chosen, empty for the default convention
+    joints: tuple[str, ...] = ()  # names that select joints of a bag where the recipe does not
+    in_place: bool = False  # large files are not held
+    sha256: Digests = field(default_factory=Digests)  # file name → digest of what was read
     _raw: dict[str, RawFile] = field(default_factory=dict)
     _readers: dict[tuple[str, str], LogReader] = field(default_factory=dict)
 

@@ -18,25 +18,16 @@ from runtime.recording.recording import FloatArray, Recording
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedRecording:
-    """Motion, torque and friction columns of n joints at N instants, without optional fields.
+    """Motion, torque and friction columns of n joints at N instants, without optional fields."""
 
-    Attributes:
-        name: of the recording.
-        t: (N,) s.
-        q: (N, n) rad or m.
-        dq: (N, n) rad/s or m/s.
-        tau: (N, n) N·m or N; the power dq τ of each joint where the rows are those of power.
-        columns: (N, n, k) friction columns, k = 0 without friction.
-        column_names: k names.
-    """
-
-    name: str
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray
+    name: str  # of the recording
+    t: FloatArray  # (N,) s
+    q: FloatArray  # (N, n) rad or m
+    dq: FloatArray  # (N, n) rad/s or m/s
+    # (N, n) N·m or N; the power dq τ of each joint where the rows are those of power
     tau: FloatArray
-    columns: FloatArray
-    column_names: tuple[str, ...]
+    columns: FloatArray  # (N, n, k) friction columns, k = 0 without friction
+    column_names: tuple[str, ...]  # k names
 
     def __len__(self) -> int:
         return len(self.t)
@@ -73,24 +64,16 @@ class PreparedRecording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DifferentiatedRecording(PreparedRecording):
-    """A prepared recording with accelerations.
+    """A prepared recording with accelerations."""
 
-    Attributes:
-        ddq: (N, n) rad/s² or m/s².
-    """
-
-    ddq: FloatArray
+    ddq: FloatArray  # (N, n) rad/s² or m/s²
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BalancedRecording(PreparedRecording):
-    """A prepared recording with rows of the regressor that were computed without accelerations.
+    """A prepared recording with rows of the regressor that were computed without accelerations."""
 
-    Attributes:
-        rows: (N, m, n_b), m = n for momentum, 1 for the power of all joints.
-    """
-
-    rows: FloatArray
+    rows: FloatArray  # (N, m, n_b), m = n for momentum, 1 for the power of all joints
 
 
 def prepared_of(recording: Recording) -> DifferentiatedRecording | BalancedRecording:

@@ -57,33 +57,21 @@ def read_recording(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raw:
-    """Content of the files before any conversion.
+    """Content of the files before any conversion."""
 
-    Attributes:
-        plan: which part of which file is what, in which unit, sign, order and gear.
-        recipe: as chosen, None by the default convention.
-        tables: kind of signal ("time", "position", …) → its rows, in the units of the files.
-        kept: the rows that are whole in all of them.
-        dropped: sentences about the others.
-        names: texts of an NPZ by `write_recording`, or joint names of a bag.
-        motors: directions of coupled motors, of an NPZ by `write_recording`.
-        name: of the recording.
-        source: file name → sha256.
-        pins: sentences about files that are not the published ones.
-        said: sentences about what the default convention does not read.
-    """
-
-    plan: Recipe
-    recipe: Recipe | None
+    plan: Recipe  # which part of which file is what, in which unit, sign, order and gear
+    recipe: Recipe | None  # as chosen, None by the default convention
+    # kind of signal ("time", "position", …) → its rows, in the units of the files
     tables: dict[str, LogTable]
-    kept: NDArray[np.int64]
-    dropped: tuple[str, ...]
+    kept: NDArray[np.int64]  # the rows that are whole in all of them
+    dropped: tuple[str, ...]  # sentences about the others
+    # texts of an NPZ by `write_recording`, or joint names of a bag
     names: dict[str, tuple[str, ...]]
-    motors: NDArray | None
-    name: str
-    source: Mapping[str, str]
-    pins: tuple[str, ...]
-    said: tuple[str, ...]
+    motors: NDArray | None  # directions of coupled motors, of an NPZ by `write_recording`
+    name: str  # of the recording
+    source: Mapping[str, str]  # file name → sha256
+    pins: tuple[str, ...]  # sentences about files that are not the published ones
+    said: tuple[str, ...]  # sentences about what the default convention does not read
 
     @property
     def values(self) -> dict[str, FloatArray]:

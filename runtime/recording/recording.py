@@ -332,15 +332,11 @@ class Recording(Framed):
 
 @dataclass(frozen=True, slots=True)
 class DerivedSignal:
-    """A further signal that follows from a recording.
+    """A further signal that follows from a recording."""
 
-    Attributes:
-        function: recording → (N, n), or None where it has no such signal.
-        source: table of the recipe that gives it, for messages.
-    """
-
+    # recording → (N, n), or None where it has no such signal
     function: Callable[[Recording], FloatArray | None]
-    source: str
+    source: str  # table of the recipe that gives it, for messages
 
 
 def _uptime(recording: Recording) -> FloatArray:

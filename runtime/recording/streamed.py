@@ -27,17 +27,11 @@ LARGE = 200_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawRows:
-    """Consecutive rows of a log in the units of its files.
+    """Consecutive rows of a log in the units of its files."""
 
-    Attributes:
-        start: first row.
-        stop: one past the last row.
-        values: kind of signal → (stop − start, m).
-    """
-
-    start: int
-    stop: int
-    values: dict[str, FloatArray]
+    start: int  # first row
+    stop: int  # one past the last row
+    values: dict[str, FloatArray]  # kind of signal → (stop − start, m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,17 +27,12 @@ INSTANT = 1e-7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Converted:
-    """Time and signals of a recording.
+    """Time and signals of a recording."""
 
-    Attributes:
-        t: (N,) s.
-        signals: q, dq, ddq, tau as far as there are any, columns (N, n, k), and further signals.
-        notes: sentences.
-    """
-
-    t: FloatArray
+    t: FloatArray  # (N,) s
+    # q, dq, ddq, tau as far as there are any, columns (N, n, k), and further signals
     signals: dict[str, Any]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # sentences
 
 
 def converted(

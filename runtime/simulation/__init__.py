@@ -7,28 +7,17 @@ drive with the faults of real ones.
 
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.simulation.box_payload import Box, read_payload
-from runtime.simulation.closed_loop import (
-    closed_loop,
-    follow,
-    ideal,
-    perturbed_lam,
-    write_controller,
-)
-from runtime.simulation.plant import Controller, Plant, SimulatedMotion, per_joint
-from runtime.simulation.settings import VirtualRobotSettings, settings_of
-from runtime.simulation.virtual_robot import VirtualLog, record
+from runtime.simulation.closed_loop import closed_loop, ideal, perturbed_lam, write_controller
+from runtime.simulation.plant import Controller, Plant
+from runtime.simulation.settings import settings_of
+from runtime.simulation.virtual_robot import record
 
 __all__ = [
     "Box",
     "Controller",
     "Plant",
-    "SimulatedMotion",
-    "VirtualLog",
-    "VirtualRobotSettings",
     "closed_loop",
-    "follow",
     "ideal",
-    "per_joint",
     "perturbed_lam",
     "read_payload",
     "record",

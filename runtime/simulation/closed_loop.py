@@ -138,20 +138,7 @@ def follow(
 ) -> SimulatedMotion:
     """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
 
-    Args:
-        lib: the robot.
-        reference: q_d, dq_d, ddq_d per period, (N, 3, n).
-        plant: its noise is left aside.
-        controller: gains and model.
-        rate_hz: rate of the controller, Hz.
-        noise: noise of the q and dq that the controller uses, (N, 2, n).
-        progress: called with the share that is done.
-
-    Returns:
-        States and torques per period.
-
-    Raises:
-        SimulationError: M + J is not positive definite, the motion diverged, or springs act.
+    reference (N, 3, n), noise (N, 2, n).
     """
     require_no_springs(lib)
     period = 1.0 / rate_hz

@@ -68,34 +68,19 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMotion:
-    """States and torques at the beginning of every period, (N, n) each.
+    """States and torques at the beginning of every period, (N, n) each."""
 
-    Attributes:
-        q, dq, ddq: states.
-        motor: torque that the controller commands.
-        link: torque behind the rotors, τ − J ddq.
-    """
-
-    q: Array
+    q: Array  # q, dq, ddq: states
     dq: Array
     ddq: Array
-    motor: Array
-    link: Array
+    motor: Array  # torque that the controller commands
+    link: Array  # torque behind the rotors, τ − J ddq
 
 
 def per_joint(n: int, value: ArrayLike, name: str) -> Array:
     """One number for all joints, or one for each.
 
-    Args:
-        n: number of joints.
-        value: one number or (n,).
-        name: word for messages.
-
-    Returns:
-        (n,).
-
-    Raises:
-        IdentificationError: another shape.
+    value (n,) → (n,).
     """
     array = np.asarray(value, dtype=float)
     if array.shape not in {(), (n,)}:

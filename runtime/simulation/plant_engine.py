@@ -32,18 +32,12 @@ from runtime.simulation.plant import has_mechanism
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """MuJoCo's model and state of one robot.
+    """MuJoCo's model and state of one robot."""
 
-    Attributes:
-        mujoco: the Python package.
-        model, data: of MuJoCo.
-        places: index in MuJoCo's q and dq of each joint of the library, (n,).
-    """
-
-    mujoco: Any
-    model: Any
+    mujoco: Any  # the Python package
+    model: Any  # model, data: of MuJoCo
     data: Any
-    places: Array
+    places: Array  # index in MuJoCo's q and dq of each joint of the library, (n,)
 
     @property
     def name(self) -> str:

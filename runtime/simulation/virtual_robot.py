@@ -52,28 +52,17 @@ _CHUNK = 500
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """True values of a virtual robot and its log.
+    """True values of a virtual robot and its log."""
 
-    Attributes:
-        pi: of the links with the payload, (10 n,), from which its torques come.
-        pi_arm: without the payload.
-        settings: rotors, friction, sensors, drive, controller.
-        sensors: gain and bias of the torque sensors.
-        payload: or None.
-        seed, truth_seed: of this log, of the robot.
-        saturated: share of the ticks at which a motor was at its limit, (n,).
-        engine: name and version; with another one the log differs in its last bits.
-    """
-
-    pi: Array
-    pi_arm: Array
-    settings: VirtualRobotSettings
-    sensors: Calibration
-    payload: Box | None
-    seed: int
+    pi: Array  # of the links with the payload, (10 n,), from which its torques come
+    pi_arm: Array  # without the payload
+    settings: VirtualRobotSettings  # rotors, friction, sensors, drive, controller
+    sensors: Calibration  # gain and bias of the torque sensors
+    payload: Box | None  # or None
+    seed: int  # seed, truth_seed: of this log, of the robot
     truth_seed: int
-    saturated: Array
-    engine: str
+    saturated: Array  # share of the ticks at which a motor was at its limit, (n,)
+    engine: str  # name and version; with another one the log differs in its last bits
 
     def facts(self, lib: Library) -> dict[str, Any]:
         """The truth as a JSON object."""

@@ -50,7 +50,7 @@ def build_arm(
     from symgen import __version__
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
-    from symgen.emit import emit
+    from symgen.emit.files import emit
     from symgen.make.compiler import compile_library
     from symgen.make.facts import initial_parameters, model_facts
     from symgen.make.pipeline import ONCE, PER_LEVEL

@@ -81,7 +81,7 @@ def _torque_cpu(urdf: str) -> float:
     from symgen import __version__
     from symgen.catalogue.motion import state_unit
     from symgen.chain import read_chain
-    from symgen.emit import emit
+    from symgen.emit.files import emit
     from symgen.kernel import Argument, make_kernel
     from symgen.make.compiler import PORTABLE, compile_library
     from symgen.mechanics.base_parameters import regrouped

@@ -4,7 +4,3 @@
 between kernels, `programs` the tables of the programs built on them, `stack` bounds the stack, and
 `files` renders the templates.
 """
-
-from symgen.emit.files import Early, EmittedRobot, emit, ignored
-
-__all__ = ["Early", "EmittedRobot", "emit", "ignored"]

@@ -28,15 +28,10 @@ _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 @dataclass(frozen=True, slots=True)
 class EmittedRobot:
-    """Text of a generated folder.
+    """Text of a generated folder."""
 
-    Attributes:
-        files: name → text.
-        model_hash: hash of all that library and manifest share, compared when the library is
-            loaded.
-    """
-
-    files: dict[str, str]
+    files: dict[str, str]  # name → text
+    # hash of all that library and manifest share, compared when the library is loaded
     model_hash: str
 
 
@@ -45,12 +40,7 @@ Early = Callable[[str, str], None]
 
 
 def ignored(name: str, text: str) -> None:
-    """Do nothing: the `Early` callback of callers that wait for all files.
-
-    Args:
-        name: name of a file.
-        text: its text.
-    """
+    """Do nothing: the `Early` callback of callers that wait for all files."""
 
 
 def emit(
@@ -61,22 +51,7 @@ def emit(
     early: Early = ignored,
     longest_reference: int | None = None,
 ) -> EmittedRobot:
-    """Render all files of a generated folder.
-
-    Args:
-        name: C prefix and folder name.
-        kernels: in the order in which they appear in the files.
-        facts: the robot's part of the manifest, JSON-ready.
-        versions: tool → version, for the banner and the manifest.
-        early: called with reference.c, which depends on no other file.
-        longest_reference: operations above which a kernel is not in reference.c; None: all are.
-
-    Returns:
-        All files and the hash of the model.
-
-    Raises:
-        BuildError: an instruction of a kernel has no C text.
-    """
+    """Render all files of a generated folder."""
     render = renderer()
     referenced = kernels
     if longest_reference is not None:

@@ -59,23 +59,14 @@ class Braking(Record, frozen=True):
 
 
 class Limits(Record, frozen=True):
-    """Facts that a URDF does not contain; None where unknown.
+    """Facts that a URDF does not contain; None where unknown."""
 
-    Attributes:
-        home: rad or m, per joint.
-        acceleration: limit per joint, rad/s² or m/s².
-        jerk: limit per joint, rad/s³ or m/s³.
-        torque_rate: limit per joint, N·m/s or N/s.
-        tip_speed: limit of the speed of the tip, m/s.
-        braking: velocity limits near the ends of the range.
-    """
-
-    home: Vector | None = None
-    acceleration: Limit | None = None
-    jerk: Limit | None = None
-    torque_rate: Limit | None = None
-    tip_speed: Above | None = None
-    braking: Braking | None = None
+    home: Vector | None = None  # rad or m, per joint
+    acceleration: Limit | None = None  # limit per joint, rad/s² or m/s²
+    jerk: Limit | None = None  # limit per joint, rad/s³ or m/s³
+    torque_rate: Limit | None = None  # limit per joint, N·m/s or N/s
+    tip_speed: Above | None = None  # limit of the speed of the tip, m/s
+    braking: Braking | None = None  # velocity limits near the ends of the range
 
     def vectors(self) -> dict[str, Vector]:
         """Quantities with one value per joint, by their name in the TOML file."""

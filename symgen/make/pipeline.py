@@ -27,8 +27,8 @@ from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
-from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.emit.controller import controller_files
+from symgen.emit.files import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make.compiler import (

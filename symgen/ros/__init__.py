@@ -6,8 +6,3 @@
 | `xacro_file` | xacro file → text of a URDF, in a child process |
 | `xacro_child` | that process: limits, files that may be read, expressions that only compute |
 """
-
-from symgen.ros.packages import Packages
-from symgen.ros.xacro_file import expanded
-
-__all__ = ["Packages", "expanded"]

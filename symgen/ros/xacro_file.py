@@ -19,22 +19,7 @@ _log = logging.getLogger(__name__)
 def expanded(
     path: Path, arguments: Mapping[str, str], packages: Packages, limits: Limits | None = None
 ) -> str:
-    """Expand a xacro file.
-
-    Args:
-        path: the file.
-        arguments: name → value of <xacro:arg>.
-        packages: where $(find PACKAGE) searches.
-        limits: of the process that expands; None: `Limits()`.
-
-    Returns:
-        Text of the URDF.
-
-    Raises:
-        BuildError: xacro is not installed, or it refuses the file (an argument is missing, a macro
-            is unknown, a file is not found), or the file exceeds the limits, reads files outside of
-            its packages, or has expressions that do more than compute.
-    """
+    """Expand a xacro file."""
     if find_spec("xacro") is None:
         raise BuildError(
             f"'{path}' is a xacro file, which the package xacro expands; run: pip install xacro"

@@ -15,8 +15,9 @@ from runtime.excitation.motion.trajectory import basis_of
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recipe
 from runtime.recording.recipes.recipe import Signal, Time
-from runtime.simulation import VirtualLog, record
+from runtime.simulation import record
 from runtime.simulation.settings import VirtualRobotSettings, by_limits, settings_from
+from runtime.simulation.virtual_robot import VirtualLog
 
 DURATION, SPLINES, SPAN = 30.0, 24, 2.4
 """Length of the motion [s], number of its splines, and the range of every joint [rad]."""

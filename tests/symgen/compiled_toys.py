@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from runtime.library.binding import LEVELS
-from symgen.emit import emit
+from symgen.emit.files import emit
 from symgen.kernel import Kernel
 from symgen.make.compiler import compile_library
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from symgen.emit import emit
+from symgen.emit.files import emit
 from symgen.emit.sample import SHORT, c_body, reference_code
 from symgen.emit.ssa import EXPRESSIONS, c_constant
 from symgen.errors import BuildError

@@ -4,7 +4,7 @@ import json
 
 import casadi as ca
 
-from symgen.emit import emit
+from symgen.emit.files import emit
 from symgen.kernel import Argument, make_kernel
 from tests.symgen.compiled_toys import FACTS, VERSIONS
 

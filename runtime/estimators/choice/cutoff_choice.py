@@ -32,7 +32,8 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import before_test
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 """Cut-offs that are tried where the rate allows it, Hz."""

@@ -45,7 +45,8 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names, unresolved, without_columns
-from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.settings import SPRING
 
 LEAST_CONDITION = 1e-10

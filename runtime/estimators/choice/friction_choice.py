@@ -29,7 +29,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import unresolved, without_columns
-from runtime.recording.preprocessing import before_test, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import before_test
 
 _BASE = ("offset", "viscous", "coulomb")
 FRICTION_MODELS: dict[str, tuple[str, ...]] = {

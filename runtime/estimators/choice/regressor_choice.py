@@ -19,9 +19,10 @@ from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
-from runtime.recording.preprocessing import momentum_torque, prepare, segments
+from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import butterworth_sections, scipy_signal
-from runtime.recording.preprocessing.pipeline import on_grid
+from runtime.recording.preprocessing.pipeline import momentum_torque, on_grid
+from runtime.recording.preprocessing.segments import segments
 
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that

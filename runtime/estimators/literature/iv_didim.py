@@ -49,7 +49,9 @@ from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction import COLUMNS, names_where, spread
-from runtime.simulation import Controller, Plant, follow, per_joint, sample_times
+from runtime.simulation import Controller, Plant, sample_times
+from runtime.simulation.closed_loop import follow
+from runtime.simulation.plant import per_joint
 
 __all__ = [
     "ClosedLoop",

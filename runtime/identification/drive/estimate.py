@@ -35,7 +35,7 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import geared
-from runtime.recording.preprocessing import before_test
+from runtime.recording.preprocessing.parts import before_test
 
 PASSES = 6
 """Largest number of Gauss–Newton passes."""

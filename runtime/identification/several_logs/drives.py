@@ -14,7 +14,7 @@ from runtime.identification.settings import AUTO, PER_JOINT, Settings
 from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording.commanded_torque import without_ends
-from runtime.recording.preprocessing import before_test
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 
 

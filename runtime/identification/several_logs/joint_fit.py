@@ -22,7 +22,8 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET as OFFSET_COLUMN
-from runtime.recording.preprocessing import prepare, prepared_parts
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import prepared_parts
 from runtime.recording.recording import SIGNALS
 
 OFFSET = OFFSET_COLUMN.name

@@ -21,7 +21,7 @@ from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recipe, Recording
-from runtime.recording.preprocessing import repair_clock
+from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.segments import HOLE, JITTER
 from runtime.recording.reader import Raw
 from runtime.recording.recipes.recipe import UNITS, Time

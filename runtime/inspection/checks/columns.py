@@ -81,19 +81,12 @@ SI = {
 
 @dataclass(frozen=True, slots=True)
 class ColumnBlock:
-    """Neighbouring columns of one signal.
+    """Neighbouring columns of one signal."""
 
-    Attributes:
-        kind: of signal; "" where the columns are not used.
-        columns: their numbers, from 0.
-        unit: of a clock; "" otherwise.
-        reason: why, half a sentence.
-    """
-
-    kind: str
-    columns: tuple[int, ...]
-    unit: str
-    reason: str
+    kind: str  # of signal; "" where the columns are not used
+    columns: tuple[int, ...]  # their numbers, from 0
+    unit: str  # of a clock; "" otherwise
+    reason: str  # why, half a sentence
 
 
 def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...]:
@@ -267,19 +260,12 @@ def _roughness(block: FloatArray) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Signal, joint and unit that a name stands for.
+    """Signal, joint and unit that a name stands for."""
 
-    Attributes:
-        kind: kind of signal; "" where the name has no known word.
-        joint: number as written; −1 for none.
-        is_measured: False where a word stands for a command or a model.
-        unit: unit as written; "" for none.
-    """
-
-    kind: str
-    joint: int
-    is_measured: bool
-    unit: str
+    kind: str  # kind of signal; "" where the name has no known word
+    joint: int  # number as written; −1 for none
+    is_measured: bool  # False where a word stands for a command or a model
+    unit: str  # unit as written; "" for none
 
 
 def meaning(title: str) -> Meaning:

@@ -53,21 +53,13 @@ _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 
 @dataclass(frozen=True, slots=True)
 class TorqueEvidence:
-    """Regression of every joint on the torque of the URDF, (n,) each.
+    """Regression of every joint on the torque of the URDF, (n,) each."""
 
-    Attributes:
-        gravity: a.
-        load: RMS of g.
-        correlation: partial correlation of τ with g.
-        power: P [W], in the unit of the logged torque.
-        power_over_sigma: P over its standard deviation.
-    """
-
-    gravity: Array
-    load: Array
-    correlation: Array
-    power: Array
-    power_over_sigma: Array
+    gravity: Array  # a
+    load: Array  # RMS of g
+    correlation: Array  # partial correlation of τ with g
+    power: Array  # P [W], in the unit of the logged torque
+    power_over_sigma: Array  # P over its standard deviation
 
     @property
     def gravity_is_against(self) -> bool:
@@ -125,19 +117,12 @@ def _joint(falls: Array, inertial: Array, dq: Array, tau: Array) -> tuple[float,
 
 @dataclass(frozen=True, slots=True)
 class SignTrial:
-    """One sign of τ with one of gravity, with the relative residuals of two fits.
+    """One sign of τ with one of gravity, with the relative residuals of two fits."""
 
-    Attributes:
-        sign: of τ, 1 or −1.
-        gravity: s, 1, 0 or −1.
-        consistent: residual of consistent bodies over the torque.
-        free: residual of least squares over the torque.
-    """
-
-    sign: float
-    gravity: float
-    consistent: float
-    free: float
+    sign: float  # of τ, 1 or −1
+    gravity: float  # s, 1, 0 or −1
+    consistent: float  # residual of consistent bodies over the torque
+    free: float  # residual of least squares over the torque
 
 
 def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:

@@ -31,21 +31,13 @@ SHARE = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TorqueRows:
-    """Prepared rows of one recording.
+    """Prepared rows of one recording."""
 
-    Attributes:
-        lib: library of the robot.
-        whole: the recording on its grid, filtered, not decimated and with its rests.
-        rows: indices of the thinned rows in which the arm moves, (N,).
-        samples: samples of these rows, with friction columns.
-        has_rotors: whether rotor inertia is among these columns.
-    """
-
-    lib: Library
-    whole: Recording
-    rows: NDArray[np.int64]
-    samples: Samples
-    has_rotors: bool = False
+    lib: Library  # library of the robot
+    whole: Recording  # the recording on its grid, filtered, not decimated and with its rests
+    rows: NDArray[np.int64]  # indices of the thinned rows in which the arm moves, (N,)
+    samples: Samples  # samples of these rows, with friction columns
+    has_rotors: bool = False  # whether rotor inertia is among these columns
 
     def model_torque(self) -> tuple[Array, Array]:
         """Inertial and gravity part of the torque of the URDF at the rows, (N, n) each, N·m or

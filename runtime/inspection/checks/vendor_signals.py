@@ -21,21 +21,13 @@ _LEVELS = {CURRENT: WARNING, MEASURED: INFO, COMPENSATED: ERROR, MODEL: WARNING}
 
 @dataclass(frozen=True, slots=True)
 class VendorSignal:
-    """One column name of one maker.
+    """One column name of one maker."""
 
-    Attributes:
-        vendor: maker and interface.
-        title: name of the column without index, lower case.
-        meaning: one of `CURRENT`, `MEASURED`, `COMPENSATED`, `MODEL`.
-        sentence: what it is and what to do.
-        robots: pattern of names of robot and joints, where the title alone is not specific.
-    """
-
-    vendor: str
-    title: str
-    meaning: str
-    sentence: str
-    robots: str = ""
+    vendor: str  # maker and interface
+    title: str  # name of the column without index, lower case
+    meaning: str  # one of `CURRENT`, `MEASURED`, `COMPENSATED`, `MODEL`
+    sentence: str  # what it is and what to do
+    robots: str = ""  # pattern of names of robot and joints, where the title alone is not specific
 
 
 _UR = r"(?<![a-z])ur(3|5|7|8|10|12|15|16|18|20|30)e?(?![a-z0-9])|shoulder_lift_joint.*wrist_3_joint"

@@ -53,20 +53,13 @@ class Clock:
 
 @dataclass(slots=True)
 class Publisher:
-    """All messages of one topic that name the same joints in the same order.
+    """All messages of one topic that name the same joints in the same order."""
 
-    Attributes:
-        names: of the joints.
-        spool: temporary file of the rows.
-        stamps, logged: its two clocks.
-        count: number of messages.
-    """
-
-    names: tuple[str, ...]
-    spool: Spool
-    stamps: Clock = field(default_factory=Clock)
+    names: tuple[str, ...]  # of the joints
+    spool: Spool  # temporary file of the rows
+    stamps: Clock = field(default_factory=Clock)  # stamps, logged: its two clocks
     logged: Clock = field(default_factory=Clock)
-    count: int = 0
+    count: int = 0  # number of messages
     _places: list[tuple[int, int, int, int]] = field(default_factory=list)
     _ticks: array = field(default_factory=lambda: array("q"))
     _values: array = field(default_factory=lambda: array("d"))
@@ -183,19 +176,12 @@ Topic = dict[tuple[str, ...], Publisher]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLog:
-    """Joint states of a bag, merged; the numbers lie in a temporary file.
+    """Joint states of a bag, merged; the numbers lie in a temporary file."""
 
-    Attributes:
-        names: of the joints, in the order of the columns.
-        fields: those of position, velocity and effort that the messages fill.
-        count: number of rows.
-        remarks: sentences.
-    """
-
-    names: tuple[str, ...]
-    fields: tuple[str, ...]
-    count: int
-    remarks: tuple[str, ...]
+    names: tuple[str, ...]  # of the joints, in the order of the columns
+    fields: tuple[str, ...]  # those of position, velocity and effort that the messages fill
+    count: int  # number of rows
+    remarks: tuple[str, ...]  # sentences
     _spool: Spool
 
     def table(self, key: str, name: str) -> LogTable:
@@ -225,19 +211,12 @@ class JointLog:
 
 @dataclass(frozen=True, slots=True)
 class MessageRows:
-    """Merged messages as rows of numbers.
+    """Merged messages as rows of numbers."""
 
-    Attributes:
-        spool: t and all fields, row by row.
-        width: of a row.
-        places: kind → its columns.
-        count: number of rows.
-    """
-
-    spool: Spool
-    width: int
-    places: dict[str, slice]
-    count: int
+    spool: Spool  # t and all fields, row by row
+    width: int  # of a row
+    places: dict[str, slice]  # kind → its columns
+    count: int  # number of rows
 
     def read(self, start: int, stop: int) -> dict[str, NDArray[np.float64]]:
         """Rows start … stop of every kind of signal."""

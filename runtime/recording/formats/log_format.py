@@ -58,23 +58,14 @@ class LogRows(Protocol):
 
 @dataclass(slots=True)
 class RawFile:
-    """One raw file of a recording; its bytes are read and hashed once.
+    """One raw file of a recording; its bytes are read and hashed once."""
 
-    Attributes:
-        name: as in the recipe.
-        path: file, or folder of a bag.
-        recipe: as chosen, without the default convention.
-        joints: names of the robot's joints, where the recipe has none.
-        in_place: the file is too large to be held.
-        sha256: file name → digest of what was read; shared by all files of a recording.
-    """
-
-    name: str
-    path: Path
-    recipe: Recipe
-    joints: Texts
-    in_place: bool
-    sha256: Digests
+    name: str  # as in the recipe
+    path: Path  # file, or folder of a bag
+    recipe: Recipe  # as chosen, without the default convention
+    joints: Texts  # names of the robot's joints, where the recipe has none
+    in_place: bool  # the file is too large to be held
+    sha256: Digests  # file name → digest of what was read; shared by all files of a recording
     _data: bytes | None = None
 
     def data(self) -> bytes:
@@ -98,17 +89,12 @@ class RawFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extras:
-    """Content of a log file beside its signals.
+    """Content of a log file beside its signals."""
 
-    Attributes:
-        texts: "name", "joint_names", "column_names", "history" → texts.
-        columns: friction columns as rows of n·k numbers.
-        motors: (n, n) directions of coupled motors.
-    """
-
+    # "name", "joint_names", "column_names", "history" → texts
     texts: dict[str, Texts] = field(default_factory=dict)
-    columns: LogTable | None = None
-    motors: NDArray | None = None
+    columns: LogTable | None = None  # friction columns as rows of n·k numbers
+    motors: NDArray | None = None  # (n, n) directions of coupled motors
 
 
 class LogReader:
@@ -186,28 +172,19 @@ class LogReader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogFormat:
-    """One format of log files.
+    """One format of log files."""
 
-    Attributes:
-        name: layout that a recipe states.
-        sentence: what the files are.
-        suffixes: of its files, in lower case; the first is that of files that are written.
-        reader: class of its readers.
-        marker: file that makes a folder one log of this format.
-        write: writes a recording into an open file; None where the format is not written.
-        has_titles: `inspect` proposes a recipe from the titles in bare files.
-        reads_time_alone: streamed rows of the time are read without those of the signals.
-        is_one_file: rows of two files of this format cannot be combined into one recording.
-    """
-
-    name: str
-    sentence: str
-    suffixes: Texts
-    reader: Callable[[RawFile], LogReader]
-    marker: str = ""
+    name: str  # layout that a recipe states
+    sentence: str  # what the files are
+    suffixes: Texts  # of its files, in lower case; the first is that of files that are written
+    reader: Callable[[RawFile], LogReader]  # class of its readers
+    marker: str = ""  # file that makes a folder one log of this format
+    # writes a recording into an open file; None where the format is not written
     write: Callable[[Recording, IO[bytes]], None] | None = None
-    has_titles: bool = False
+    has_titles: bool = False  # `inspect` proposes a recipe from the titles in bare files
+    # streamed rows of the time are read without those of the signals
     reads_time_alone: bool = False
+    # rows of two files of this format cannot be combined into one recording
     is_one_file: bool = False
 
 

@@ -22,17 +22,11 @@ noise shrink to a half as numbers and to a tenth as text."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogTable:
-    """Rows of numbers and where they come from.
+    """Rows of numbers and where they come from."""
 
-    Attributes:
-        values: (N, m) numbers; a corrupt row is NaN.
-        lines: (N,) line of the file, or index, of each row.
-        remarks: sentences about the form of the file.
-    """
-
-    values: FloatArray
-    lines: NDArray[np.int64]
-    remarks: tuple[str, ...] = ()
+    values: FloatArray  # (N, m) numbers; a corrupt row is NaN
+    lines: NDArray[np.int64]  # (N,) line of the file, or index, of each row
+    remarks: tuple[str, ...] = ()  # sentences about the form of the file
 
 
 def common_count(path: Path, counts: Iterable[int]) -> int:

@@ -40,40 +40,24 @@ PIECE = 2**14
 
 @dataclass(frozen=True, slots=True)
 class RowForm:
-    """Form of the rows of a table.
+    """Form of the rows of a table."""
 
-    Attributes:
-        reference: header, or the first row where there is none.
-        is_titled: whether the reference is a header.
-        separator: of cells; None for blanks.
-        width: number of cells.
-        picks: indices of the columns that are read.
-    """
-
-    reference: str
-    is_titled: bool
-    separator: str | None
-    width: int
-    picks: list[int]
+    reference: str  # header, or the first row where there is none
+    is_titled: bool  # whether the reference is a header
+    separator: str | None  # of cells; None for blanks
+    width: int  # number of cells
+    picks: list[int]  # indices of the columns that are read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowBlock:
-    """Rows of some lines.
+    """Rows of some lines."""
 
-    Attributes:
-        values: (N, m) numbers; a corrupt row is NaN.
-        lines: (N,) line of the file of each row.
-        widths: number of rows by number of cells.
-        repeated: number of repeated headers.
-        count: number of lines, with those that are no rows.
-    """
-
-    values: FloatArray
-    lines: NDArray[np.int64]
-    widths: Counter[int]
-    repeated: int
-    count: int
+    values: FloatArray  # (N, m) numbers; a corrupt row is NaN
+    lines: NDArray[np.int64]  # (N,) line of the file of each row
+    widths: Counter[int]  # number of rows by number of cells
+    repeated: int  # number of repeated headers
+    count: int  # number of lines, with those that are no rows
 
 
 def decode(data: bytes, name: str) -> str:

@@ -26,17 +26,6 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
     A row repeats when no joint has another q than in the row before: the state is stale, even if a
     new τ was logged with it. Rows of a robot at rest are dropped too; their ticks are counted by
     the logged time.
-
-    Args:
-        recording: with dq.
-        tick: period of the controller [s].
-        slow: norm of dq below which the logged time decides [rad/s].
-
-    Returns:
-        The remaining rows on the rebuilt clock.
-
-    Raises:
-        RecordingError: no dq, or the rebuilt duration is not that of the log within 15 %.
     """
     if recording.dq is None:
         raise RecordingError(

@@ -35,17 +35,11 @@ def scipy_signal() -> ModuleType:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Butterworth:
-    """A low-pass for one clock.
+    """A low-pass for one clock."""
 
-    Attributes:
-        sections: second-order sections.
-        padding: rows of odd extension: ten time constants of the slowest pole.
-        minimum: rows of the shortest segment.
-    """
-
-    sections: FloatArray
-    padding: int
-    minimum: int
+    sections: FloatArray  # second-order sections
+    padding: int  # rows of odd extension: ten time constants of the slowest pole
+    minimum: int  # rows of the shortest segment
 
 
 def is_filtered(history: Iterable[str]) -> bool:
@@ -70,18 +64,6 @@ def low_pass(
     """Low-pass forwards and backwards: gain |H(f)|² = 1 / (1 + (f/f_c)^(2·order)), phase 0.
 
     This is the analogue form; the digital one bends frequencies close to half the rate.
-
-    Args:
-        recording: on a uniform clock.
-        cutoff_hz: f_c [Hz].
-        order: of the Butterworth filter.
-        only: names of the signals that are filtered.
-
-    Returns:
-        The filtered recording without segments that are too short.
-
-    Raises:
-        RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
     design = _butterworth(recording, cutoff_hz, order)
     both_directions = scipy_signal().sosfiltfilt
@@ -162,19 +144,7 @@ def lagged(recording: Recording, values: FloatArray, cutoff_hz: float) -> FloatA
 
 
 def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] = ALL) -> Recording:
-    """Mean over a centred window of an odd number of samples; it narrows at the ends.
-
-    Args:
-        recording: on a uniform clock.
-        window_s: length of the window [s].
-        only: names of the signals.
-
-    Returns:
-        The averaged recording.
-
-    Raises:
-        RecordingError: the clock is not uniform.
-    """
+    """Mean over a centred window of an odd number of samples; it narrows at the ends."""
     half = _half_window(recording, window_s, "average")
 
     def smooth(values: FloatArray) -> FloatArray:
@@ -193,20 +163,7 @@ def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] 
 def savitzky_golay(
     recording: Recording, window_s: float, order: int = 4, only: tuple[str, ...] = ALL
 ) -> Recording:
-    """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives.
-
-    Args:
-        recording: on a uniform clock.
-        window_s: length of the window [s].
-        order: degree of the polynomials.
-        only: names of the signals.
-
-    Returns:
-        The smoothed recording.
-
-    Raises:
-        RecordingError: the clock is not uniform, or the window holds too few samples.
-    """
+    """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives."""
     half = _half_window(recording, window_s, "fit polynomials")
     width = 2 * half + 1
     if width <= order:

@@ -30,7 +30,12 @@ from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction import COLUMNS, JointMotion
 from runtime.recording.friction import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
-from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
+from runtime.recording.preprocessing.segments import (
+    differentiate,
+    holes,
+    interpolate,
+    resample,
+)
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.settings import Friction
 
@@ -138,26 +143,18 @@ _GAP_S = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseMotion:
-    """Prepared rows: coordinates of the kernels, base first, and what acts on the robot.
+    """Prepared rows: coordinates of the kernels, base first, and what acts on the robot."""
 
-    Attributes:
-        t: (N,) s.
-        q, dq, ddq: (N, 6 + n), see `runtime.library.free_base`.
-        tau: (N, n) [N·m, N]; None where torques were not measured.
-        contacts: contacts at these instants.
-        rotation: (N, 3, 3) R of the base in the world.
-        tau_rate: (N, n) derivative of commanded torques, behind the same low-pass; None for others.
-        friction: (N, n, k) friction columns, those that are not linear behind that low-pass, too.
-    """
-
-    t: FloatArray
-    q: FloatArray
+    t: FloatArray  # (N,) s
+    q: FloatArray  # q, dq, ddq: (N, 6 + n), see `runtime.library.free_base`
     dq: FloatArray
     ddq: FloatArray
-    tau: FloatArray | None
-    contacts: Contacts
-    rotation: FloatArray
+    tau: FloatArray | None  # (N, n) [N·m, N]; None where torques were not measured
+    contacts: Contacts  # contacts at these instants
+    rotation: FloatArray  # (N, 3, 3) R of the base in the world
+    # (N, n) derivative of commanded torques, behind the same low-pass; None for others
     tau_rate: FloatArray | None = None
+    # (N, n, k) friction columns, those that are not linear behind that low-pass, too
     friction: FloatArray | None = None
 
     def __len__(self) -> int:

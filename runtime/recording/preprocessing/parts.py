@@ -30,17 +30,6 @@ def split(
 
     `prepared_parts` splits first and prepares each part afterwards: then the fractions are those of
     the log, and no filter carries samples of one part into another.
-
-    Args:
-        recording: as read.
-        parts: fractions.
-        is_joined: the training part includes the validation part.
-
-    Returns:
-        Train, validation and test.
-
-    Raises:
-        RecordingError: a part holds no sample.
     """
 
     def part(name: str) -> Recording:
@@ -68,13 +57,6 @@ def before_test(recording: Recording, parts: Split | None = None) -> Recording:
     """Rows of the training and validation parts, on which settings may be chosen.
 
     Taken before any filter, so that no sample of the test part has an effect on a choice.
-
-    Args:
-        recording: as read.
-        parts: fractions; None is the recipe's, else the default.
-
-    Returns:
-        The rows before the end of the validation part.
     """
     recipe = recording.recipe
     shares = parts or (recipe.split if recipe else None) or Split()
@@ -92,21 +74,7 @@ def prepared_parts(
     prepare_part: Callable[[Recording, Preparation], Recording],
     is_joined: bool = False,
 ) -> tuple[Recording, Recording, Recording]:
-    """Cut a recording into its parts and prepare each of them.
-
-    Args:
-        recording: as read.
-        shares: fractions of the duration.
-        preparation: of every part.
-        prepare_part: rows of one part and a preparation → prepared rows.
-        is_joined: the training part includes the validation part, whose rows are prepared with it.
-
-    Returns:
-        Train, validation and test.
-
-    Raises:
-        RecordingError: a part holds no sample, or a step cannot be taken.
-    """
+    """Cut a recording into its parts and prepare each of them."""
     if shares.is_everything:
         return split(prepare_part(recording, preparation), shares)
     raw = split(recording, shares, is_joined)

@@ -86,20 +86,7 @@ def prepare_power(
     *friction: Friction,
     lib: Library,
 ) -> Recording:
-    """Prepare rows of power: τ and the columns hold dq τ, the regressor is that of energy.
-
-    Args:
-        recording: as read.
-        preparation: steps and their settings.
-        *friction: friction columns to add.
-        lib: library of the robot.
-
-    Returns:
-        The prepared recording with rows (N, 1, n_b).
-
-    Raises:
-        RecordingError: a step cannot be taken.
-    """
+    """Prepare rows of power: τ and the columns hold dq τ, the regressor is that of energy."""
     preparation = preparation or recording.preparation
     data = on_grid(recording, preparation)
     return _without_accelerations(data, preparation, friction, lib, True, None)
@@ -135,20 +122,7 @@ def _without_accelerations(
 def momentum_torque(
     recording: Recording, preparation: Preparation, lib: Library, beta: FloatArray
 ) -> Recording:
-    """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ.
-
-    Args:
-        recording: as read.
-        preparation: steps and their settings.
-        lib: library of the robot.
-        beta: (n_b,) base parameters.
-
-    Returns:
-        The prepared recording with that torque as τ.
-
-    Raises:
-        RecordingError: a step cannot be taken.
-    """
+    """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ."""
     data = smooth_motion(
         on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation)
     )
@@ -171,18 +145,7 @@ def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
 
 
 def on_grid(recording: Recording, preparation: Preparation) -> Recording:
-    """Apply clock, grid and delay of a preparation, without its filter.
-
-    Args:
-        recording: as read.
-        preparation: steps and their settings.
-
-    Returns:
-        The recording on a uniform grid where the preparation has one, τ without its delay.
-
-    Raises:
-        RecordingError: a step cannot be taken.
-    """
+    """Apply clock, grid and delay of a preparation, without its filter."""
     data = recording
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)

@@ -131,17 +131,6 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
 
     Linear because logged stamps may lie close together, where a spline would magnify noise. A clock
     that equals this grid to rounding stays as it is.
-
-    Args:
-        recording: the data.
-        rate_hz: rate of the grid [Hz].
-        max_gap_s: longest gap that is interpolated [s].
-
-    Returns:
-        The recording on the grid.
-
-    Raises:
-        RecordingError: max_gap_s is 1.5 steps of the grid or less.
     """
     if not max_gap_s * rate_hz > HOLE:
         raise RecordingError(
@@ -196,19 +185,7 @@ def _resampled(rate_hz: float, count: int, filled: int, max_gap_s: float, left: 
 
 
 def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> Recording:
-    """Compensate a delay δ of τ: τ(t) ← τ_log(t + δ), linear between samples, within each segment.
-
-    Args:
-        recording: the data.
-        delay_s: δ, one number or one per joint [s].
-
-    Returns:
-        The rows for which τ is known.
-
-    Raises:
-        RecordingError: there is no τ, the number of delays is not that of the joints, or every
-            segment is shorter than δ.
-    """
+    """Compensate a delay δ: τ(t) ← τ_log(t + δ), linear between samples, within each segment."""
     if recording.tau is None:
         raise RecordingError("torque_delay_s expects τ, but there is none; leave it out")
     n = recording.n_joints
@@ -241,13 +218,6 @@ def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> 
 def trim(recording: Recording, seconds: float) -> Recording:
     """The recording without both ends of every segment, where filters have samples on one side
     only.
-
-    Args:
-        recording: the data.
-        seconds: length of each end [s].
-
-    Returns:
-        The remaining rows.
     """
     t = recording.t
     keep = np.zeros(len(t), dtype=bool)
@@ -261,18 +231,7 @@ def trim(recording: Recording, seconds: float) -> Recording:
 
 
 def drop_rest(recording: Recording, speed: float | tuple[float, ...]) -> Recording:
-    """The recording without rows in which every |dq| < speed: friction at rest is not determined.
-
-    Args:
-        recording: with dq.
-        speed: threshold, one or one per joint [rad/s, m/s].
-
-    Returns:
-        The moving rows.
-
-    Raises:
-        RecordingError: there is no dq, or no row moves, or `speed` has another number of joints.
-    """
+    """Drop rows in which every |dq| < speed: friction at rest is not determined."""
     if recording.dq is None:
         raise RecordingError(
             "dq is needed to drop rows at rest, but there is none; differentiate q first"
@@ -294,16 +253,6 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
 
     The instants are those of one clock for all segments. If the ratio k of the rates is not an
     integer, the signals are interpolated linearly instead.
-
-    Args:
-        recording: on a uniform clock.
-        rate_hz: new rate [Hz].
-
-    Returns:
-        The remaining rows.
-
-    Raises:
-        RecordingError: the clock is not uniform, or slower than the new rate.
     """
     step = uniform_step(recording, "decimate")
     ratio = 1.0 / (step * rate_hz)

@@ -141,27 +141,16 @@ NUMBERS = ("kp", "kd", "effort_limit", "gear")
 
 @dataclass(frozen=True, slots=True)
 class ControlLaw:
-    """A law that computes the torque from desired and measured motion.
+    """A law that computes the torque from desired and measured motion."""
 
-    Attributes:
-        law: name, one of `LAWS`.
-        kp: stiffness [N·m/rad, N/m].
-        kd: damping [N·m·s/rad, N·s/m].
-        q_des: array or columns of the desired positions.
-        dq_des: array or columns of the desired velocities; "" for zero.
-        tau_ff: array or columns of the feed-forward torque [N·m, N]; "" for zero.
-        effort_limit: largest |τ_m| [N·m, N]; 0 for none.
-        gear: r, motor angle over joint angle, where the law acts on the motor side.
-    """
-
-    law: str
-    kp: Gain
-    kd: Gain
-    q_des: Names
-    dq_des: Names = ""
-    tau_ff: Names = ""
-    effort_limit: Gain = 0.0
-    gear: Gain = 1.0
+    law: str  # name, one of `LAWS`
+    kp: Gain  # stiffness [N·m/rad, N/m]
+    kd: Gain  # damping [N·m·s/rad, N·s/m]
+    q_des: Names  # array or columns of the desired positions
+    dq_des: Names = ""  # array or columns of the desired velocities; "" for zero
+    tau_ff: Names = ""  # array or columns of the feed-forward torque [N·m, N]; "" for zero
+    effort_limit: Gain = 0.0  # largest |τ_m| [N·m, N]; 0 for none
+    gear: Gain = 1.0  # r, motor angle over joint angle, where the law acts on the motor side
 
     def __post_init__(self) -> None:
         one_of("[torque] law", self.law, LAWS)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from runtime.estimators.convex import prior_of
+from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of

@@ -26,7 +26,7 @@ from runtime.identification.several_logs.joint_fit import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, read_recording
-from runtime.recording.preprocessing import split
+from runtime.recording.preprocessing.parts import split
 from runtime.simulation import Plant, ideal, perturbed_lam, sample_times
 from tests.runtime.conftest import Command
 

@@ -10,7 +10,7 @@ from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
 from runtime.inspection.checks.motion import constant_velocity
 from runtime.library import Library
 from runtime.recording import Recording
-from runtime.recording.preprocessing import differentiate
+from runtime.recording.preprocessing.segments import differentiate
 from tests.runtime.servo_logs import random_servo, servo_arrays
 
 

@@ -16,7 +16,7 @@ from runtime.inspection import inspect_log, recipe_text
 from runtime.inspection.checks.signals import unsigned_torque
 from runtime.library import Library
 from runtime.recording import Friction, load_recipe
-from runtime.recording.preprocessing import differentiate
+from runtime.recording.preprocessing.segments import differentiate
 from tests.oracle import pinocchio_model
 from tests.runtime.diagnosis import kinds, require_no_warning, sentences
 

@@ -16,7 +16,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.simulation import Controller, Plant, follow, record, settings_of
+from runtime.simulation import Controller, Plant, record, settings_of
+from runtime.simulation.closed_loop import follow
 from runtime.simulation.plant_engine import plant_engine
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.make.request import request_from_folder

@@ -10,7 +10,10 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.recording import Friction, bundled_names, datasets, load_recipe, read_recording
-from runtime.recording.preprocessing import prepare, repair_clock, segments, split
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.clock_repair import repair_clock
+from runtime.recording.preprocessing.parts import split
+from runtime.recording.preprocessing.segments import segments
 
 
 def real(name: str) -> Path:

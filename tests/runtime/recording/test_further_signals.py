@@ -14,7 +14,7 @@ from runtime.recording import (
     read_recording,
     recipe_text,
 )
-from runtime.recording.preprocessing import on_grid
+from runtime.recording.preprocessing.pipeline import on_grid
 
 N, JOINTS = 200, 3
 KELVIN = 273.15

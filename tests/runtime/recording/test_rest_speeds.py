@@ -11,7 +11,7 @@ from runtime.errors import RecordingError
 from runtime.inspection.checks import signals
 from runtime.library import Library, load
 from runtime.recording import Preparation, Recipe, Recording
-from runtime.recording.preprocessing import drop_rest
+from runtime.recording.preprocessing.segments import drop_rest
 from runtime.recording.rest_speeds import as_rest_speed, rest_speeds, still_travels
 
 Robot = Callable[[str], Library]

@@ -16,9 +16,9 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare
-from runtime.simulation import Box, VirtualLog, VirtualRobotSettings, record, settings_of
-from runtime.simulation.settings import Sensors
-from runtime.simulation.virtual_robot import perturbed
+from runtime.simulation import Box, record, settings_of
+from runtime.simulation.settings import Sensors, VirtualRobotSettings
+from runtime.simulation.virtual_robot import VirtualLog, perturbed
 from tests.runtime.conftest import Command
 from tests.virtual_settings import frictionless
 

@@ -10,7 +10,8 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.choice.cutoff_choice import CANDIDATES, choose_cutoff
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe
-from runtime.recording.preprocessing import advance_torque, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.segments import advance_torque
 
 TERMS = Friction(("viscous", "coulomb"))
 

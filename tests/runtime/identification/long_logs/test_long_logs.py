@@ -26,7 +26,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import csv_format, tables
-from runtime.recording.preprocessing import prepare, split
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import split
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from tests.conftest import REPOSITORY
 from tests.runtime.conftest import Command

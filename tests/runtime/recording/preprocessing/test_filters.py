@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from runtime.recording import Friction, Recording
-from runtime.recording.preprocessing import (
-    Preparation,
-    differentiate,
-    low_pass,
-    moving_average,
-    prepare,
-    resample,
-    savitzky_golay,
-)
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
+from runtime.recording.preprocessing.segments import differentiate, resample
 from tests.runtime.signals import middle, sine
 
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from runtime.recording import Friction, Recording
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import COLUMNS, JointMotion, add_columns, columns
-from runtime.recording.preprocessing import (
-    Preparation,
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.filters import low_pass
+from runtime.recording.preprocessing.segments import (
     decimate,
     differentiate,
-    low_pass,
-    prepare,
     resample,
     segments,
     trim,

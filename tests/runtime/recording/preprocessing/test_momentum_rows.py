@@ -20,7 +20,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque
-from runtime.recording.preprocessing import momentum_rows, prepare, prepare_power
+from runtime.recording.preprocessing import momentum_rows, prepare
+from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.simulation import Plant, ideal
 from tests.runtime.conftest import Command

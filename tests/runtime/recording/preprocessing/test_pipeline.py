@@ -6,22 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import RecordingError
-from runtime.recording import Friction, Recording
-from runtime.recording.preprocessing import (
-    Preparation,
-    Split,
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
+from runtime.recording.preprocessing.parts import prepared_parts, split
+from runtime.recording.preprocessing.segments import (
     differentiate,
     drop_rest,
-    low_pass,
-    moving_average,
-    prepare,
     resample,
-    savitzky_golay,
     segments,
-    split,
     trim,
 )
-from runtime.recording.preprocessing.parts import prepared_parts
 from tests.runtime.signals import sine, with_hole
 
 STEPS = {

@@ -22,14 +22,11 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
-from rich.table import Column, Table
 
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.common.terminal import completing, console, program
 from runtime.common.user_builds import built_robots
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
-from runtime.identification.result_record import ErrorPercent, ErrorRms, ResultRecord
-from runtime.identification.saved_result import SavedResult
 from runtime.library import Library, load
 from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
@@ -50,14 +47,6 @@ Yes = Annotated[
     bool,
     typer.Option("--yes", help="Run the code of ./generated/ROBOT although you did not build it."),
 ]
-
-
-MODELS = (
-    ("URDF", "before_overall"),
-    ("URDF with friction fitted", "urdf_friction_overall"),
-    ("identified", "after_overall"),
-)
-"""Models of the table of shares → keys of their torque errors."""
 
 
 def _robots(incomplete: str) -> list[str]:
@@ -105,58 +94,6 @@ def sentences_of(registry: Registry[Any]) -> str:
         else:
             parts.append(f"{name}: {record.sentence}")
     return "; ".join(parts)
-
-
-def torque_table(
-    of: ResultRecord | SavedResult, percent: ErrorPercent, rms: ErrorRms, part: str = "test"
-) -> Table:
-    """Table of torque errors per joint and overall, before and after identification.
-
-    The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
-    """
-    table = Table(
-        Column("joint", overflow="fold"),
-        title=f"{of.robot}, {of.method}: torque error on {part} data",
-    )
-    for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
-        table.add_column(head, justify="right")
-    columns = zip(
-        of.joints, percent.before, percent.after, rms.before, rms.after, of.units, strict=True
-    )
-    for name, before, after, rms_before, rms_after, unit in columns:
-        table.add_row(
-            name,
-            *("-" if x is None else f"{x:.2f}" for x in (before, after)),
-            f"{rms_before:.4f}",
-            f"{rms_after:.4f}",
-            unit,
-        )
-    table.add_section()
-    overall = (f"{x:.3f}" for x in (percent.before_overall, percent.after_overall))
-    table.add_row("overall", *overall, "", "", "")
-    return table
-
-
-def tested_on(record: ResultRecord) -> str:
-    """Part of the log that errors are computed on, "test" or, without a test part, "training"."""
-    return "training" if record.recording.samples.get("test") == 0 else "test"
-
-
-def share_tables(record: ResultRecord) -> tuple[Table, ...]:
-    """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
-
-    The step from the first to the second row is the share of friction, the rest that of inertia.
-    Nothing where no friction is fitted.
-    """
-    percent = record.torque_error_percent
-    if percent.urdf_friction_overall is None:
-        return ()
-    table = Table(
-        Column("model"), Column(f"torque error on {tested_on(record)} data %", justify="right")
-    )
-    for name, key in MODELS:
-        table.add_row(name, f"{getattr(percent, key):.3f}")
-    return (table,)
 
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:

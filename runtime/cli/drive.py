@@ -2,9 +2,8 @@
 
 from typing import Any
 
-from rich.table import Table
-
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import say, show
 from runtime.identification.friction_intervals import spring_lines
 from runtime.identification.result_record import ResultRecord
 
@@ -15,13 +14,13 @@ def print_drives(record: ResultRecord) -> None:
     names = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
     kept = [name for name in names if any(getattr(each, name) is not None for each in drives)]
     if kept:
-        table = Table("joint", title="Drives: value ± standard deviation, SI units")
-        for name in kept:
-            table.add_column(name.replace("_", " "), justify="right")
-        for drive in drives:
-            pairs = ((getattr(drive, name), getattr(drive.sigma, name)) for name in kept)
-            table.add_row(drive.joint, *(_cell(*pair) for pair in pairs))
-        console.print(table)
+        rows = tuple(
+            (each.joint, *(_cell(getattr(each, x), getattr(each.sigma, x)) for x in kept))
+            for each in drives
+        )
+        head = ("joint", *(name.replace("_", " ") for name in kept))
+        table = Table(head, rows, title="Drives: value ± standard deviation, SI units")
+        show(table)
     for delay in record.delays if drives else ():
         say(f"delay of the torque: {_cell(delay.value, delay.sigma, 1e3)} ms")
     unknown = [each.joint for each in drives if each.encoder_bias_verdict.startswith("not ident")]

@@ -6,12 +6,13 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Yes, open_robot, torque_table
+from runtime.cli.common import Yes, open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import Recipe, Run
-from runtime.common.terminal import console, say
+from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluation_of
 from runtime.identification.free_base.evaluate import free_base_errors
+from runtime.identification.result_tables import error_table
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library
 from runtime.recording.free_base import read_free_base
@@ -73,7 +74,9 @@ def evaluate_command(
         print(json.dumps(done.to_facts(), indent=1))
         return
     errors = done.torque_error_percent, done.torque_rms
-    console.print(torque_table(saved, *errors, "test" if done.is_test else "fitted"))
+    part = "test" if done.is_test else "fitted"
+    title = f"{saved.robot}, {saved.method}: torque error on {part} data"
+    show(error_table(saved.joints, saved.units, *errors, title))
     say(f"{done.mass_matrix.sentence()}.")
     for note in done.notes:
         say(f"note: {note}")

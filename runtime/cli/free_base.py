@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from runtime.cli.common import ResultFolder, require_result_folder
 from runtime.cli.log_options import fractions_of
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, say, show
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import PriorFile
@@ -146,12 +146,9 @@ def identify_free_base_log(
 
 def print_errors(title: str, names: Sequence[str], *columns: Sequence[float]) -> None:
     """Print RMS values per row, before and after, in the units of the rows."""
-    table = Table("row", title=title)
-    for head in ("RMS", "before RMS", "after RMS"):
-        table.add_column(head, justify="right")
-    for name, *values in zip(names, *columns, strict=True):
-        table.add_row(name, *(f"{value:.4g}" for value in values))
-    console.print(table)
+    cells = [[f"{value:.4g}" for value in column] for column in columns]
+    head = ("row", "RMS", "before RMS", "after RMS")
+    show(Table(head, tuple(zip(names, *cells, strict=True)), title=title))
 
 
 def _sentences(record: ResultRecord) -> Iterator[str]:

@@ -4,17 +4,19 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Column, Table
 
-from runtime.cli.common import Overwrite, Yes, open_robot, tested_on, torque_table
+from runtime.cli.common import Overwrite, Yes, open_robot
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
 from runtime.cli.log_options import Parts, Recipe, Run, split_of
 from runtime.common.files import require_unused
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.result_file import error_parts, write_result
+from runtime.identification.result_file import write_result
+from runtime.identification.result_record import error_parts
+from runtime.identification.result_tables import error_table, tested_on
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files.export import write_urdf
@@ -71,10 +73,11 @@ def friction_command(
     for name in _STALE:
         (folder / name).unlink(missing_ok=True)
     errors = error_parts(renewed.earlier, torque_errors(renewed.result)[1])
-    table = torque_table(record, *errors, tested_on(record))
-    table.caption = "before: friction of the earlier result"
-    console.print(table)
-    console.print(_coefficients(renewed, saved))
+    title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
+    note = "before: friction of the earlier result"
+    table = error_table(*record.rows_of_errors, *errors, title, note)
+    for each in (table, _coefficients(renewed, saved)):
+        show(each)
     for note in (*notes, *record.warnings):
         say(f"note: {note}")
     urdf = folder / "identified.urdf"
@@ -89,14 +92,13 @@ def friction_command(
 
 def _coefficients(renewed: FrictionOfLog, saved: SavedResult) -> Table:
     """Earlier and present coefficients with their standard deviations."""
-    table = Table(Column("joint", overflow="fold"), title="friction coefficients, SI units")
-    for head in ("column", "before", "now", "σ"):
-        table.add_column(head, justify="left" if head == "column" else "right")
+    rows: list[tuple[str, ...]] = []
     names = renewed.result.train.column_names
     for k, joint in enumerate(saved.joints):
         for c, name in enumerate(names):
             values, sigma = (saved.phi[k, c], renewed.result.phi[k, c]), renewed.sigma[k, c]
             if any(values):
                 shown = f"{sigma:.2g}" if sigma else "kept"
-                table.add_row(joint, name, *(f"{x:.4g}" for x in values), shown)
-    return table
+                rows.append((joint, name, *(f"{x:.4g}" for x in values), shown))
+    head = ("joint", "column", "before", "now", "σ")
+    return Table(head, tuple(rows), title="friction coefficients, SI units")

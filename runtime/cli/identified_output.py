@@ -1,20 +1,19 @@
 """What `symgen identify` writes and prints of a result."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rich.table import Column, Table
-
-from runtime.cli.common import share_tables, tested_on, torque_table
 from runtime.cli.drive import print_drives
-from runtime.common.terminal import command_line, console, say
+from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
+from runtime.identification.result_record import SessionsPart
+from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.result_warnings import still_joints
-from runtime.identification.several_logs.agreement import LogAgreement
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
+from runtime.outputs.report.several_logs import left_out_table
 
 STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""
@@ -40,12 +39,14 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     first = still_joints(result)
     for warning in first:
         say(f"warning: {warning}")
-    percent, rms = record.torque_error_percent, record.torque_rms
-    for table in (torque_table(record, percent, rms, tested_on(record)), *share_tables(record)):
-        console.print(table)
+    title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
+    errors = (record.torque_error_percent, record.torque_rms)
+    for table in (error_table(*record.rows_of_errors, *errors, title), share_table(record)):
+        if table is not None:
+            show(table)
     print_drives(record)
-    if result.agreement is not None:
-        print_agreement(result.agreement)
+    if record.sessions is not None:
+        print_sessions(record.sessions)
     if result.uncertainty is not None:
         unknowns = len(result.uncertainty.beta_sigma)
         say(
@@ -96,15 +97,8 @@ def _exported(result: Identification, folder: Path) -> str:
     return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
 
 
-def print_agreement(agreement: LogAgreement) -> None:
+def print_sessions(logs: SessionsPart) -> None:
     """Print the leave-one-log-out errors and the repeatability."""
-    table = Table(
-        Column("log", overflow="fold"), title="Leave one log out: torque error of each log, %"
-    )
-    for head in ("payload kg", "URDF", "fit of the others", "with its offset", "fit of this log"):
-        table.add_column(head, justify="right")
-    for log, mass in zip(agreement.left_out, agreement.carried, strict=True):
-        errors = (log.before.overall, log.after.overall, log.with_offset.overall, log.alone)
-        table.add_row(log.name, f"{mass:.3g}", *(f"{error:.3f}" for error in errors))
-    console.print(table)
-    say(f"repeatability: {agreement.sentence()}")
+    title = "Leave one log out: torque error of each log"
+    show(replace(left_out_table(logs), title=title))
+    say(f"repeatability: {logs.repeatability.sentence}")

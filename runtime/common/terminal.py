@@ -1,11 +1,17 @@
 """What commands of both packages print: sentences, names of programs, texts of `--help`."""
 
+import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Column
+from rich.table import Table as RichTable
+
+from runtime.common.tables import Table
 
 __all__ = [
     "command_line",
@@ -13,14 +19,38 @@ __all__ = [
     "console",
     "program",
     "say",
+    "show",
 ]
 
 console = Console()
+_NUMBER = re.compile(r"[-+−±<>]?\d.*|[-+−]?∞|[-–]?", re.DOTALL)
+_WIDEST = 40
+"""Characters of the first column that a narrow terminal does not break."""
 
 
 def say(text: str) -> None:
     """Print one line to the terminal without markup, with commands as the user types them."""
     console.print(as_typed(text), highlight=False, soft_wrap=True, markup=False)
+
+
+def show(table: Table) -> None:
+    """Print a table; numbers stand on the right, and the first column is not broken."""
+    lines = [row for row in (*table.rows, table.total) if row]
+    columns = []
+    for k, head in enumerate(table.header):
+        cells = [line[k] for line in lines]
+        is_number = k > 0 and all(map(_NUMBER.fullmatch, cells))
+        column = Column(head, justify="right" if is_number else "left", overflow="fold")
+        if k == 0:
+            column.min_width = min(_WIDEST, max(map(len, cells), default=0))
+        columns.append(column)
+    shown = RichTable(*columns, title=table.title or None, caption=table.note or None)
+    for row in table.rows:
+        shown.add_row(*map(escape, row))
+    if table.total:
+        shown.add_section()
+        shown.add_row(*map(escape, table.total))
+    console.print(shown)
 
 
 def program() -> str:

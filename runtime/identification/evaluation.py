@@ -13,8 +13,8 @@ from runtime.identification import metrics
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.mass_audit import MassAudit, audit_mass
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.result_file import error_parts, saved_of
-from runtime.identification.result_record import ErrorPercent, ErrorRms
+from runtime.identification.result_file import saved_of
+from runtime.identification.result_record import ErrorPercent, ErrorRms, error_parts
 from runtime.identification.saved_result import SavedResult, require_model
 from runtime.library import Library, load, require_library
 from runtime.recording import Preparation, Recording

@@ -6,18 +6,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.common.tables import Table
 from runtime.estimators.optimizers import Trace
 from runtime.estimators.problem import Learned
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.identification.drive.result import DriveFit
+from runtime.identification.result_record import error_parts, link_parts
+from runtime.identification.result_tables import error_table, link_table, parameter_columns
 from runtime.identification.several_logs.agreement import LogAgreement
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
-from runtime.library.parameters import PI_NAMES, first_moment, links, mass
+from runtime.library.parameters import links, mass
 from runtime.recording import Friction, Recording, friction
-from runtime.recording.notebook import Framed, html_table
+from runtime.recording.notebook import Framed
 from runtime.recording.row_marks import Marks
 
 
@@ -134,45 +137,21 @@ class Identification(Framed):
         verdict = f"{'' if self.is_consistent else 'NOT '}consistent; {self.status}"
         return f"Identification({self.method!r}, {source}: {verdict})"
 
-    def _repr_html_(self) -> str:
-        """Torque errors and bodies of the links, as tables for notebooks."""
-        before, after = torque_errors(self)
+    def tables(self) -> tuple[Table, ...]:
+        """Torque errors and bodies of the links."""
         verdict = "consistent" if self.is_consistent else "not physically consistent"
-        units = torque_units(self.lib.manifest)
-        torque = [
-            (name, f"{old:.2f} %", f"{new:.2f} %", f"{rms:.4f} {unit}")
-            for name, old, new, rms, unit in zip(
-                self.lib.joint_names, before.percent, after.percent, after.rms, units, strict=True
-            )
-        ]
-        torque.append(("all joints", f"{before.overall:.2f} %", f"{after.overall:.2f} %", ""))
-        bodies = [
-            (name, f"{m0:.4f}", f"{m:.4f}", ", ".join(f"{x:.4f}" for x in h / m))
-            for name, m0, m, h in zip(
-                self.lib.link_names,
-                mass(links(self.lib.pi0)),
-                mass(links(self.pi)),
-                first_moment(links(self.pi)),
-                strict=True,
-            )
-        ]
         title = f"{self.lib.name} by {self.method}: {verdict}; {self.status}"
-        errors = html_table(title, torque, ("joint", "error of URDF", "error", "RMS error"))
-        head = ("link", "mass of URDF [kg]", "mass [kg]", "centre of mass [m]")
-        return errors + html_table("links", bodies, head)
+        errors = error_parts(*torque_errors(self))
+        return (
+            error_table(self.lib.joint_names, torque_units(self.lib.manifest), *errors, title),
+            link_table(link_parts(self.lib, self.pi, self.relative_eigenvalues)),
+        )
 
     def columns_of_frame(self) -> dict[str, list[Any]]:
         """Link, parameter, URDF's value, identified value and σ [SI], one row per entry of π."""
-        rows = [(link, name) for link in self.lib.link_names for name in PI_NAMES]
-        columns: dict[str, list[Any]] = {
-            "link": [link for link, _ in rows],
-            "parameter": [name for _, name in rows],
-            "urdf": self.lib.pi0.tolist(),
-            "value": self.pi.tolist(),
-        }
-        if self.uncertainty is not None:
-            columns["sigma"] = self.uncertainty.sigma.tolist()
-        return columns
+        sigma = None if self.uncertainty is None else self.uncertainty.sigma
+        names = self.lib.link_names
+        return parameter_columns(names, urdf=self.lib.pi0, value=self.pi, sigma=sigma)
 
     @property
     def usual_phi(self) -> Array:

@@ -1,9 +1,8 @@
 """Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all."""
 
-import dataclasses
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -18,7 +17,6 @@ from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
-from runtime.identification import metrics
 from runtime.identification import result_record as schema
 from runtime.identification.friction_intervals import friction_intervals
 from runtime.identification.identified import Identification, friction_error, torque_errors
@@ -31,20 +29,22 @@ from runtime.identification.saved_result import (
     read_result,
     saved_from,
 )
-from runtime.library import Array, Library
+from runtime.library import Array
 from runtime.library.manifest import file_units
-from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
 from runtime.recording.recipes.recipe import NUMBERS
 
-__all__ = ["versions", "write_result"]
+__all__ = ["versions"]
+
+GAINS = tuple[schema.CurrentGain, ...]
 
 
 def record_of(result: Identification, command: str) -> schema.ResultRecord:
     """Record of an identification."""
-    lib, drive = result.lib, result.drive
+    lib, drive, gains = result.lib, result.drive, result.train.gains
+    trace, fit = result.trace, result.trained
     before, after = torque_errors(result)
-    percent, rms = error_parts(before, after, friction_error(result))
+    percent, rms = schema.error_parts(before, after, friction_error(result))
     columns = result.friction.columns
     return schema.ResultRecord(
         format=schema.FORMAT,
@@ -58,29 +58,34 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         recording=_recording(result),
         torque_source=result.train.torque_source,
         control_law=_law(result),
-        current_gains=_gains(result),
+        current_gains=None if gains is None else msgspec.convert(gains.facts(), GAINS),
         delay_s=None if drive is None else drive.delay_parts(),
         symmetric=tuple(each.part() for each in result.symmetric) or None,
         drive=None if drive is None else drive.parts(lib.joint_names, result.phi, columns),
         torque_error_percent=percent,
         torque_rms=rms,
-        links=link_parts(lib, result.pi, result.relative_eigenvalues),
+        links=schema.link_parts(lib, result.pi, result.relative_eigenvalues),
         consistent=result.is_consistent,
-        gap_to_convex_optimum=_finite(result.gap),
+        gap_to_convex_optimum=schema.plain(result.gap),
         uncertainty=_uncertainty(result),
         loss=result.loss,
-        convex_optimum=_finite(result.optimum),
-        weights=numbers(result.weights),
+        convex_optimum=schema.plain(result.optimum),
+        weights=schema.plain(result.weights),
         friction=_friction(result),
-        convergence=_convergence(result),
+        convergence=None if trace is None else schema.ConvergencePart(**asdict(trace)),
         iterations=result.iterations,
         seconds=result.seconds,
         warnings=tuple(warnings_of(result, before, after)),
-        pi=numbers(result.pi),
-        lam=None if result.lam is None else numbers(result.lam),
-        beta=numbers(result.beta),
+        pi=schema.plain(result.pi),
+        lam=None if result.lam is None else schema.plain(result.lam),
+        beta=schema.plain(result.beta),
         condition_number=condition_number(result),
-        trained=_trained(result),
+        trained=None
+        if fit is None
+        else schema.TrainedPart(
+            pi=schema.plain(fit.pi),
+            friction_values=schema.plain(replace(result, phi=fit.phi).usual_phi),
+        ),
         sessions=None if result.agreement is None else result.agreement.part(),
         provenance=schema.ProvenancePart(
             command=command,
@@ -107,28 +112,6 @@ def saved_of(result: SavedResult | Identification | str | PathLike[str]) -> Save
     )
 
 
-def error_parts(
-    before: metrics.TorqueError,
-    after: metrics.TorqueError,
-    with_friction: metrics.TorqueError | None = None,
-) -> tuple[schema.ErrorPercent, schema.ErrorRms]:
-    """Errors of two models, and of the first with friction: [%], null if not finite; RMS."""
-    percent = schema.ErrorPercent(
-        before=gaps(before.percent),
-        after=gaps(after.percent),
-        before_overall=before.overall,
-        after_overall=after.overall,
-    )
-    rms = schema.ErrorRms(before=numbers(before.rms), after=numbers(after.rms))
-    if with_friction is None:
-        return percent, rms
-    shares, overall = gaps(with_friction.percent), with_friction.overall
-    return (
-        percent.replace(urdf_friction=shares, urdf_friction_overall=overall),
-        rms.replace(urdf_friction=numbers(with_friction.rms)),
-    )
-
-
 def write_record(record: schema.ResultRecord, folder: Path) -> None:
     """Write result.json into a folder, as a whole or not at all."""
     facts = msgspec.to_builtins(record)
@@ -138,19 +121,7 @@ def write_record(record: schema.ResultRecord, folder: Path) -> None:
 
 
 def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
-    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
-
-    Args:
-        result: result of an identification.
-        folder: existing folder.
-        command: command line that made the result.
-
-    Returns:
-        Content of result.json.
-
-    Raises:
-        IdentificationError: parameters are too large to be written.
-    """
+    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
     require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
     record = record_of(result, command)
     test = samples_of(result.test, result.lib)
@@ -184,25 +155,6 @@ def require_size(values: Array) -> None:
         )
 
 
-def numbers(values: Array) -> tuple[float, ...]:
-    """Numbers of an array of one dimension."""
-    return tuple(np.asarray(values, dtype=float).tolist())
-
-
-def rows(values: Array) -> tuple[tuple[float, ...], ...]:
-    """Rows of an array of two dimensions."""
-    return tuple(map(numbers, values))
-
-
-def gaps(values: Array) -> tuple[float | None, ...]:
-    """Numbers of an array, None where they are not finite."""
-    return tuple(map(_finite, np.asarray(values, dtype=float).tolist()))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def condition_number(result: Identification) -> float | None:
     """Condition number of the column-normalised [Y_b F] of the training samples.
 
@@ -227,45 +179,22 @@ def versions() -> dict[str, str]:
 
 def _recording(result: Identification) -> schema.RecordingPart:
     """Name, duration, rows, preparation and split of the log."""
-    parts: Mapping[str, Any] = {
-        "train": result.train,
-        "validation": result.validation,
-        "test": result.test,
-    }
-    ends = {name: (float(r.t[0]), float(r.t[-1])) for name, r in parts.items()}
-    samples = {name: len(r) for name, r in parts.items()}
-    if result.streamed is not None:
-        ends, samples = result.streamed.spans, result.streamed.samples
-    counted = [
-        name
-        for name in parts
+    logs = {"train": result.train, "validation": result.validation, "test": result.test}
+    whole = result.streamed
+    samples = {name: len(log) for name, log in logs.items()} if whole is None else whole.samples
+    ends = {
+        name: (float(log.t[0]), float(log.t[-1])) if whole is None else whole.spans[name]
+        for name, log in logs.items()
         if name == "train" or (result.has_test and not (name == "validation" and result.is_joined))
-    ]
-    ends = {name: ends[name] for name in counted}
-    usual, steps = Preparation(), dataclasses.asdict(result.train.prepared or Preparation())
+    }
+    usual, steps = Preparation(), asdict(result.train.prepared or Preparation())
     return schema.RecordingPart(
         name=result.train.name.removesuffix("/train"),
         duration=float(sum(b - a for a, b in ends.values())),
-        samples={name: samples[name] if name in counted else 0 for name in parts},
+        samples={name: samples[name] if name in ends else 0 for name in logs},
         history=tuple(result.train.history),
         preparation={key: value for key, value in steps.items() if value != getattr(usual, key)},
         split=", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items()),
-    )
-
-
-def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[schema.LinkPart, ...]:
-    """Masses and centres of mass before and after, and consistency."""
-    bodies = zip(lib.link_names, links(pi), links(lib.pi0), eigenvalues, strict=True)
-    return tuple(
-        schema.LinkPart(
-            name=name,
-            mass=float(mass(now)),
-            mass_before=float(mass(then)),
-            com=tuple(centre_of_mass(now).tolist()),
-            com_before=tuple(centre_of_mass(then).tolist()),
-            min_relative_eigenvalue=float(eigenvalue),
-        )
-        for name, now, then, eigenvalue in bodies
     )
 
 
@@ -284,30 +213,15 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
         excited=u.rank,
         weakest_direction=u.conditioning,
         boundary=bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
-        links=link_uncertainties(u.sigma, u.com_sigma(result.pi), u.verdicts),
-        pi_sigma=numbers(u.sigma),
-        posterior_over_prior=numbers(u.share),
-        beta_sigma=numbers(u.beta_sigma),
+        links=schema.link_uncertainties(u.sigma, u.com_sigma(result.pi), u.verdicts),
+        pi_sigma=schema.plain(u.sigma),
+        posterior_over_prior=schema.plain(u.share),
+        beta_sigma=schema.plain(u.beta_sigma),
         beta_verdicts=tuple(u.beta_verdicts),
-        noise=numbers(u.noise),
-        model_band=numbers(np.sqrt(np.mean(band**2, axis=0))),
-        white_lag_share=numbers(u.white),
-        detectable_gain_error=gaps(u.tests.gain_limits),
-    )
-
-
-def link_uncertainties(
-    sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
-) -> tuple[schema.LinkUncertainty, ...]:
-    """σ of mass and centre of mass, and verdicts on π, of every link."""
-    size = N_PARAMETERS
-    return tuple(
-        schema.LinkUncertainty(
-            mass_sigma=float(sigma[k * size]),
-            com_sigma=None if each is None else tuple(np.asarray(each).tolist()),
-            verdicts=tuple(verdicts[k * size : (k + 1) * size]),
-        )
-        for k, each in enumerate(com)
+        noise=schema.plain(u.noise),
+        model_band=schema.plain(np.sqrt(np.mean(band**2, axis=0))),
+        white_lag_share=schema.plain(u.white),
+        detectable_gain_error=schema.plain(u.tests.gain_limits),
     )
 
 
@@ -321,40 +235,15 @@ def _friction(result: Identification) -> schema.FrictionPart | None:
     sigma, interval = friction_intervals(result)
     return schema.FrictionPart(
         columns=tuple(names),
-        values=rows(result.usual_phi),
+        values=schema.plain(result.usual_phi),
         coulomb_speed=terms.coulomb_speed,
         stribeck_speed=terms.stribeck_speed,
         dahl_stroke=terms.dahl_stroke,
-        gear=terms.gear if motors is None else rows(motors),
+        gear=terms.gear if motors is None else schema.plain(motors),
         sigma=sigma,
         interval_95=interval,
         net=None if result.learned is None else result.learned.facts(),
     )
-
-
-def _trained(result: Identification) -> schema.TrainedPart | None:
-    """Parameters of the training rows; None where they are those of the result."""
-    if result.trained is None:
-        return None
-    phi = dataclasses.replace(result, phi=result.trained.phi).usual_phi
-    return schema.TrainedPart(pi=numbers(result.trained.pi), friction_values=rows(phi))
-
-
-def _convergence(result: Identification) -> schema.ConvergencePart | None:
-    """Losses by iteration; None for methods without iterations."""
-    trace = result.trace
-    if trace is None:
-        return None
-    return schema.ConvergencePart(
-        iteration=tuple(trace.iteration),
-        training=tuple(trace.training),
-        validation=tuple(trace.validation),
-    )
-
-
-def _gains(result: Identification) -> tuple[schema.CurrentGain, ...] | None:
-    gains = result.train.gains
-    return None if gains is None else tuple(schema.CurrentGain(**x) for x in gains.facts())
 
 
 def _law(result: Identification) -> schema.ControlLaw | None:
@@ -362,6 +251,5 @@ def _law(result: Identification) -> schema.ControlLaw | None:
     law = result.train.law
     if law is None:
         return None
-    given = {key: getattr(law, key) for key in NUMBERS}
-    known = {key: None if isinstance(each, str) else each for key, each in given.items()}
+    known = {key: None if isinstance(x := getattr(law, key), str) else x for key in NUMBERS}
     return schema.ControlLaw(law=law.law, **known)

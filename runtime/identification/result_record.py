@@ -5,10 +5,17 @@ of format 1 or 2 becomes one of the present format in `migrated`, from the table
 that has another name now) and `OLDER` (what stands for a key that the file lacks).
 """
 
+from collections.abc import Sequence
+from functools import cache
 from typing import Annotated as Of
-from typing import Any
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
 
 from runtime.common.records import Record, Vector3
+from runtime.identification.metrics import TorqueError
+from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 
 FORMAT = 3
 """Number of the present format; a change that an older reader would misread raises it."""
@@ -23,28 +30,24 @@ RENAMED = {
 }
 """Key of formats 1 and 2 → its name in format 3."""
 OLDER: dict[str, Any] = {
-    "recording": {},
-    "provenance": {},
-    **dict.fromkeys(("model", "control_law", "current_gains", "delay_s", "symmetric", "drive")),
-    **dict.fromkeys(("gap_to_convex_optimum", "uncertainty", "loss", "convex_optimum", "friction")),
-    **dict.fromkeys(("convergence", "iterations", "seconds", "lam", "condition_number", "trained")),
-    **dict.fromkeys(("sessions", "recording.duration", "uncertainty.weakest_direction")),
-    **dict.fromkeys(("convergence.validation", "sessions.offsets", "sessions.delay_s")),
-    **dict.fromkeys(("status", "recording.split", "provenance.command"), ""),
-    **dict.fromkeys(("weights", "warnings", "pi", "beta", "recording.history"), ()),
-    **dict.fromkeys(("uncertainty.pi_sigma", "uncertainty.beta_sigma"), ()),
-    **dict.fromkeys(("uncertainty.posterior_over_prior", "uncertainty.beta_verdicts"), ()),
-    **dict.fromkeys(("uncertainty.detectable_gain_error", "sessions.train_samples"), ()),
-    "recording.samples": {},
-    "recording.preparation": {},
-    "provenance.versions": {},
-    "provenance.files": {},
-    "provenance.model_hash": "",
-    "provenance.seed": None,
-    "base": "fixed",
-    "torque_source": "measured",
-    "recording.name": "unnamed recording",
-    "uncertainty.excited": 0,
+    key: value
+    for value, keys in (
+        ({}, "recording recording.samples recording.preparation"),
+        ({}, "provenance provenance.versions provenance.files"),
+        (None, "model control_law current_gains delay_s symmetric drive gap_to_convex_optimum"),
+        (None, "uncertainty loss convex_optimum friction convergence iterations seconds lam"),
+        (None, "condition_number trained sessions recording.duration convergence.validation"),
+        (None, "uncertainty.weakest_direction sessions.offsets sessions.delay_s provenance.seed"),
+        ("", "status recording.split provenance.command provenance.model_hash"),
+        ((), "weights warnings pi beta recording.history uncertainty.pi_sigma"),
+        ((), "uncertainty.beta_sigma uncertainty.posterior_over_prior uncertainty.beta_verdicts"),
+        ((), "uncertainty.detectable_gain_error sessions.train_samples"),
+        ("unnamed recording", "recording.name"),
+        ("measured", "torque_source"),
+        ("fixed", "base"),
+        (0, "uncertainty.excited"),
+    )
+    for key in keys.split()
 }
 """Key → value that stands for "not recorded" in a file of format 1 or 2 without it."""
 
@@ -52,11 +55,20 @@ Numbers = tuple[float, ...]
 Gaps = tuple[float | None, ...]
 Rows = tuple[Numbers, ...]
 Texts = tuple[str, ...]
+MaybeVector = tuple[float | None, float | None, float | None]
+Ends = tuple[tuple[tuple[float, float] | None, ...], ...]
 PerJoint = float | Numbers | None
 
 
 class Part(Record, frozen=True, forbid_unknown_fields=False):
     """A table of result.json."""
+
+    @classmethod
+    @cache
+    def meanings(cls) -> dict[str, str]:
+        """Meaning, shape and unit of every key."""
+        hints = get_type_hints(cls, include_extras=True)
+        return {name: get_args(hints[name])[1] for name in cls.__struct_fields__}
 
 
 class JointPlace(Part, frozen=True):
@@ -93,8 +105,8 @@ class ControlLaw(Part, frozen=True):
     """Control law of a commanded torque; a gain that varies over the log is null."""
 
     law: Of[str, "name of the law"]
-    kp: Of[PerJoint, "stiffness, one number per joint or for all [N·m/rad, N/m]"]
-    kd: Of[PerJoint, "damping, likewise [N·m·s/rad, N·s/m]"]
+    kp: Of[PerJoint, "stiffness, for all joints or (n,) [N·m/rad, N/m]"]
+    kd: Of[PerJoint, "damping, for all joints or (n,) [N·m·s/rad, N·s/m]"]
     effort_limit: Of[PerJoint, "likewise [N·m, N]"]
     gear: Of[PerJoint, "ratio, likewise"]
 
@@ -153,8 +165,8 @@ class DrivePart(DriveValues, frozen=True):
 class ErrorPercent(Part, frozen=True, omit_defaults=True):
     """100 ‖τ − τ̂‖/‖τ‖ on the test part [%]; null where τ = 0."""
 
-    before: Of[Gaps, "of the URDF without friction, (n,)"]
-    after: Of[Gaps, "of the identified model, (n,)"]
+    before: Of[Gaps, "of the URDF without friction, (r,)"]
+    after: Of[Gaps, "of the identified model, (r,)"]
     before_overall: Of[float | None, "of the URDF, all joints together"]
     after_overall: Of[float | None, "of the identified model, all joints together"]
     urdf_friction: Of[Gaps | None, "of the URDF with friction fitted, (n,)"] = None
@@ -164,8 +176,8 @@ class ErrorPercent(Part, frozen=True, omit_defaults=True):
 class ErrorRms(Part, frozen=True, omit_defaults=True):
     """Root mean square of τ − τ̂ on the test part."""
 
-    before: Of[Numbers, "of the URDF without friction, (n,)"]
-    after: Of[Numbers, "of the identified model, (n,)"]
+    before: Of[Numbers, "of the URDF without friction, (r,)"]
+    after: Of[Numbers, "of the identified model, (r,)"]
     urdf_friction: Of[Numbers | None, "of the URDF with friction fitted, (n,)"] = None
 
 
@@ -175,10 +187,7 @@ class LinkPart(Part, frozen=True):
     name: Of[str, "name of the link"]
     mass: Of[float, "identified mass [kg]"]
     mass_before: Of[float, "mass of the URDF [kg]"]
-    com: Of[
-        tuple[float | None, float | None, float | None],
-        "identified centre of mass in the link's frame, (3,) [m]",
-    ]
+    com: Of[MaybeVector, "identified centre of mass in the link's frame, (3,) [m]"]
     com_before: Of[Vector3, "centre of mass of the URDF, (3,) [m]"]
     min_relative_eigenvalue: Of[float | None, "λ_min(P)/tr P; below 0 is not consistent"]
 
@@ -201,17 +210,14 @@ class UncertaintyPart(Part, frozen=True):
     weakest_direction: Of[Any, "weakest over strongest excited direction"]
     boundary: Of[bool, "whether a link is close to a plate or a rod"]
     links: Of[tuple[LinkUncertainty, ...], "one table per moving link, (L,)"]
-    pi_sigma: Of[Numbers, "standard deviations of π, (10 L,) [SI]"]
-    posterior_over_prior: Of[Numbers, "posterior over prior variance of π, (10 L,)"]
-    beta_sigma: Of[Numbers, "standard deviations of β, (n_b,) [SI]"]
-    beta_verdicts: Of[Texts, "identified or prior-dominated, per entry of β, (n_b,)"]
-    noise: Of[Numbers, "residual RMS per joint, (n,)"]
-    model_band: Of[Numbers, "σ of the model's torque, (n,)"]
-    white_lag_share: Of[Numbers, "share of lags within the bounds of white noise, (n,)"]
-    detectable_gain_error: Of[
-        Gaps,
-        "relative error of each torque gain that such a log shows in 95 of 100 cases, (n,)",
-    ]
+    pi_sigma: Of[Numbers, "standard deviations of π, (10 L,) or empty [SI]"]
+    posterior_over_prior: Of[Numbers, "posterior over prior variance of π, (10 L,) or empty"]
+    beta_sigma: Of[Numbers, "standard deviations of β, (n_b,) or empty [SI]"]
+    beta_verdicts: Of[Texts, "identified or prior-dominated, per entry of β, (n_b,) or empty"]
+    noise: Of[Numbers, "residual RMS per joint, (n,); of a free base empty"]
+    model_band: Of[Numbers, "σ of the model's torque, (n,); of a free base empty"]
+    white_lag_share: Of[Numbers, "share of lags within the bounds of white noise, (n,); likewise"]
+    detectable_gain_error: Of[Gaps, "error of a gain shown in 95 of 100 such logs, (n,) or empty"]
 
 
 class FrictionPart(Part, frozen=True, omit_defaults=True):
@@ -222,24 +228,18 @@ class FrictionPart(Part, frozen=True, omit_defaults=True):
     coulomb_speed: Of[float, "ε, width of the smooth sign of dq [rad/s]"]
     stribeck_speed: Of[float | None, "v_s, width of the Stribeck peak [rad/s]"] = None
     dahl_stroke: Of[float | None, "z_c, travel of a reversal [rad]"] = None
-    gear: Of[Rows, "gear matrix R of q_motor = R q, (n, n)"] = ()
-    sigma: Of[
-        tuple[Gaps, ...] | None,
-        "standard deviations of φ; null where the data determine none, (n, k) [SI]",
-    ] = None
-    interval_95: Of[
-        tuple[tuple[tuple[float, float] | None, ...], ...] | None,
-        "lower and upper end of the 95 % interval; null likewise, (n, k, 2) [SI]",
-    ] = None
+    gear: Of[Rows, "gear matrix R of q_motor = R q, (n, n) or empty"] = ()
+    sigma: Of[tuple[Gaps, ...] | None, "of φ; null where not determined, (n, k) [SI]"] = None
+    interval_95: Of[Ends | None, "ends of the 95 % interval, null likewise, (n, k) of two"] = None
     net: Of[dict[str, Any] | None, "friction net: theta, scale"] = None
 
 
 class ConvergencePart(Part, frozen=True):
     """Losses over the iterations."""
 
-    iteration: Of[tuple[int, ...], "numbers of the iterations"]
-    training: Of[Gaps, "L on the training part"]
-    validation: Of[Gaps | None, "L on the validation part"]
+    iteration: Of[tuple[int, ...], "numbers of the iterations, (m,)"]
+    training: Of[Gaps, "L on the training part, (m,)"]
+    validation: Of[Gaps | None, "L on the validation part, (m,)"]
 
 
 class TrainedPart(Part, frozen=True):
@@ -266,9 +266,7 @@ class RepeatabilityPart(Part, frozen=True):
     masses: Of[Rows, "mass of every link from each log alone, (logs, L) [kg]"]
     mass_spread: Of[Numbers, "standard deviation of these masses over the logs, (L,) [kg]"]
     beta_spread: Of[Numbers, "standard deviation of each base parameter over the logs, (n_b,)"]
-    beta_sigma_expected: Of[
-        Numbers, "the same predicted by the covariances of the single fits, (n_b,)"
-    ]
+    beta_sigma_expected: Of[Numbers, "the same by the covariances of the single fits, (n_b,)"]
     ratio: Of[float, "root mean square of spread over expected spread"]
     sentence: Of[str, "whether the logs agree within their noise"]
 
@@ -276,9 +274,9 @@ class RepeatabilityPart(Part, frozen=True):
 class SessionsPart(Part, frozen=True):
     """Comparison of several logs."""
 
-    names: Of[Texts, "names of the logs"]
+    names: Of[Texts, "names of the logs, (logs,)"]
     payload_kg: Of[Numbers, "known payload of every log, (logs,) [kg]"]
-    train_samples: Of[tuple[int, ...], "training rows of every log, (logs,)"]
+    train_samples: Of[tuple[int, ...], "training rows of every log, (logs,) or empty"]
     offsets: Of[Rows | None, "torque offsets of every log, (logs, n)"]
     delay_s: Of[tuple[Delay, ...] | None, "delay of every log, (logs,) [s]"]
     leave_one_out: Of[tuple[LeftOutPart, ...], "errors of the fit to all other logs, (logs,)"]
@@ -333,22 +331,10 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     recording: Of[RecordingPart, "the data"]
     torque_source: Of[str, "measured, commanded (by a control law) or current (times a gain)"]
     control_law: Of[ControlLaw | None, "of a commanded torque; null for a measured one"]
-    current_gains: Of[
-        tuple[CurrentGain, ...] | None,
-        "estimated gains of motor currents; null where the recipe states them",
-    ]
-    delay_s: Of[
-        Delay | tuple[Delay, ...] | None,
-        "delay of the torque, one per joint in a list; null where it was not estimated [s]",
-    ]
-    symmetric: Of[
-        tuple[MirroredPair, ...] | None,
-        "one table per mirrored pair and quantity; null where --symmetric was not given",
-    ]
-    drive: Of[
-        tuple[DrivePart, ...] | None,
-        "drive of every joint; null where the torque is measured and no delay was estimated, (n,)",
-    ]
+    current_gains: Of[tuple[CurrentGain, ...] | None, "of motor currents, where estimated, (n,)"]
+    delay_s: Of[Delay | tuple[Delay, ...] | None, "of the torque, one or per joint, (n,) [s]"]
+    symmetric: Of[tuple[MirroredPair, ...] | None, "mirrored pairs and quantities, or null"]
+    drive: Of[tuple[DrivePart, ...] | None, "where torque is commanded or delayed, (n,)"]
     torque_error_percent: Of[ErrorPercent, "relative errors on the test part [%]"]
     torque_rms: Of[ErrorRms, "errors on the test part"]
     links: Of[tuple[LinkPart, ...], "one table per moving link, (L,)"]
@@ -357,22 +343,22 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     uncertainty: Of[UncertaintyPart | None, "posterior of the parameters; null when not computed"]
     loss: Of[float | None, "L on the training part"]
     convex_optimum: Of[float | None, "L*, smallest loss of a consistent model"]
-    weights: Of[Numbers, "diagonal of W in the loss, (n,)"]
+    weights: Of[Numbers, "diagonal of W in the loss, (n,) or empty"]
     friction: Of[FrictionPart | None, "friction model; null without one"]
     convergence: Of[ConvergencePart | None, "losses over the iterations; null for closed forms"]
     iterations: Of[int | None, "of the method"]
     seconds: Of[float | None, "time of the method alone [s]"]
     warnings: Of[Texts, "sentences to read before the result is used"]
-    pi: Of[Numbers, "standard parameters π: m, m·c, I per link, (10 L,) [kg, kg·m, kg·m²]"]
-    lam: Of[Numbers | None, "λ of π; null where π is not consistent, (10 L,)"]
-    beta: Of[Numbers, "base parameters β = K π, (n_b,) [SI]"]
+    pi: Of[Numbers, "standard parameters π: m, m·c, I per link [kg, kg·m, kg·m²]"]
+    lam: Of[Numbers | None, "λ of π, as long; null where π is not consistent"]
+    beta: Of[Numbers, "base parameters β = K π, (n_b,) or empty [SI]"]
     condition_number: Of[float | None, "of the normalised regressor; null when singular"]
     trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit"]
     sessions: Of[SessionsPart | None, "comparison of several logs; null for one"]
     provenance: Of[ProvenancePart, "how to compute the result again"]
     rows: Of[str, "free base: rows that were fitted, base, joints or all"] = ""
-    error_rows: Of[Texts, "rows whose errors are stated, where they are not the joints, (r,)"] = ()
-    error_units: Of[Texts, "their units, (r,)"] = ()
+    error_rows: Of[Texts, "rows whose errors are stated, if not the joints, (r,) or empty"] = ()
+    error_units: Of[Texts, "their units, (r,) or empty"] = ()
     total_mass: Of[TotalMass | None, "free base: mass of the robot"] = None
     vertical_force: Of[VerticalForcePart | None, "free base, where it was measured"] = None
     sensors: Of[dict[str, Coefficient] | None, "free base: offset [N] by link, γ, crosstalk"] = None
@@ -386,3 +372,57 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     def delays(self) -> tuple[Delay, ...]:
         """Delays of the torque, one for the log or one per joint; none where not estimated."""
         return (self.delay_s,) if isinstance(self.delay_s, Delay) else self.delay_s or ()
+
+
+def error_parts(
+    before: TorqueError,
+    after: TorqueError,
+    with_friction: TorqueError | None = None,
+) -> tuple[ErrorPercent, ErrorRms]:
+    """Errors of two models, and of the first with friction: [%], null if not finite; RMS."""
+    errors = {"before": before, "after": after}
+    if with_friction is not None:
+        errors["urdf_friction"] = with_friction
+    overall: dict[str, Any] = {f"{name}_overall": each.overall for name, each in errors.items()}
+    return (
+        ErrorPercent(**{name: plain(e.percent) for name, e in errors.items()}, **overall),
+        ErrorRms(**{name: plain(e.rms) for name, e in errors.items()}),
+    )
+
+
+def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, ...]:
+    """Masses and centres of mass before and after, and consistency."""
+    bodies = zip(lib.link_names, links(pi), links(lib.pi0), eigenvalues, strict=True)
+    return tuple(
+        LinkPart(
+            name=name,
+            mass=float(mass(now)),
+            mass_before=float(mass(then)),
+            com=tuple(centre_of_mass(now).tolist()),
+            com_before=tuple(centre_of_mass(then).tolist()),
+            min_relative_eigenvalue=float(eigenvalue),
+        )
+        for name, now, then, eigenvalue in bodies
+    )
+
+
+def link_uncertainties(
+    sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
+) -> tuple[LinkUncertainty, ...]:
+    """σ of mass and centre of mass, and verdicts on π, of every link."""
+    size = N_PARAMETERS
+    return tuple(
+        LinkUncertainty(
+            mass_sigma=float(sigma[k * size]),
+            com_sigma=None if each is None else tuple(np.asarray(each).tolist()),
+            verdicts=tuple(verdicts[k * size : (k + 1) * size]),
+        )
+        for k, each in enumerate(com)
+    )
+
+
+def plain(values: Any) -> Any:
+    """A number or array as numbers and tuples, None where it is not finite."""
+    if isinstance(values, np.ndarray | tuple | list):
+        return tuple(map(plain, values))
+    return float(values) if np.isfinite(values) else None

@@ -7,10 +7,9 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 
 import copy
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
-from math import inf, isfinite
+from math import inf, isfinite, prod
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,8 @@ import msgspec
 import numpy as np
 
 from runtime.common.files import json_of, require_file, values_of
-from runtime.common.records import record_from_table
+from runtime.common.records import Vector3, record_from_table
+from runtime.common.tables import Table, number
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.estimators.methods import METHODS
@@ -29,18 +29,19 @@ from runtime.identification.result_record import (
     FORMAT,
     OLDER,
     RENAMED,
-    CurrentGain,
     FrictionPart,
     JointPlace,
     ModelPart,
+    Part,
     ResultRecord,
 )
+from runtime.identification.result_tables import parameter_columns, result_tables
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, PI_NAMES, first_moment, links, mass
+from runtime.library.parameters import N_PARAMETERS, links, mass
 from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
-from runtime.recording.notebook import Framed, html_table
+from runtime.recording.notebook import Framed
 from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
 from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
@@ -51,6 +52,8 @@ LARGEST_VALUE = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
 """Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
+_SHAPE = re.compile(r"\((?P<sides>[\w ]+,[\w ,]*)\)(?P<empty>;| or empty)?")
+"""Shape of a list in the meaning of its key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,47 +128,17 @@ class SavedResult(Framed):
         recording = independent_joints(log, lib)
         return recording if self.gains is None else scaled(recording, self.gains)
 
-    def _repr_html_(self) -> str:
-        """Torque errors and bodies of the links, as tables for notebooks."""
-        known = self.record
-        torque = [
-            (name, _number(old, ".2f"), _number(new, ".2f"), f"{_number(size, '.4f')} {unit}")
-            for name, unit, old, new, size in (
-                zip(
-                    *(self.joints, self.units),
-                    known.torque_error_percent.before,
-                    known.torque_error_percent.after,
-                    known.torque_rms.after,
-                    strict=True,
-                )
-                if known is not None
-                else ()
-            )
-        ]
-        bodies = [
-            (name, f"{m:.4f}", ", ".join(f"{x:.4f}" for x in h / m) if m else "–")
-            for name, m, h in zip(
-                self._link_names(), mass(links(self.pi)), first_moment(links(self.pi)), strict=True
-            )
-        ]
-        status = "no result.json" if known is None else known.status
-        title = f"{self.robot} by {self.method}: {status}"
-        head = ("joint", "error of URDF [%]", "error [%]", "RMS error")
-        errors = html_table(title, torque, head)
-        return errors + html_table("links", bodies, ("link", "mass [kg]", "centre of mass [m]"))
+    def tables(self) -> tuple[Table, ...]:
+        """Torque errors and bodies of the links."""
+        if self.record is not None:
+            return result_tables(self.record)
+        masses = tuple(zip(self._link_names(), map(number, mass(links(self.pi))), strict=True))
+        return (Table(("link", "mass [kg]"), masses, title=f"{self.robot} by {self.method}"),)
 
     def columns_of_frame(self) -> dict[str, list[Any]]:
         """Link, parameter, value and σ [SI], one row per entry of π."""
-        rows = [(link, name) for link in self._link_names() for name in PI_NAMES]
-        columns: dict[str, list[Any]] = {
-            "link": [link for link, _ in rows],
-            "parameter": [name for _, name in rows],
-            "value": self.pi.tolist(),
-        }
-        known = None if self.record is None else self.record.uncertainty
-        if known is not None:
-            columns["sigma"] = list(known.pi_sigma)
-        return columns
+        known = self.record and self.record.uncertainty
+        return parameter_columns(self._link_names(), value=self.pi, sigma=known and known.pi_sigma)
 
     def _link_names(self) -> list[str]:
         """Names of the bodies of π, by their number where the file has none."""
@@ -174,27 +147,14 @@ class SavedResult(Framed):
         return names if len(names) == count else [f"body {k + 1}" for k in range(count)]
 
 
-def _number(value: float | None, form: str) -> str:
-    """A number of the file; a dash where it has none."""
-    return "–" if value is None else format(value, form)
-
-
 def model_part(lib: Library) -> ModelPart:
     """The part `model` of result.json."""
+    facts = lib.manifest
     return ModelPart(
-        model_hash=lib.manifest.model_hash,
-        gravity=tuple(lib.gravity.tolist()),
-        joints=tuple(
-            JointPlace(
-                kind=joint.kind,
-                parent=joint.parent,
-                rotation=joint.rotation,
-                translation=tuple(np.array(joint.translation).tolist()),
-                axis=tuple(np.array(joint.axis).tolist()),
-            )
-            for joint in lib.manifest.all_joints
-        ),
-        lumped=tuple(body["name"] for body in lib.manifest.lumped),
+        model_hash=facts.model_hash,
+        gravity=msgspec.convert(lib.gravity.tolist(), Vector3),
+        joints=msgspec.convert(facts.all_joints, tuple[JointPlace, ...], from_attributes=True),
+        lumped=tuple(body["name"] for body in facts.lumped),
     )
 
 
@@ -209,7 +169,14 @@ def read_record(path: Path) -> ResultRecord:
         if any(isinstance(x, float) and LARGEST_ACCEPTED < abs(x) < inf for x in values_of(facts)):
             raise ValueError(f"a number above {LARGEST_ACCEPTED:g}")
         record = record_from_table(ResultRecord, facts, "", ValueError, allows_infinite=True)
-        _require_shapes(record)
+        names, units = record.rows_of_errors
+        sizes = {"n": len(record.joints), "L": len(record.links), "r": len(names)}
+        _require_shapes(record, sizes)
+        if len(units) != len(names):
+            raise ValueError(f"error_units expects {len(names)} texts, got {len(units)}")
+        for link in record.links:
+            if not all(map(isfinite, (link.mass, link.mass_before, *link.com_before))):
+                raise ValueError(f"mass and com_before of {link.name} expect finite numbers")
     except OSError as error:
         raise RecordingError(
             f"cannot read '{path}' ({error.strerror or error}), so that it holds no valid "
@@ -269,53 +236,24 @@ def _places(facts: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], s
     yield from ((table, name) for table in tables if isinstance(table, dict))
 
 
-def _require_shapes(record: ResultRecord) -> None:
-    """Refuse lists whose lengths do not belong together, and bodies that are no numbers."""
-    for name, value, shape in _shapes(record):
-        if isinstance(value, tuple) and _shape(value, len(shape)) != shape:
-            got = _shape(value, len(shape))
-            raise ValueError(f"{name} expects the shape {shape}, got {got}")
-    for link in record.links:
-        if not all(map(isfinite, (link.mass, link.mass_before, *link.com_before))):
-            raise ValueError(f"mass and com_before of {link.name} expect finite numbers")
-
-
-def _shapes(record: ResultRecord) -> Iterator[tuple[str, Any, tuple[int, ...]]]:
-    """Name, value and expected shape of the lists; a value that is no list is not of interest."""
-    n, bodies = len(record.joints), len(record.links)
-    for name in ("units", "drive", "current_gains", "delay_s", "control_law.kp", "control_law.kd"):
-        yield name, reduce(_field, name.split("."), record), (n,)
-    for name in ("noise", "model_band", "white_lag_share"):  # empty for a free base
-        value = getattr(record.uncertainty, name, None)
-        yield f"uncertainty.{name}", value if value or record.base == "fixed" else None, (n,)
-    rows = len(record.rows_of_errors[0])
-    yield "error_units", record.rows_of_errors[1], (rows,)
-    for name in ("torque_error_percent", "torque_rms"):
-        for when in ("before", "after"):
-            yield f"{name}.{when}", getattr(getattr(record, name), when), (rows,)
-    for k, joint in enumerate(() if record.model is None else record.model.joints):
-        yield f"model.joints[{k}].rotation", joint.rotation, (3, 3)
-    if (friction := record.friction) is not None:
-        yield "friction.values", friction.values, (n, len(friction.columns))
-    if (known := record.uncertainty) is not None:
-        yield "uncertainty.detectable_gain_error", known.detectable_gain_error or None, (n,)
-        yield "uncertainty.links", known.links, (bodies,)
-        for k, link in enumerate(known.links):
-            yield f"uncertainty.links[{k}].verdicts", link.verdicts, (N_PARAMETERS,)
-    if (run := record.convergence) is not None:
-        yield "convergence.training", run.training, (len(run.iteration),)
-        yield "convergence.validation", run.validation, (len(run.iteration),)
-    for k, pair in enumerate(record.symmetric or ()):
-        yield f"symmetric[{k}].sigma", pair.sigma, _shape(pair.values, 2)
-    if (logs := record.sessions) is not None:
-        count = len(logs.leave_one_out)
-        yield "sessions.payload_kg", logs.payload_kg, (count,)
-        yield "sessions.repeatability.masses", logs.repeatability.masses, (count, bodies)
-        yield "sessions.repeatability.mass_spread", logs.repeatability.mass_spread, (bodies,)
-
-
-def _field(table: Any, name: str) -> Any:
-    return getattr(table, name, None)
+def _require_shapes(part: Part, sizes: Mapping[str, int], place: str = "") -> None:
+    """Refuse lists that lack the shape in the meaning of their key: (n, k), (10 L,) or empty."""
+    here = dict(sizes)  # other letters are one number within a table
+    for name, meaning in part.meanings().items():
+        value, shape = getattr(part, name), _SHAPE.search(meaning)
+        if shape and isinstance(value, tuple) and (value or shape["empty"] is None):
+            sides = [side.split() for side in shape["sides"].split(",") if side]
+            got = _shape(value, len(sides))
+            expected = tuple(
+                prod(int(x) if x.isdigit() else here.setdefault(x, size) for x in side)
+                for side, size in zip(sides, got, strict=True)
+            )
+            if got != expected:
+                raise ValueError(f"{place}{name} expects the shape {expected}, got {got}")
+        inner = [(f"[{k}]", x) for k, x in enumerate(value)] if isinstance(value, tuple) else []
+        for index, each in inner or [("", value)]:
+            if isinstance(each, Part):
+                _require_shapes(each, sizes, f"{place}{name}{index}.")
 
 
 def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
@@ -377,6 +315,11 @@ def saved_from(
             f"{record.method}, which learned more, as evaluate takes it; identify again by "
             "another method"
         )
+    gains = record.current_gains
+    steps: dict[str, Any] = {
+        key: tuple(x) if isinstance(x, list) else x
+        for key, x in record.recording.preparation.items()
+    }
     try:
         saved = SavedResult(
             robot=record.robot,
@@ -387,18 +330,23 @@ def saved_from(
             friction=Friction.from_facts(msgspec.to_builtins(terms)),
             phi=np.array(terms.values, dtype=float),
             history=record.recording.history,
-            preparation=_preparation(record.recording.preparation),
+            preparation=Preparation(**steps),
             model=record.model,
             record=record,
-            learned=_learned(record.method, terms.net),
-            gains=_gains(record.current_gains),
+            learned=_learned(record.method, terms.net) if terms.net else None,
+            gains=CurrentGains.from_facts(msgspec.to_builtins(gains), "the result")
+            if gains
+            else None,
             row_marks=marks,
         )
         bodies = n if saved.model is None else len(saved.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):
             raise ValueError(f"pi expects {N_PARAMETERS * bodies} numbers, got {saved.pi.size}")
-        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST_VALUE).all():
-            raise ValueError(f"pi and friction.values expect numbers below {LARGEST_VALUE:g}")
+        values = (*saved.pi, *saved.phi.ravel(), *(each.gain for each in gains or ()))
+        if not all(abs(value) < LARGEST_VALUE for value in values):
+            raise ValueError(
+                f"pi, friction.values and current_gains expect numbers below {LARGEST_VALUE:g}"
+            )
         if saved.learned and saved.learned(np.zeros((1, *saved.phi.shape))).shape != (1, n):
             raise ValueError("friction.net does not fit to the joints")
     except (RecordingError, ValueError, LookupError, TypeError, AttributeError) as error:
@@ -408,37 +356,12 @@ def saved_from(
     return saved
 
 
-def _learned(method: str, facts: Any) -> Learned | None:
-    """Friction that a method learned; None where the file has none."""
-    if not facts:
-        return None
+def _learned(method: str, facts: dict[str, Any]) -> Learned:
+    """Friction that a method learned."""
     read = METHODS[method].learned
     if read is None:
         raise ValueError(f"the method {method} learns no friction.net")
     return read(facts)
-
-
-def _gains(gains: tuple[CurrentGain, ...] | None) -> CurrentGains | None:
-    """Gains of motor currents; None where the log held torques."""
-    if not gains:
-        return None
-    read = CurrentGains.from_facts([msgspec.to_builtins(each) for each in gains], "the result")
-    if not (np.abs(read.gain) < LARGEST_VALUE).all():
-        raise ValueError(f"current_gains expect numbers below {LARGEST_VALUE:g}")
-    return read
-
-
-def _preparation(facts: dict[str, Any]) -> Preparation:
-    """Preparation; delays per joint are a list in the file."""
-    lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in facts.items()}
-    return Preparation(**lists)
-
-
-def _frames(model: ModelPart) -> Array:
-    """Rotation, translation [m] and axis of every joint, (n, 15)."""
-    rows = [np.hstack([np.ravel(x) for x in (j.rotation, j.translation, j.axis)])
-            for j in model.joints]  # fmt: skip
-    return np.array(rows, dtype=float).reshape(len(rows), 15)
 
 
 def require_model(
@@ -453,15 +376,12 @@ def require_model(
     then, now = saved.model, model_part(lib)
     if then is None or then.model_hash == now.model_hash:
         return ()
-    kinds = [[(joint.kind, joint.parent) for joint in each.joints] for each in (then, now)]
-    moved = ~(np.abs(_frames(then) - _frames(now)).max(axis=1) <= ALIKE)  # NaN counts as moved
-    moved |= np.array([a != b for a, b in zip(*kinds, strict=True)])
-    if moved.any():
+    places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
+    if moved := next((name for name, old, new in places if not _same_place(old, new)), None):
         raise RecordingError(
-            f"'{folder}' was identified with a model whose joint "
-            f"'{lib.all_joint_names[int(np.argmax(moved))]}' sits or turns differently "
-            f"than that of '{lib.name}', so that its parameters belong to other frames; name the "
-            "library that it was identified with by --robot, or identify again"
+            f"'{folder}' was identified with a model whose joint '{moved}' sits or turns "
+            f"differently than that of '{lib.name}', so that its parameters belong to other "
+            "frames; name the library that it was identified with by --robot, or identify again"
         )
     if others := set(then.lumped) ^ set(now.lumped):
         other = ", ".join(sorted(others))
@@ -485,3 +405,10 @@ def require_model(
         f"here {now.model_hash[:12]}): the joints are the same, inertials, limits or the generator "
         "are not",
     )
+
+
+def _same_place(a: JointPlace, b: JointPlace) -> bool:
+    """Whether two joints are of one kind and differ by rounding only."""
+    pairs = ((a.rotation, b.rotation), (a.translation, b.translation), (a.axis, b.axis))
+    near = all(np.allclose(x, y, rtol=0, atol=ALIKE) for x, y in pairs)  # NaN counts as moved
+    return near and (a.kind, a.parent) == (b.kind, b.parent)

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.recording.notebook import html_table
+from runtime.common.tables import Table
+from runtime.recording.notebook import Shown
 
 ERROR, WARNING, INFO = "error", "warning", "info"
 LEVELS = (ERROR, WARNING, INFO)
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Shown):
     """Property of a log to note or to correct.
 
     Attributes:
@@ -29,10 +30,10 @@ class Finding:
     sentence: str
     evidence: dict[str, Any] = field(default_factory=dict)
 
-    def _repr_html_(self) -> str:
-        """The finding with its numbers, as a table for notebooks."""
-        rows = [("sentence", self.sentence), *self.evidence.items()]
-        return html_table(f"{self.level}: {self.kind}", rows)
+    def tables(self) -> tuple[Table, ...]:
+        """The finding with its numbers."""
+        rows = (("sentence", self.sentence), *((k, str(v)) for k, v in self.evidence.items()))
+        return (Table((), rows, title=f"{self.level}: {self.kind}"),)
 
 
 def joint_list(names: tuple[str, ...], index: list[int]) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.inspection.checks import (
@@ -32,7 +33,7 @@ from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.notebook import Framed, html_table
+from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.static_poses import static_poses
@@ -59,11 +60,12 @@ class Inspection(Framed):
     recording: Recording
     rest: tuple[tuple[float, float], ...]
 
-    def _repr_html_(self) -> str:
-        """The findings, errors first, as a table for notebooks."""
-        rows = [(f.level, f.kind, f.sentence) for f in self.findings]
+    def tables(self) -> tuple[Table, ...]:
+        """The findings, errors first."""
+        rows = tuple((f.level, f.kind, f.sentence) for f in self.findings)
         title = f"{self.recording.name or 'log'} of {self.robot}: {len(rows)} findings"
-        return html_table(title, rows, ("level", "finding", "what was measured, and what to do"))
+        head = ("level", "finding", "what was measured, and what to do")
+        return (Table(head, rows, title=title),)
 
     def columns_of_frame(self) -> dict[str, list[str]]:
         """Level, kind and sentence of the findings, one row each."""

@@ -1,27 +1,25 @@
 """Results in a notebook: small HTML tables, whose texts are escaped, and data frames."""
 
-import html
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
 
-Cells = Sequence[object]
 
+class Shown(ABC):
+    """Tables of an object, as a notebook shows it."""
 
-def html_table(title: str, rows: Iterable[Cells], head: Cells = ()) -> str:
-    """HTML of one table with a caption."""
-    lines = ["<table>", f"<caption><b>{_text(title)}</b></caption>"]
-    if head:
-        cells = "".join(f"<th>{_text(cell)}</th>" for cell in head)
-        lines.append(f"<thead><tr>{cells}</tr></thead>")
-    lines.append("<tbody>")
-    for first, *others in rows:
-        cells = "".join(f"<td>{_text(cell)}</td>" for cell in others)
-        lines.append(f'<tr><th scope="row">{_text(first)}</th>{cells}</tr>')
-    return "\n".join([*lines, "</tbody>", "</table>"])
+    __slots__ = ()
+
+    @abstractmethod
+    def tables(self) -> tuple[Table, ...]:
+        """What a notebook shows."""
+
+    def _repr_html_(self) -> str:
+        return "\n".join(table.__html__() for table in self.tables())
 
 
 def frame(columns: Mapping[str, Any], package: str) -> Any:
@@ -36,7 +34,7 @@ def frame(columns: Mapping[str, Any], package: str) -> Any:
     return module.DataFrame(dict(columns))
 
 
-class Framed(ABC):
+class Framed(Shown):
     """Conversion to data frames, for classes with `columns_of_frame`."""
 
     __slots__ = ()
@@ -52,7 +50,3 @@ class Framed(ABC):
     def to_polars(self) -> Any:
         """The table as a `polars.DataFrame`."""
         return frame(self.columns_of_frame(), "polars")
-
-
-def _text(value: object) -> str:
-    return html.escape(str(value))

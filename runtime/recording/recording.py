@@ -14,9 +14,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from runtime.common.tables import Table
 from runtime.errors import RecordingError
 from runtime.recording.current_gains import CurrentGains
-from runtime.recording.notebook import Framed, html_table
+from runtime.recording.notebook import Framed
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
 from runtime.recording.settings import Preparation
 
@@ -173,17 +174,17 @@ class Recording(Framed):
         size = f"{len(self)} rows of {self.n_joints} joints, {self.duration:.4g} s{rate}"
         return f"Recording({self.name!r}: {size}; {held})"
 
-    def _repr_html_(self) -> str:
-        """Range of every signal over all joints, as a table for notebooks."""
+    def tables(self) -> tuple[Table, ...]:
+        """Range of every signal over all joints."""
         units = {"q": "rad, m", "dq": "rad/s, m/s", "ddq": "rad/s², m/s²", "tau": "N·m, N"}
         rate = f" at {self.rate_hz:.6g} Hz" if len(self) > 1 else ""
-        rows = [
+        rows = tuple(
             (key, unit, f"{values.min():.4g}", f"{values.max():.4g}")
             for key, unit in units.items()
             if (values := getattr(self, key)) is not None
-        ]
+        )
         title = f"{self.name or 'recording'}: {len(self)} rows of {self.n_joints} joints{rate}"
-        return html_table(title, rows, ("signal", "unit", "least", "largest"))
+        return (Table(("signal", "unit", "least", "largest"), rows, title=title),)
 
     @property
     def n_joints(self) -> int:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -28,7 +28,7 @@ def json_schema() -> str:
     schema = msgspec.json.schema(ResultRecord)
     for kind in (ResultRecord, *parts(ResultRecord)):
         table = schema["$defs"][kind.__name__]
-        for name, meaning in meanings(kind).items():
+        for name, meaning in kind.meanings().items():
             table["properties"][name]["description"] = meaning
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
@@ -36,10 +36,9 @@ def json_schema() -> str:
 
 def keys(kind: type[Part], path: str = "") -> Iterator[tuple[str, str, str]]:
     """Key, type and meaning of every field, those of inner tables after their own."""
-    hints = get_type_hints(kind, include_extras=True)
+    hints, meanings = get_type_hints(kind), kind.meanings()
     for field in msgspec.structs.fields(kind):
-        hint = hints[field.name]
-        name, of, meaning = f"{path}{field.name}", get_args(hint)[0], get_args(hint)[1]
+        name, of, meaning = f"{path}{field.name}", hints[field.name], meanings[field.name]
         is_optional = field.default is not msgspec.NODEFAULT
         words = dict.fromkeys(word(each) for each in members(of))
         yield name, " or ".join(words) + (", optional" if is_optional else ""), meaning
@@ -58,13 +57,6 @@ def parts(kind: type[Part]) -> Iterator[type[Part]]:
             if isinstance(inner, type) and issubclass(inner, Part):
                 yield inner
                 yield from parts(inner)
-
-
-def meanings(kind: type[Part]) -> dict[str, str]:
-    """Meaning of every field."""
-    hints = get_type_hints(kind, include_extras=True)
-    return {name: get_args(hint)[1] for name, hint in hints.items()
-            if get_origin(hint) is Annotated}  # fmt: skip
 
 
 def members(hint: Any) -> tuple[Any, ...]:

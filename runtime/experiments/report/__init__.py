@@ -8,7 +8,7 @@ from runtime.experiments.report.labels import short_hash
 from runtime.experiments.report.page import caption, experiments_page, headline
 from runtime.experiments.report.reading import Experiment, is_experiments, read_experiments
 from runtime.experiments.report.readme import write_readme
-from runtime.experiments.report.tables import markdown, tables
+from runtime.experiments.report.tables import tables
 from runtime.outputs.report import ReportKind
 from runtime.outputs.report.page import write_page
 
@@ -73,7 +73,7 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
     for experiment in experiments:
         parts.append(f"## {experiment.title}")
         for view in experiment.views:
-            shown = [markdown(table) for table in tables(experiment, view)]
+            shown = [table.markdown() for table in tables(experiment, view)]
             if shown:
                 parts.append(f"### {caption(view)}: {view.title} [^{experiment.name}]")
                 parts += shown

@@ -7,11 +7,12 @@ import json
 import re
 from collections.abc import Iterator
 
+from runtime.common.tables import Table
 from runtime.experiments.report.drawing import has_figure, inline
 from runtime.experiments.report.labels import AIRM, best_method, case_name, short_hash
 from runtime.experiments.report.reading import WANTED, Experiment, SavedView
 from runtime.experiments.report.tables import tables
-from runtime.outputs.report.page import Page, ReportTable, Section, Tile
+from runtime.outputs.report.page import Page, Section, Tile
 
 DOCUMENT_TRIALS = 150
 """Number of Monte Carlo trials of the document."""
@@ -163,7 +164,7 @@ def _origin(experiment: Experiment) -> Section:
     rows = (*experiment.provenance, *methods, *facts)
     return Section(
         f"Data of {experiment.name}",
-        table=ReportTable(
+        table=Table(
             ("quantity", "value"),
             rows,
             kind="facts",

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from runtime.common.tables import Table
 from runtime.experiments.report.labels import (
     DOCUMENT,
     NOTHING,
@@ -12,7 +13,6 @@ from runtime.experiments.report.labels import (
     printed,
 )
 from runtime.experiments.report.reading import Experiment, SavedView
-from runtime.outputs.report.page import ReportTable
 
 MANY = 7
 """Largest number of methods in columns; more methods become rows."""
@@ -20,7 +20,7 @@ Column = tuple[str, str, bool]
 """Case, method, and whether the number is printed in the document."""
 
 
-def tables(experiment: Experiment, view: SavedView) -> Iterator[ReportTable]:
+def tables(experiment: Experiment, view: SavedView) -> Iterator[Table]:
     """Tables of a view: one per group of methods that share metrics.
 
     π, λ and β, for example, share none. Bars have no table of their own.
@@ -40,12 +40,12 @@ def tables(experiment: Experiment, view: SavedView) -> Iterator[ReportTable]:
         yield _turned(made) if len(methods) > MANY and not made.groups else made
 
 
-def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> ReportTable:
+def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
     of_document = {column[1] for column in columns if column[2]}
     names = [_head(column, of_document) for column in columns]
     cases = list(dict.fromkeys(case for case, _, _ in columns))
     groups = [("", 1), *((case_name(c), sum(k[0] == c for k in columns)) for c in cases)]
-    return ReportTable(
+    return Table(
         ("figure", *names),
         tuple(rows),
         kind="numbers paired",
@@ -60,10 +60,10 @@ def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> ReportTable:
     )
 
 
-def _turned(table: ReportTable) -> ReportTable:
+def _turned(table: Table) -> Table:
     """Transposed table with a row per method, which can be sorted by any metric."""
     lines = tuple(zip(table.header, *table.rows, strict=True))
-    return ReportTable(
+    return Table(
         ("method", *lines[0][1:]),
         lines[1:],
         kind=table.kind,
@@ -117,13 +117,3 @@ def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) 
 def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:
     """Cases of a view; all cases where it names none."""
     return view.cases or tuple(experiment.cases)
-
-
-def markdown(table: ReportTable) -> str:
-    """Table as Markdown; headings of column groups are prepended to the column headings."""
-    head = list(table.header)
-    if table.groups:
-        above = [text for text, width in table.groups for _ in range(width)]
-        head = [f"{a}: {b}" if a else b for a, b in zip(above, head, strict=True)]
-    lines = [head, ["---", *("---:" for _ in head[1:])], *table.rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '∣') for cell in line)} |" for line in lines)

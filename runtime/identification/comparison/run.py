@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.common.files import bytes_of, json_of
+from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NeedsError, RecordingError, RuntimeFault
 from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
@@ -36,7 +37,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
-from runtime.recording.notebook import html_table
+from runtime.recording.notebook import Shown
 
 __all__ = [
     "Comparison",
@@ -101,7 +102,7 @@ def read_truth(path: Path, lib: Library) -> TrueParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Comparison(Shown):
     """Results of several methods on the same data.
 
     Attributes:
@@ -118,11 +119,10 @@ class Comparison:
     optimum: float
     truth: TrueParameters | None
 
-    def _repr_html_(self) -> str:
-        """One line per method, as a table for notebooks."""
-        lib = self.assembly.problem.lib
-        rows = [cells(row_facts(row)) for row in self.rows]
-        return html_table(f"{lib.name}: every method on the same data", rows, HEAD)
+    def tables(self) -> tuple[Table, ...]:
+        """One line per method."""
+        title = f"{self.assembly.problem.lib.name}: every method on the same data"
+        return (Table(HEAD, tuple(cells(row_facts(row)) for row in self.rows), title=title),)
 
 
 @one_blas_thread

@@ -20,12 +20,7 @@ from runtime.identification.free_base.identify import FreeBaseIdentification
 from runtime.identification.free_base.rows import DELAY
 from runtime.identification.posterior_file import store_posterior
 from runtime.identification.result_file import (
-    gaps,
-    link_parts,
-    link_uncertainties,
-    numbers,
     require_size,
-    rows,
     versions,
     write_record,
 )
@@ -42,6 +37,9 @@ from runtime.identification.result_record import (
     TotalMass,
     UncertaintyPart,
     VerticalForcePart,
+    link_parts,
+    link_uncertainties,
+    plain,
 )
 from runtime.identification.saved_result import model_part
 from runtime.library import Array
@@ -80,16 +78,16 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         torque_source=MEASURED if late is None else COMMANDED,
         control_law=None,
         current_gains=None,
-        delay_s=None if late is None else Delay(value=late[0], sigma=_finite(late[1])),
+        delay_s=None if late is None else Delay(value=late[0], sigma=plain(late[1])),
         symmetric=None,
         drive=None,
         torque_error_percent=ErrorPercent(
-            before=gaps(100 * result.before / sizes),
-            after=gaps(100 * result.after / sizes),
+            before=plain(100 * result.before / sizes),
+            after=plain(100 * result.after / sizes),
             before_overall=_share(result.before, result.rms),
             after_overall=_share(result.after, result.rms),
         ),
-        torque_rms=ErrorRms(before=numbers(result.before), after=numbers(result.after)),
+        torque_rms=ErrorRms(before=plain(result.before), after=plain(result.after)),
         links=link_parts(lib, result.pi, eigenvalues),
         consistent=result.is_consistent,
         gap_to_convex_optimum=None,
@@ -102,9 +100,9 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         iterations=None,
         seconds=None,
         warnings=result.notes,
-        pi=numbers(result.pi),
-        lam=numbers(lib.lam_from_pi(result.pi)) if result.is_consistent else None,
-        beta=numbers(lib.base_matrix @ result.pi),
+        pi=plain(result.pi),
+        lam=plain(lib.lam_from_pi(result.pi)) if result.is_consistent else None,
+        beta=plain(lib.base_matrix @ result.pi),
         condition_number=None,
         trained=None,
         sessions=None,
@@ -121,7 +119,7 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         total_mass=_total_mass(result),
         vertical_force=_vertical(result),
         sensors={
-            name: Coefficient(value=value, sigma=_finite(result.sensor_sigma[name]))
+            name: Coefficient(value=value, sigma=plain(result.sensor_sigma[name]))
             for name, value in result.sensors.items()
         }
         or None,
@@ -154,10 +152,6 @@ def marginal(statistics: Statistics, kept: slice) -> Statistics:
     triangle = np.asarray(np.linalg.qr(whole, mode="r"))
     left = triangle[len(others) :, len(others) :]
     return replace(statistics, factor=left[:, :-1], target=left[:, -1])
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _share(error: Array, size: Array) -> float | None:
@@ -197,9 +191,9 @@ def _friction(result: FreeBaseIdentification) -> FrictionPart | None:
     phi, sigma = values.reshape(-1, len(columns), 2).transpose(2, 0, 1)
     return FrictionPart(
         columns=columns,
-        values=rows(phi),
+        values=plain(phi),
         coulomb_speed=Friction(columns).coulomb_speed,
-        sigma=tuple(map(gaps, sigma)),
+        sigma=plain(sigma),
     )
 
 
@@ -218,9 +212,9 @@ def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> Uncertai
         weakest_direction=None,
         boundary=bool(np.abs(eigenvalues).min() < BOUNDARY),
         links=link_uncertainties(sigma, com_sigma(result.root, result.pi), result.verdicts),
-        pi_sigma=numbers(sigma),
-        posterior_over_prior=numbers(result.share),
-        beta_sigma=numbers(np.linalg.norm(lib.base_matrix @ result.root, axis=1)),
+        pi_sigma=plain(sigma),
+        posterior_over_prior=plain(result.share),
+        beta_sigma=plain(np.linalg.norm(lib.base_matrix @ result.root, axis=1)),
         beta_verdicts=(),
         noise=(),
         model_band=(),

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.common.tables import Table
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import Bodies, bodies_of
 from runtime.library import Array, Library
 from runtime.library.parameters import inertia_entries, link_columns
-from runtime.recording.notebook import html_table
+from runtime.recording.notebook import Shown
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 """Names of the ten values: kg, m ×3, kg·m² ×6, with the inertia about the centre of mass."""
@@ -150,7 +151,7 @@ def _about(sigma: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Payload:
+class Payload(Shown):
     """An identified payload with its uncertainty.
 
     Attributes:
@@ -187,14 +188,14 @@ class Payload:
     notes: tuple[str, ...]
     gain_error: float
 
-    def _repr_html_(self) -> str:
-        """The ten values with their standard deviations, as a table for notebooks."""
+    def tables(self) -> tuple[Table, ...]:
+        """The ten values with their standard deviations."""
         units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
-        rows = [
+        rows = tuple(
             (name, f"{value:.6g}", f"{sigma:.2g}", unit)
             for name, value, sigma, unit in zip(
                 NAMES, self.body.values, self.body.sigma, units, strict=True
             )
-        ]
+        )
         title = f"payload on {self.mount.link}, frame {self.mount.frame}: {self.status}"
-        return html_table(title, rows, ("parameter", "value", "σ", "unit"))
+        return (Table(("parameter", "value", "σ", "unit"), rows, title=title),)

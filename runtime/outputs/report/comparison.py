@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.common.files import json_of
+from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
 from runtime.outputs.report.figures import method_bars
-from runtime.outputs.report.page import Page, ReportTable, Section, Tile
+from runtime.outputs.report.page import Page, Section, Tile
 
 NAME = "compare.json"
 FORMAT = 1
@@ -134,7 +135,7 @@ def _entry(row: Mapping[str, Any], n: int) -> MethodEntry:
 
 def comparison_page(methods: MethodComparison) -> Page:
     """Page of a folder that holds a comparison only."""
-    facts = ReportTable(("quantity", "value"), methods.provenance, kind="facts")
+    facts = Table(("quantity", "value"), methods.provenance, kind="facts")
     return Page(
         title=f"{methods.robot}: comparison of methods",
         subtitle=f"{methods.robot} · all methods on the same data · {methods.recording}",
@@ -180,7 +181,7 @@ def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
         "Methods side by side",
         f"All methods use the same samples, weights and bandwidth. The torque error of the URDF "
         f"without friction is {_percent(methods.before)} on the test split.",
-        ReportTable(header, rows, flagged=frozenset(bad), row_methods=names),
+        Table(header, rows, flagged=frozenset(bad), row_methods=names),
     )
     messages = Section(
         "Final message of every method",

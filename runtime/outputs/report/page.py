@@ -18,38 +18,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from runtime.common.files import replacing
+from runtime.common.tables import Table
 
 __all__ = [
     "Page",
-    "ReportTable",
     "Section",
     "Tile",
     "write_page",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class ReportTable:
-    """Header and rows of text.
-
-    Attributes:
-        total: last row, which sorting leaves in place.
-        kind: numbers, or facts (two columns of words).
-        flagged: rows that are highlighted as faults.
-        groups: (heading, number of columns), which together cover all columns.
-        column_methods, row_methods: method of each column (row), for the filter; "" for none.
-        row_anchors: HTML ids of rows.
-    """
-
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    total: tuple[str, ...] = ()
-    kind: str = "numbers"
-    flagged: frozenset[int] = frozenset()
-    groups: tuple[tuple[str, int], ...] = ()
-    column_methods: tuple[str, ...] = ()
-    row_methods: tuple[str, ...] = ()
-    row_anchors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +39,7 @@ class Section:
 
     title: str
     lead: str = ""
-    table: ReportTable | None = None
+    table: Table | None = None
     figure: str = ""
     items: tuple[str, ...] = ()
     group: str = ""

@@ -8,18 +8,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from runtime.identification.metrics import CONSISTENCY_TOLERANCE
-from runtime.identification.result_record import LinkPart, ResultRecord
+from runtime.common.tables import NOTHING, Table, number, percent
+from runtime.identification.result_record import ResultRecord
+from runtime.identification.result_tables import error_table, is_consistent, link_table, share_table
 from runtime.outputs.report.figures import convergence, mass_change, torques
-from runtime.outputs.report.page import ReportTable, Section, Tile
+from runtime.outputs.report.page import Section, Tile
 from runtime.outputs.report.result import Result
 from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.sides import sides_section
 from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
 from runtime.recording.friction.columns import DAHL
-
-NOTHING = "–"
 
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
@@ -38,12 +37,12 @@ def headline(result: ResultRecord) -> str:
     """Torque errors and physical consistency of a result in one sentence."""
     before, after = _overall(result)
     if math.isnan(before) or math.isnan(after):
-        change = f"is {_percent(after)} (before: {_percent(before)})"
-    elif _percent(before) == _percent(after):
-        change = f"is unchanged at {_percent(after)}"
+        change = f"is {percent(after)} (before: {percent(before)})"
+    elif percent(before) == percent(after):
+        change = f"is unchanged at {percent(after)}"
     else:
         verb = "decreased" if after < before else "increased"
-        change = f"{verb} from {_percent(before)} to {_percent(after)}"
+        change = f"{verb} from {percent(before)} to {percent(after)}"
     end = "all links are physically consistent" if result.consistent else _inconsistent(result)
     part = (
         "training data (no test split)"
@@ -54,7 +53,7 @@ def headline(result: ResultRecord) -> str:
 
 
 def _inconsistent(result: ResultRecord) -> str:
-    bad = [link.name for link in result.links if not _is_consistent(link)]
+    bad = [link.name for link in result.links if not is_consistent(link)]
     return f"not physically consistent: {', '.join(bad) or 'at least one link'}"
 
 
@@ -70,7 +69,7 @@ def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     return (
         Tile(
             "Torque error, overall",
-            f"{_percent(before)} → {_percent(after)}",
+            f"{percent(before)} → {percent(after)}",
             "test split, before → after",
             "good" if before > after else "bad" if before < after else "plain",
         ),
@@ -107,41 +106,22 @@ def sections(result: Result) -> tuple[Section, ...]:
 
 
 def _errors(result: ResultRecord) -> Section:
-    percent, rms = result.torque_error_percent, result.torque_rms
-    rows = tuple(
-        (joint, *map(_percent, shares), *map(_number, sizes), _unit(unit))
-        for joint, unit, *shares, sizes in zip(
-            *(*result.rows_of_errors, percent.before, percent.after),
-            zip(rms.before, rms.after, strict=True),
-            strict=True,
-        )
-    )
-    units = {_unit(unit) for unit in result.rows_of_errors[1]}
-    total: tuple[str, ...] = ("all joints", *map(_percent, _overall(result)))
-    if len(units) == 1:  # N and N·m have no common mean
-        overall = (_number(float(np.sqrt(np.mean(np.square(e))))) for e in (rms.before, rms.after))
-        total += (*overall, *units)
-    else:
-        total += (NOTHING, NOTHING, "")
-    header = ("joint", "error before", "error after", "RMS before", "RMS after", "unit")
     return Section(
         "Torque error per joint",
         "On the test split, before (URDF without friction) and after (all identified parameters).",
-        ReportTable(header, rows, total),
+        error_table(*result.rows_of_errors, result.torque_error_percent, result.torque_rms),
     )
 
 
 def _shares(result: ResultRecord) -> Section | None:
-    between = result.torque_error_percent.urdf_friction_overall
-    if between is None:
+    table = share_table(result)
+    if table is None:
         return None
-    before, after = _overall(result)
-    models = (("URDF", before), ("URDF with friction fitted", between), ("identified", after))
     return Section(
         "Share of friction and inertia",
-        "Torque error on the test split. The step from the first to the second row is due to "
-        "friction alone, the step to the third to the inertial parameters.",
-        ReportTable(("model", "torque error"), tuple((n, _percent(e)) for n, e in models)),
+        "The step from the first to the second row is due to friction alone, the step to the third "
+        "to the inertial parameters.",
+        table,
     )
 
 
@@ -157,34 +137,12 @@ def _torques(result: Result) -> Section:
 
 
 def _consistency(result: ResultRecord) -> Section:
-    rows = tuple(
-        (
-            link.name,
-            _number(link.mass_before),
-            _number(link.mass),
-            ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in map(_value, link.com)),
-            f"{1e3 * math.dist(tuple(map(_value, link.com)), link.com_before):.1f}",
-            f"{_value(link.min_relative_eigenvalue):.1e}",
-            "consistent" if _is_consistent(link) else "inconsistent",
-        )
-        for link in result.links
-    )
-    flagged = frozenset(k for k, link in enumerate(result.links) if not _is_consistent(link))
-    header = (
-        "link",
-        "mass before [kg]",
-        "mass after [kg]",
-        "CoM x, y, z [mm]",
-        "CoM shift [mm]",
-        "λ_min(P)/tr P",
-        "verdict",
-    )
     return Section(
         "Physical consistency per link",
         "A motion determines the base parameters, which combine several links. The mass or the "
         "centre of mass of a single link may therefore be uncertain although the torques are "
         "predicted well.",
-        ReportTable(header, rows, flagged=flagged),
+        link_table(result.links),
     )
 
 
@@ -206,7 +164,7 @@ def _friction(result: ResultRecord) -> Section | None:
         return None
     friction = result.friction
     rows = tuple(
-        (joint, *(_number(value) for value in values))
+        (joint, *(number(value) for value in values))
         for joint, values in zip(result.joints, friction.values, strict=True)
     )
     coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
@@ -218,7 +176,7 @@ def _friction(result: ResultRecord) -> Section | None:
         "Friction",
         "Coefficients in the unit of the joint torque, viscous coefficients per rad/s (m/s)."
         f"{sign}{motors if coupled else ''}",
-        ReportTable(("joint", *map(_unit, friction.columns)), rows),
+        Table(("joint", *map(_unit, friction.columns)), rows),
     )
 
 
@@ -241,7 +199,7 @@ def _preparation(result: ResultRecord) -> Section:
 
 def _provenance(result: ResultRecord) -> Section:
     p = result.provenance
-    weights = ", ".join(_number(w) for w in result.weights)
+    weights = ", ".join(number(w) for w in result.weights)
     condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
     rows = (
         ("command", p.command),
@@ -252,42 +210,22 @@ def _provenance(result: ResultRecord) -> Section:
         ("condition number, columns normalised", condition),
         ("weights per joint", weights),
     )
-    table = ReportTable(
-        ("quantity", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts"
-    )
+    table = Table(("quantity", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
     return Section("Provenance", table=table)
 
 
 # --- numbers as text -----------------------------------------------------------------------
 
 
-def _is_consistent(link: LinkPart) -> bool:
-    return _value(link.min_relative_eigenvalue) >= -CONSISTENCY_TOLERANCE
-
-
 def _overall(result: ResultRecord) -> tuple[float, float]:
     """Errors of all joints together before and after [%]."""
-    percent = result.torque_error_percent
-    return _value(percent.before_overall), _value(percent.after_overall)
+    shares = result.torque_error_percent
+    return _value(shares.before_overall), _value(shares.after_overall)
 
 
 def _value(value: float | None) -> float:
     """A number of the file; NaN for null."""
     return math.nan if value is None else value
-
-
-def _percent(value: float | None) -> str:
-    """Percentage with a no-break space before its sign."""
-    if value is None or not math.isfinite(value):
-        return _number(_value(value))
-    return f"{value:.{2 if value < 100 else 0}f}\N{NO-BREAK SPACE}%"
-
-
-def _number(value: float) -> str:
-    """Four decimals between 1e-3 and 1e5, else four significant digits."""
-    if not math.isfinite(value):
-        return "∞" if value > 0 else NOTHING
-    return f"{value:.4f}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.3e}"
 
 
 def _unit(unit: str) -> str:

@@ -1,8 +1,9 @@
 """Left and right side of mirrored limbs, in one table of the report."""
 
+from runtime.common.tables import Table
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.result_record import MirroredPair
-from runtime.outputs.report.page import ReportTable, Section
+from runtime.outputs.report.page import Section
 
 
 def sides_section(pairs: tuple[MirroredPair, ...] | None) -> tuple[Section, ...]:
@@ -15,7 +16,7 @@ def sides_section(pairs: tuple[MirroredPair, ...] | None) -> tuple[Section, ...]
             "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
             "The distance is in standard deviations of the difference. Pairs that disagree are "
             "explained among the warnings.",
-            ReportTable(
+            Table(
                 ("left", "right", "quantity", "value left", "value right", "agree"),
                 tuple(map(_row, pairs)),
             ),

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
+from runtime.common.tables import Table
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, read_history, trends_of
 from runtime.outputs.report.canvas import CYCLE, PAGE_INK, page_figure, svg
-from runtime.outputs.report.page import Page, ReportTable, Section, Tile, write_page
+from runtime.outputs.report.page import Page, Section, Tile, write_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,7 +98,7 @@ def _sections(trends: Trends, axes: list[_Axis], tests: int) -> Iterator[Section
             )
 
 
-def _table(many: tuple[Series, ...], axis: _Axis, tests: int) -> ReportTable:
+def _table(many: tuple[Series, ...], axis: _Axis, tests: int) -> Table:
     rows, flagged = [], set()
     for k, series in enumerate(many):
         slope = axis.slope(series)
@@ -111,7 +112,7 @@ def _table(many: tuple[Series, ...], axis: _Axis, tests: int) -> ReportTable:
         cells = (f"{slope.value:+.3g}", f"{low:+.3g} to {high:+.3g}", f"{corrected:.1e}")
         rows.append((series.where or "robot", *cells))
     header = ("where", f"slope [{many[0].unit} per {axis.unit}]", "95 %", "p, corrected")
-    return ReportTable(header, tuple(rows), flagged=frozenset(flagged))
+    return Table(header, tuple(rows), flagged=frozenset(flagged))
 
 
 def _figure(many: tuple[Series, ...], axis: _Axis, trends: Trends, name: str) -> Markup:
@@ -154,7 +155,7 @@ def _verdicts(trends: Trends) -> Section:
         )
     )
     flagged = frozenset(k for k, changed in enumerate(trends.changed) if changed)
-    table = ReportTable(("date", "log", "°C", "verdict"), rows, kind="facts", flagged=flagged)
+    table = Table(("date", "log", "°C", "verdict"), rows, kind="facts", flagged=flagged)
     return Section("Verdicts", table=table)
 
 

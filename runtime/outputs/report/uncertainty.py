@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from runtime.common.tables import Table
 from runtime.identification.result_record import UncertaintyPart
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.report.page import ReportTable, Section
+from runtime.outputs.report.page import Section
 
 
 def _percent(share: float | None) -> str:
@@ -64,14 +65,14 @@ def uncertainty_sections(
             "prior. A parameter is identified where the data reduce its prior variance at least "
             "tenfold: its interval is that of the log. Prior-dominated parameters keep the value "
             "and uncertainty of the URDF, and unobservable ones have no effect on the torque.",
-            ReportTable(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
+            Table(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
         ),
         Section(
             "Residuals",
             f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
             f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
             f"parameters.{hidden}",
-            ReportTable(heads, of_joints),
+            Table(heads, of_joints),
         ),
     )
     return sections if s.noise else sections[:1]

@@ -10,6 +10,7 @@ import pytest
 
 from runtime import Identification, Recording, identify_payload
 from runtime.campaign.guards import urdf_model
+from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
@@ -18,7 +19,6 @@ from runtime.identification.saved_result import read_result
 from runtime.inspection import Finding, Inspection
 from runtime.library import Library
 from runtime.recording import Friction, Recipe
-from runtime.recording.notebook import html_table
 from tests.runtime.pages import Reader
 
 EVIL = "<script>&\"'"
@@ -33,7 +33,7 @@ def shown(result: Any) -> Reader:
 
 
 def test_texts_are_escaped() -> None:
-    page = Reader(html_table(EVIL, [(EVIL, EVIL)], (EVIL, EVIL)))
+    page = Reader(Table((EVIL, EVIL), ((EVIL, EVIL),), title=EVIL).__html__())
     assert "script" not in page.tags
     assert page.text.count(EVIL) == 5
 

@@ -1,0 +1,122 @@
+"""Tables of a result, for the terminal, the report and notebooks alike."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from runtime.common.tables import NOTHING, Table, number, percent
+from runtime.identification.metrics import CONSISTENCY_TOLERANCE
+from runtime.identification.result_record import ErrorPercent, ErrorRms, LinkPart, ResultRecord
+from runtime.library.parameters import PI_NAMES
+
+MODELS = (
+    ("URDF", "before_overall"),
+    ("URDF with friction fitted", "urdf_friction_overall"),
+    ("identified", "after_overall"),
+)
+"""Models of the table of shares → keys of their torque errors."""
+
+
+def error_table(
+    names: Sequence[str],
+    units: Sequence[str],
+    shares: ErrorPercent,
+    rms: ErrorRms,
+    title: str = "",
+    note: str = "",
+) -> Table:
+    """Torque errors per row and overall, before and after identification.
+
+    The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
+    """
+    units = [unit.replace("*", "·") for unit in units]
+    rows = zip(names, shares.before, shares.after, rms.before, rms.after, units, strict=True)
+    whole = (shares.before_overall, shares.after_overall)
+    means = [NOTHING, NOTHING, ""]
+    if len(set(units)) == 1:  # N and N·m have no common mean
+        sizes = (math.fsum(x * x for x in each) / len(each) for each in (rms.before, rms.after))
+        means = [*(number(math.sqrt(x)) for x in sizes), units[0]]
+    return Table(
+        ("joint", "error before", "error after", "RMS before", "RMS after", "unit"),
+        tuple(
+            (name, percent(a), percent(b), number(c), number(d), unit)
+            for name, a, b, c, d, unit in rows
+        ),
+        ("all joints", *map(percent, whole), *means),
+        title,
+        note,
+    )
+
+
+def result_tables(record: ResultRecord) -> tuple[Table, ...]:
+    """What a notebook shows of a result: torque errors and links."""
+    title = f"{record.robot} by {record.method}: {record.status}"
+    shares, rms = record.torque_error_percent, record.torque_rms
+    return error_table(*record.rows_of_errors, shares, rms, title), link_table(record.links)
+
+
+def parameter_columns(links: Sequence[str], **values: Any) -> dict[str, list[Any]]:
+    """Columns of a data frame: link, parameter and values [SI] that are there, a row per entry."""
+    rows = [(link, name) for link in links for name in PI_NAMES]
+    return {
+        "link": [link for link, _ in rows],
+        "parameter": [name for _, name in rows],
+        **{key: list(map(float, each)) for key, each in values.items() if each is not None},
+    }
+
+
+def share_table(record: ResultRecord) -> Table | None:
+    """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
+
+    The step from the first to the second row is the share of friction, the rest that of inertia.
+    None where no friction is fitted.
+    """
+    shares = record.torque_error_percent
+    if shares.urdf_friction_overall is None:
+        return None
+    rows = tuple((name, percent(getattr(shares, key), 3)) for name, key in MODELS)
+    return Table(("model", f"torque error on {tested_on(record)} data"), rows)
+
+
+def link_table(links: Sequence[LinkPart]) -> Table:
+    """Mass, centre of mass and consistency of every link."""
+    rows = tuple(
+        (
+            link.name,
+            number(link.mass_before),
+            number(link.mass),
+            ", ".join(NOTHING if x is None else f"{round(1e3 * x, 1) + 0.0:.1f}" for x in link.com),
+            NOTHING
+            if None in link.com
+            else f"{1e3 * math.dist([x or 0.0 for x in link.com], link.com_before):.1f}",
+            NOTHING
+            if link.min_relative_eigenvalue is None
+            else f"{link.min_relative_eigenvalue:.1e}",
+            "consistent" if is_consistent(link) else "inconsistent",
+        )
+        for link in links
+    )
+    return Table(
+        (
+            "link",
+            "mass before [kg]",
+            "mass after [kg]",
+            "CoM x, y, z [mm]",
+            "CoM shift [mm]",
+            "λ_min(P)/tr P",
+            "verdict",
+        ),
+        rows,
+        flagged=frozenset(k for k, link in enumerate(links) if not is_consistent(link)),
+    )
+
+
+def is_consistent(link: LinkPart) -> bool:
+    """Whether the pseudo-inertia of a link is positive to rounding."""
+    smallest = link.min_relative_eigenvalue
+    return smallest is not None and smallest >= -CONSISTENCY_TOLERANCE
+
+
+def tested_on(record: ResultRecord) -> str:
+    """Part of the log that errors are computed on, "test" or, without a test part, "training"."""
+    return "training" if record.recording.samples.get("test") == 0 else "test"

@@ -18,4 +18,19 @@ if (
 ):
     del sys.path[0]
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from symgen.make.in_memory import build
+
 __version__ = "0.1.0"
+
+__all__ = ["build"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import `build` at its first use: it needs CasADi and Pinocchio."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("symgen.make.in_memory"), name)

@@ -43,19 +43,30 @@ def robot_from_mjcf(
     compiled = compile_mjcf(path)
     if compiled.model is None:
         raise BuildError(f"MuJoCo rejects '{path}': {compiled.reason}; correct the file")
-    import mujoco
-
     for sentence in compiled.notes:
         note(sentence)
-    model = compiled.model
+    return robot_of_compiled(compiled.model, path.stem, chosen, has_gravity, note, f"'{path}'")
+
+
+def robot_of_compiled(
+    model: Any,
+    name: str,
+    chosen: str | None,
+    has_gravity: bool,
+    note: Callable[[str], None],
+    where: str,
+) -> tuple[str, Mechanism]:
+    """URDF of a compiled model of MuJoCo."""
+    import mujoco
+
     if not has_gravity:
         _note_gravity(model, note)
     _note_compensated(model, note)
-    robot = Element("robot", {"name": path.stem})
+    robot = Element("robot", {"name": name})
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
     SubElement(robot, "link", {"name": names[0]})
     shifts = {0: np.zeros(3)}  # body → anchor of its last joint in the body's frame
-    kept = _chosen_bodies(mujoco, model, names, chosen, f"'{path}'", note)
+    kept = _chosen_bodies(mujoco, model, names, chosen, where, note)
     for body in kept:
         _add_body(robot, mujoco, model, body, names, shifts)
     indent(robot, space="  ")

@@ -32,7 +32,8 @@ from runtime.identification.saved_result import (
 from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation
-from runtime.recording.recipes.recipe import NUMBERS
+from runtime.recording.recipes.recipe import NUMBERS, Recipe
+from runtime.recording.recipes.recipe_file import recipe_text
 
 __all__ = ["versions"]
 
@@ -103,7 +104,8 @@ def saved_of(result: SavedResult | Identification | str | PathLike[str]) -> Save
         return result
     if isinstance(result, Identification):
         place = f"the result of {result.lib.name}"
-        return saved_from(record_of(result, ""), place, result.row_marks, with_learned=True)
+        fitted = result.row_marks, _of_further_logs(result)
+        return saved_from(record_of(result, ""), place, fitted, with_learned=True)
     if isinstance(result, str | PathLike):
         return read_result(result, with_learned=True)
     raise IdentificationError(
@@ -134,6 +136,8 @@ def write_result(result: Identification, folder: Path, command: str) -> schema.R
     }
     if test.base is None:  # scores of a later log are compared with those of these rows
         arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
+    if (recipe := _of_further_logs(result)) is not None:
+        arrays["recipe"] = recipe_text(recipe)
     if result.row_marks is not None:
         arrays["row_marks"] = result.row_marks
     if result.uncertainty is not None:
@@ -142,6 +146,12 @@ def write_result(result: Identification, folder: Path, command: str) -> schema.R
         np.savez(file, **arrays)  # noise does not compress
     write_record(record, folder)
     return record
+
+
+def _of_further_logs(result: Identification) -> Recipe | None:
+    """Recipe of the log without what holds for its own rows."""
+    recipe = result.train.recipe
+    return None if recipe is None else recipe.replace(leave_out=(), split=None)
 
 
 def require_size(values: Array) -> None:

@@ -7,6 +7,7 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 
 import copy
 import re
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, prod
@@ -38,10 +39,13 @@ from runtime.identification.result_record import (
 from runtime.identification.result_tables import parameter_columns, result_tables
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
-from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed
+from runtime.recording.reader import read_further
+from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
 from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
@@ -75,6 +79,7 @@ class SavedResult(Framed):
         learned: friction beyond φ, where the method learned one.
         gains: of the motor currents of its log; None where the log held torques.
         row_marks: of the rows that were fitted; None where the folder holds none.
+        recipe: by which the log was read; None without one.
     """
 
     robot: str
@@ -91,6 +96,7 @@ class SavedResult(Framed):
     learned: Learned | None = None
     gains: CurrentGains | None = None
     row_marks: Marks | None = None
+    recipe: Recipe | None = None
 
     def fitted_share(self, log: Recording) -> float:
         """Share of the rows of a log of `log_of` that the model was fitted to; 0 if unknown."""
@@ -115,16 +121,15 @@ class SavedResult(Framed):
         Args:
             log: file, folder or name of a bundled log, or a log as it was read.
             lib: library of the robot.
-            recipe: name or file of a recipe; None finds it.
+            recipe: name or file of a recipe; None finds it beside the log or in the result.
             run: run of a data set that holds several.
 
         Returns:
             The recording, torques in N·m or N.
         """
         if not isinstance(log, Recording):
-            log = read_recording(
-                log if isinstance(log, str) else Path(log), recipe, run, lib.joint_names
-            )
+            place = log if isinstance(log, str) else Path(log)
+            log = read_further(place, recipe, run, lib.joint_names, self.recipe)
         recording = independent_joints(log, lib)
         return recording if self.gains is None else scaled(recording, self.gains)
 
@@ -264,14 +269,16 @@ def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
     return (len(value), widths.pop() if len(widths) == 1 else -1)
 
 
-def _row_marks(file: Path) -> Marks | None:
-    """Marks of the rows that were fitted, from predictions.npz."""
+def _fitted(file: Path) -> tuple[Marks | None, Recipe | None]:
+    """Marks of the rows that were fitted, and recipe of their log, from predictions.npz."""
     try:
         with np.load(require_file(file), allow_pickle=False) as arrays:
-            marks = arrays["row_marks"]
-    except (OSError, ValueError, LookupError, BadZipFile):
-        return None
-    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None
+            marks, text = (arrays.get(name, np.zeros(0)) for name in ("row_marks", "recipe"))
+            table = tomllib.loads(str(text)) if text.dtype.kind == "U" else None
+            recipe = None if table is None else recipe_from_table(table)
+    except (OSError, ValueError, LookupError, BadZipFile, RecordingError):
+        return None, None
+    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None, recipe
 
 
 def read_result(folder: str | PathLike[str], with_learned: bool = False) -> SavedResult:
@@ -292,14 +299,17 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
         raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
-    marks = _row_marks(file.parent / "predictions.npz")
-    return saved_from(read_record(file), str(file), marks, with_learned)
+    fitted = _fitted(file.parent / "predictions.npz")
+    return saved_from(read_record(file), str(file), fitted, with_learned)
 
 
 def saved_from(
-    record: ResultRecord, file: str, marks: Marks | None, with_learned: bool
+    record: ResultRecord,
+    file: str,
+    fitted: tuple[Marks | None, Recipe | None],
+    with_learned: bool,
 ) -> SavedResult:
-    """Parameters, friction and preparation of a record of a file."""
+    """Parameters, friction and preparation of a record of a file; marks and recipe of its rows."""
     if not NAME.fullmatch(record.robot):
         raise RecordingError(
             f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
@@ -337,7 +347,8 @@ def saved_from(
             gains=CurrentGains.from_facts(msgspec.to_builtins(gains), "the result")
             if gains
             else None,
-            row_marks=marks,
+            row_marks=fitted[0],
+            recipe=fitted[1],
         )
         bodies = n if saved.model is None else len(saved.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):

@@ -33,6 +33,7 @@ from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.joint_names import renamed_joints
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.recipes.recipe import COMMANDED
@@ -256,9 +257,20 @@ def of_independent_joints(
     """Take the columns of the independent joints where a log holds all of them."""
     recording = recording_of(replace(raw, plan=plan))
     few = independent_joints(recording, lib)
-    if few is recording or few.n_joints == recording.n_joints:
+    if few is recording:
         return raw, plan, []
     names = recording.joint_names or lib.all_joint_names
+    if few.n_joints == recording.n_joints:
+        if few.joint_names == names or few.joint_names != lib.joint_names:
+            return raw, plan, []
+        places = [names.index(name) for name in renamed_joints(names, lib.joint_names)]
+        order = {
+            kind: replace(
+                signal, order=tuple((signal.order or range(len(names)))[k] for k in places)
+            )
+            for kind, signal in plan.signals().items()
+        }
+        return raw, plan.replace(joints=lib.joint_names, **order), []
     places = [names.index(name) for name in lib.joint_names]
     if recording.tau is not None:
         others = np.abs(np.delete(recording.tau, places, axis=1))

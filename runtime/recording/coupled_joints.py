@@ -8,7 +8,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Library
-from runtime.recording.recording import Recording
+from runtime.recording.joint_names import renamed_joints
+from runtime.recording.recording import SIGNALS, Recording
 
 APART, OF_RANGE = 0.02, 0.2
 """A log contradicts a coupling where the median distance exceeds APART [rad, m] and this share of
@@ -16,16 +17,39 @@ the joint's range: backlash and sensor offsets are smaller, a wrong factor or si
 
 
 def independent_joints(recording: Recording, lib: Library) -> Recording:
-    """The recording in the independent joints of the robot.
+    """The recording in the independent joints of the robot, in their order.
 
-    A log of the independent joints, or of a robot without couplings, is returned as it is. Joints
-    are matched by name where the log has names, else a log with one column per link is in the order
-    of `lib.all_joint_names`.
+    Joints are matched by name where the log has names. Else a log of the independent joints, or of
+    a robot without couplings, is returned as it is, and one with one column per link is in the
+    order of `lib.all_joint_names`.
     """
-    reduced = _reduced(recording, lib)
+    reduced = _reduced(_in_order(recording, lib), lib)
     if lib.manifest.loops and reduced.n_joints == lib.n_joints:
         lib.require_closed(reduced.q)
     return reduced
+
+
+def _in_order(recording: Recording, lib: Library) -> Recording:
+    """The joints of the robot by their names, of a log that names them in another order, or more.
+
+    Laws and unknown gains have a number per joint of the recipe, whose order stays.
+    """
+    names, robot = recording.joint_names, lib.joint_names
+    has_numbers = recording.law is not None or recording.has_unknown_gains
+    if not names or recording.columns is not None or has_numbers:
+        return recording
+    wanted = renamed_joints(names, robot)
+    if wanted in {(), names} or len({*names} & {*lib.all_joint_names}) > len(robot):
+        return recording
+    places = [names.index(name) for name in wanted]
+    picked = {
+        key: values[:, places]
+        for key, values in {key: getattr(recording, key) for key in SIGNALS}.items()
+        if values is not None
+    }
+    signals = {key: values[:, places] for key, values in recording.signals.items()}
+    sentence = f"Took the joints {', '.join(wanted)} of the log by their names."
+    return recording.replace(**picked, signals=signals, joint_names=robot).noted(sentence)
 
 
 def _reduced(recording: Recording, lib: Library) -> Recording:

@@ -6,6 +6,7 @@ angle.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +54,29 @@ def read_recording(
         RecordingError: what was expected, what came and what to do.
     """
     return check_consistency(recording_of(read_raw(path, recipe, run, joints)))
+
+
+def read_further(
+    path: str | Path,
+    recipe: str | Path | Recipe | None,
+    run: str | None,
+    joints: Sequence[str],
+    remembered: Recipe | None,
+) -> Recording:
+    """Read a log, where no recipe is given by that of an earlier log, if its columns are there.
+
+    Numbers of columns fit to any file: such a recipe is for files that have no header.
+    """
+    if recipe is not None or remembered is None:
+        return read_recording(path, recipe, run, joints)
+    parts = remembered.signals().values()
+    is_named = all(isinstance(column, str) for part in parts for column in part.columns)
+    described = str(path) in datasets.known_names() or (Path(path) / "recipe.toml").is_file()
+    ways = (None, remembered) if described or not is_named else (remembered, None)
+    for way in ways:
+        with suppress(RecordingError):
+            return read_recording(path, way, run, joints)
+    return read_recording(path, None if described else remembered, run, joints)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,6 +40,7 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import prepare
+from runtime.recording.row_marks import same_rows
 
 LENGTH = 0.1
 """Relative difference of the durations above which the runs are not the same trajectory."""
@@ -203,6 +204,11 @@ def identify_payload(
     if empty is not None:
         bare, residual0, _ = _rows(empty, lib, mount, model, preparation)
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
+        if same_rows([("", independent_joints(each, lib)) for each in (empty, recording)]):
+            raise IdentificationError(
+                f"'{empty.name}' and '{recording.name}' hold the same rows; give one run without "
+                "and one with the payload"
+            )
     solution = _solved(mount, columns, residual, kappa)
     repeated = None
     if empty is not None:

@@ -1,8 +1,16 @@
 """Joints of a log whose names differ from those of the robot in a prefix."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from runtime.inspection import inspect_log
+from runtime.library import Library
+from runtime.recording import read_recording
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.joint_names import renamed_joints
+from tests.runtime.diagnosis import EXAMPLE
 
 FR3 = tuple(f"fr3_joint{k}" for k in range(1, 4))
 UR = ("shoulder_pan_joint", "elbow_joint")
@@ -31,3 +39,20 @@ def test_a_prefix_is_replaced_where_one_fits(
     """Property: in the robot's order; never where two prefixes or another word would fit."""
     names = tuple(expected.split()) if isinstance(expected, str) else expected
     assert renamed_joints(of_log.split(), robot) == names
+
+
+@pytest.mark.parametrize("more", [0, 2])
+def test_arrays_are_taken_by_their_names(lib: Library, tmp_path: Path, more: int) -> None:
+    """Oracle: the log in the order of the robot; the file has it reversed, with two fingers."""
+    right = read_recording(EXAMPLE)
+    extra = np.zeros((len(right), more))
+    arrays = {key: np.hstack([getattr(right, key)[:, ::-1], extra]) for key in ("q", "dq", "tau")}
+    names = [*(f"fer_joint{k}" for k in range(7, 0, -1)), "fer_finger1", "fer_finger2"]
+    np.savez(tmp_path / "log.npz", t=right.t, **arrays, joint_names=np.array(names[: 7 + more]))
+    log = independent_joints(read_recording(tmp_path / "log.npz"), lib)
+    assert log.joint_names == lib.joint_names
+    for key in arrays:
+        np.testing.assert_array_equal(getattr(log, key), getattr(right, key))
+    if not more:
+        found = inspect_log(tmp_path / "log.npz", lib)
+        assert not [each for each in found.findings if each.level == "error"]

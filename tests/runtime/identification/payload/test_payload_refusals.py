@@ -24,6 +24,10 @@ BAD = {
         lambda run: (run, {"empty": run.take(slice(0, 500), "")}),
         "lasts 4.99 s, the loaded one 10 s; record the same trajectory",
     ),
+    "the same run": (
+        lambda run: (run, {"empty": run.replace(name="bare")}),
+        "'bare' and '.*' hold the same rows; give one run without and one with the payload",
+    ),
     "another empty run": (
         lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
         "follows another trajectory: fr3_joint1 differs .* record the same trajectory",

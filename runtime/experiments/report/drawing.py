@@ -12,8 +12,9 @@ import numpy as np
 from markupsafe import Markup
 
 from runtime.experiments.report.labels import DOCUMENT, case_name, curve_name, method_name
-from runtime.experiments.report.reading import Array, Experiment, MetricKey, SavedView, Value
+from runtime.experiments.report.reading import Array, Experiment, MetricKey, Value
 from runtime.experiments.report.tables import cases_of
+from runtime.experiments.study import View
 from runtime.outputs.report.canvas import (
     BLUE,
     GREEN,
@@ -54,7 +55,7 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
 
 def paths_of(
     experiments: tuple[Experiment, ...], folder: Path
-) -> tuple[tuple[Experiment, SavedView, Path], ...]:
+) -> tuple[tuple[Experiment, View, Path], ...]:
     """Figures of the studies with their files."""
     return tuple(
         (experiment, view, folder / f"{view.id}.png")
@@ -64,7 +65,7 @@ def paths_of(
 
 
 def write_picture(
-    experiment: Experiment, view: SavedView, path: Path, size: tuple[float, float], dpi: float
+    experiment: Experiment, view: View, path: Path, size: tuple[float, float], dpi: float
 ) -> None:
     """Write one figure."""
     with blank(size, settings(), dpi) as figure:
@@ -88,12 +89,12 @@ _ENTRY = 1.85
 """Width of an entry of a legend [inch]."""
 
 
-def has_figure(view: SavedView) -> bool:
+def has_figure(view: View) -> bool:
     """Whether a view is a figure, not a table."""
     return view.kind != "table"
 
 
-def height(experiment: Experiment, view: SavedView) -> float:
+def height(experiment: Experiment, view: View) -> float:
     """Height of a figure of the page width."""
     if view.kind == "lines" and _is_per_joint(experiment, view):
         return 5.0
@@ -101,19 +102,19 @@ def height(experiment: Experiment, view: SavedView) -> float:
     return {"path": 5.0, "motion": 5.2, "bars": per_case}.get(view.kind, 3.4)
 
 
-def inline(experiment: Experiment, view: SavedView) -> Markup:
+def inline(experiment: Experiment, view: View) -> Markup:
     """Figure as SVG for the page."""
     with page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)
         return svg(figure, view.id)
 
 
-def draw(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def draw(figure: "Figure", experiment: Experiment, view: View) -> None:
     """Draw a view."""
     _KINDS[view.kind](figure, experiment, view)
 
 
-def _band(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _band(figure: "Figure", experiment: Experiment, view: View) -> None:
     iteration, mean, std = (experiment.series[name] for name in view.series)
     name = curve_name(view.series[1])
     axis = figure.subplots()
@@ -126,7 +127,7 @@ def _band(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     _finish(axis, view)
 
 
-def _lines(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _lines(figure: "Figure", experiment: Experiment, view: View) -> None:
     if _is_per_joint(experiment, view):
         _joints(figure, experiment, view)
         return
@@ -142,7 +143,7 @@ def _lines(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     _finish(axis, view)
 
 
-def _curves(experiment: Experiment, view: SavedView) -> list[tuple[str, Array, Array]]:
+def _curves(experiment: Experiment, view: View) -> list[tuple[str, Array, Array]]:
     """Name, x and y of each curve; curves share one x, or each one has its own iterations."""
     names, series = view.series, experiment.series
     if all(name.endswith("iteration") for name in names[::2]):
@@ -151,11 +152,11 @@ def _curves(experiment: Experiment, view: SavedView) -> list[tuple[str, Array, A
     return [(curve_name(name), series[names[0]], series[name]) for name in names[1:]]
 
 
-def _is_per_joint(experiment: Experiment, view: SavedView) -> bool:
+def _is_per_joint(experiment: Experiment, view: View) -> bool:
     return any(experiment.series[name].ndim == 2 for name in view.series)
 
 
-def _joints(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _joints(figure: "Figure", experiment: Experiment, view: View) -> None:
     """Draw one panel per joint with all curves."""
     across = 4
     down = -(-len(experiment.joints) // across)
@@ -173,7 +174,7 @@ def _joints(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
 
-def _path(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _path(figure: "Figure", experiment: Experiment, view: View) -> None:
     path = experiment.series[view.series[0]]
     if path.ndim == 3:  # poses (N, 4, 4) of the tip
         path = path[:, :3, 3]
@@ -191,7 +192,7 @@ def _path(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     axis.legend(loc="upper right")
 
 
-def _motion(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _motion(figure: "Figure", experiment: Experiment, view: View) -> None:
     t, *motion = (experiment.series[name] for name in view.series)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for axis, values, name, unit in zip(axes, motion, MOTION, UNITS, strict=True):
@@ -206,7 +207,7 @@ def _motion(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     figure.legend(*handles, loc="outside lower center", ncols=len(experiment.joints))
 
 
-def _loglog(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _loglog(figure: "Figure", experiment: Experiment, view: View) -> None:
     x, curve, reference = (experiment.series[name] for name in view.series)
     axis = figure.subplots()
     name, other = (curve_name(key) for key in view.series[1:])
@@ -219,7 +220,7 @@ def _loglog(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
     _finish(axis, view)
 
 
-def _bars(figure: "Figure", experiment: Experiment, view: SavedView) -> None:
+def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
     """Draw one panel per case, a group of bars per metric, a bar per method and source."""
     cases = cases_of(experiment, view)
     document = experiment.document.get(view.document, {})
@@ -272,14 +273,14 @@ def _joint(metric: str) -> str:
     return f"joint {metric.rpartition('_')[2]}"
 
 
-def _finish(axis: "Axes", view: SavedView) -> None:
+def _finish(axis: "Axes", view: View) -> None:
     axis.margins(x=0.01)
     axis.set_xlabel(view.axes[0])
     axis.set_ylabel(view.axes[1])
     axis.legend()
 
 
-_KINDS: "dict[str, Callable[[Figure, Experiment, SavedView], None]]" = {
+_KINDS: "dict[str, Callable[[Figure, Experiment, View], None]]" = {
     "band": _band,
     "lines": _lines,
     "path": _path,

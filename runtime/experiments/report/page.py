@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from runtime.common.tables import Table
 from runtime.experiments.report.drawing import has_figure, inline
 from runtime.experiments.report.labels import AIRM, best_method, case_name, short_hash
-from runtime.experiments.report.reading import WANTED, Experiment, SavedView
+from runtime.experiments.report.reading import WANTED, Experiment
 from runtime.experiments.report.tables import tables
+from runtime.experiments.study import View
 from runtime.outputs.report.page import Page, Section, Tile
 
 DOCUMENT_TRIALS = 150
@@ -138,7 +139,7 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
             )
 
 
-def caption(view: SavedView) -> str:
+def caption(view: View) -> str:
     """Caption of a view: `table-5.2` → Table 5.2, `table-5.2-designs` → Table 5.2 over designs."""
     match = re.fullmatch(r"(table|fig)-(.+)", view.id)
     if match is None:
@@ -148,7 +149,7 @@ def caption(view: SavedView) -> str:
     return f"{kind} {number} over {variant}" if variant else f"{kind} {number}"
 
 
-def _cases(experiment: Experiment, view: SavedView) -> str:
+def _cases(experiment: Experiment, view: View) -> str:
     if not view.metrics:
         return ""
     sentences = [

@@ -5,7 +5,6 @@ those of `config.json` and of the trials, and its summary must follow from the t
 study gives a note, a damaged one an error.
 """
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -14,10 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.common.files import json_of, require_file
+from runtime.common.files import json_of, require_file, sha256_of
 from runtime.errors import RecordingError, RuntimeFault
+from runtime.experiments.storage.chunks import HASH, arrow
+from runtime.experiments.storage.result_files import CONFIG, QUARTILES, RESULT, SERIES, TRIALS
+from runtime.experiments.study import FORMAT, View
+from runtime.library import Array
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet_format import rows_of
 
@@ -30,7 +32,7 @@ _LINES = {"band": 3, "loglog": 3}
 """Number of series of one axis, by kind of figure."""
 
 
-def is_drawable(kind: str, series: Sequence[NDArray[np.float64]], names: Sequence[str]) -> bool:
+def is_drawable(kind: str, series: Sequence[Array], names: Sequence[str]) -> bool:
     """Whether series have the shapes that a kind of figure needs."""
     shapes = [values.shape for values in series]
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in series]
@@ -63,14 +65,9 @@ def _are_curves(shapes: Sequence[tuple[int, ...]], names: Sequence[str]) -> bool
     )
 
 
-Array = NDArray[np.float64]
-
-FORMAT = 1
-RESULT, CONFIG, TRIALS, SERIES = "result.json", "config.json", "trials.parquet", "series.npz"
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
 AGREEMENT = 1e-9
 """Relative difference of summary and trials; sums of doubles depend on their order."""
-QUARTILES = (0.25, 0.5, 0.75)
 WANTED = (
     *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
     *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
@@ -98,21 +95,6 @@ MetricKey = tuple[str, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class SavedView:
-    """One table or figure of the document, see `runtime.experiments.study.View`."""
-
-    id: str
-    kind: str
-    title: str
-    cases: tuple[str, ...]
-    metrics: tuple[str, ...]
-    series: tuple[str, ...]
-    axes: tuple[str, str]
-    document: str
-    spread: str = "std"
-
-
-@dataclass(frozen=True, slots=True)
 class Experiment:
     """Content of the folder of one study."""
 
@@ -123,7 +105,7 @@ class Experiment:
     joints: tuple[str, ...]
     cases: Mapping[str, str]
     methods: Mapping[str, str]
-    views: tuple[SavedView, ...]
+    views: tuple[View, ...]
     series: Mapping[str, Array]
     values: Mapping[MetricKey, Value]
     document: Mapping[str, Mapping[MetricKey, Value]]  # numbers of the document by id, then by key
@@ -190,12 +172,13 @@ def read_experiment(folder: Path) -> Experiment:
 
 def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     for name in (TRIALS, SERIES):
-        digest = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
-        if digest != raw["files"][name]:
+        if sha256_of(require_file(folder / name)) != raw["files"][name]:
             raise RuntimeFault(
                 f"'{folder / name}' does not match its SHA-256 in {RESULT}; {_AGAIN}"
             )
-    mark, rows = _trials(folder / TRIALS)
+    arrow()
+    metadata, rows = rows_of(folder / TRIALS)
+    mark = metadata.get(HASH, b"").decode(errors="replace")
     if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
         raise RuntimeFault(f"the files of '{folder}' have different configs; {_AGAIN}")
     counted: dict[MetricKey, list[float]] = {}
@@ -227,19 +210,6 @@ def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
     near = all(math.isclose(a, b, rel_tol=AGREEMENT, abs_tol=AGREEMENT * scale) for a, b in pairs)
     counted = stated["n"] == len(values) and (std is None) == (stated["std"] is None)
     return counted and near
-
-
-def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
-    """Config hash and rows of trials.parquet."""
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError:
-        raise RuntimeFault(
-            "trials of experiments are Parquet files, which need pyarrow; install it with: "
-            "pip install 'symgen[experiments]'"
-        ) from None
-    metadata, rows = rows_of(path)
-    return metadata.get(b"config_hash", b"").decode(errors="replace"), rows
 
 
 def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
@@ -275,9 +245,9 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     )
 
 
-def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
+def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
     x, y = raw["axes"]
-    view = SavedView(
+    view = View(
         id=str(raw["id"]),
         kind=str(raw["kind"]),
         title=str(raw["title"]),
@@ -298,8 +268,8 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
 
 
 def _with_document(
-    view: SavedView, views: tuple[SavedView, ...], document: Mapping[str, Mapping[MetricKey, Value]]
-) -> SavedView:
+    view: View, views: tuple[View, ...], document: Mapping[str, Mapping[MetricKey, Value]]
+) -> View:
     """Add to bars the document numbers of the first table with the same cases and metrics."""
     if view.kind != "bars" or view.document in document:
         return view

@@ -21,7 +21,8 @@ from runtime.experiments.report.labels import (
     short_hash,
 )
 from runtime.experiments.report.page import caption
-from runtime.experiments.report.reading import Experiment, SavedView
+from runtime.experiments.report.reading import Experiment
+from runtime.experiments.study import View
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"
@@ -92,7 +93,7 @@ def _table(experiments: tuple[Experiment, ...]) -> list[str]:
     return lines
 
 
-def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
+def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
     document = experiment.document.get(view.document, {}).get((case, "adam", AIRM))
     ours = experiment.values.get((case, "adam", AIRM))
     if document is None or ours is None:
@@ -102,12 +103,12 @@ def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...]
     return f"AIRM{_over(view)}", printed(document, AIRM), *shown
 
 
-def _over(view: SavedView) -> str:
+def _over(view: View) -> str:
     """Statistic of a table of quartiles, for its caption."""
     return ", median [quartiles] of 20 designs" if view.spread == "quartiles" else ""
 
 
-def _torque(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
+def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
     """Cells of the torque error averaged over trials and joints."""
     document = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in document]

@@ -12,7 +12,8 @@ from runtime.experiments.report.labels import (
     metric_name,
     printed,
 )
-from runtime.experiments.report.reading import Experiment, SavedView
+from runtime.experiments.report.reading import Experiment
+from runtime.experiments.study import View
 
 MANY = 7
 """Largest number of methods in columns; more methods become rows."""
@@ -20,7 +21,7 @@ Column = tuple[str, str, bool]
 """Case, method, and whether the number is printed in the document."""
 
 
-def tables(experiment: Experiment, view: SavedView) -> Iterator[Table]:
+def tables(experiment: Experiment, view: View) -> Iterator[Table]:
     """Tables of a view: one per group of methods that share metrics.
 
     π, λ and β, for example, share none. Bars have no table of their own.
@@ -78,7 +79,7 @@ def _head(column: Column, of_document: set[str]) -> str:
     return f"{DOCUMENT}, {method_name(method)}" if len(of_document) > 1 else DOCUMENT
 
 
-def _families(experiment: Experiment, view: SavedView) -> list[list[str]]:
+def _families(experiment: Experiment, view: View) -> list[list[str]]:
     """Groups of methods that share metrics, in their order."""
     families: list[tuple[list[str], set[str]]] = []
     for method in experiment.methods:
@@ -97,7 +98,7 @@ def _families(experiment: Experiment, view: SavedView) -> list[list[str]]:
     return [methods for methods, _ in families]
 
 
-def _columns(experiment: Experiment, view: SavedView, methods: list[str]) -> Iterator[Column]:
+def _columns(experiment: Experiment, view: View, methods: list[str]) -> Iterator[Column]:
     document = experiment.document.get(view.document, {})
     for case in cases_of(experiment, view):
         for method in methods:
@@ -106,7 +107,7 @@ def _columns(experiment: Experiment, view: SavedView, methods: list[str]) -> Ite
                     yield case, method, is_document
 
 
-def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) -> str:
+def _cell(experiment: Experiment, view: View, column: Column, metric: str) -> str:
     case, method, is_document = column
     key = (case, method, metric)
     if is_document:
@@ -114,6 +115,6 @@ def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) 
     return measured(experiment.values.get(key), metric, view.spread)
 
 
-def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:
+def cases_of(experiment: Experiment, view: View) -> tuple[str, ...]:
     """Cases of a view; all cases where it names none."""
     return view.cases or tuple(experiment.cases)

@@ -1,6 +1,5 @@
 """All rows of a study → trials.parquet, series.npz and, last, result.json with their SHA-256."""
 
-import hashlib
 import json
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.common.files import json_of, replacing
+from runtime.common.files import json_of, replacing, sha256_of
 from runtime.experiments.storage.chunks import write_rows
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
 from runtime.identification.result_file import versions
@@ -89,7 +88,7 @@ def write_outcome(
         "model_hash": lib.manifest.model_hash,
         "versions": versions() | lib.manifest.versions,
         "command": command,
-        "files": {name: sha256(folder / name) for name in (TRIALS, SERIES)},
+        "files": {name: sha256_of(folder / name) for name in (TRIALS, SERIES)},
         "cases": dict(study.cases),
         "methods": dict(study.methods),
         "views": [asdict(view) for view in study.views],
@@ -134,7 +133,7 @@ def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None
     """
     try:
         facts = json_of(folder / RESULT)
-        whole = all(sha256(folder / name) == digest for name, digest in facts["files"].items())
+        whole = all(sha256_of(folder / name) == digest for name, digest in facts["files"].items())
         right = facts["format"] == FORMAT and mark in {None, facts["config_hash"]}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
@@ -152,8 +151,3 @@ def write_json(path: Path, facts: Mapping[str, Any]) -> None:
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with replacing(path) as file:
         file.write(text.encode())
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()

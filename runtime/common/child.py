@@ -28,19 +28,12 @@ _PROGRAM = (
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of one job; the largest published robots take two seconds.
+    """Limits of one job; the largest published robots take two seconds."""
 
-    Attributes:
-        seconds: processor time [s].
-        patience: time until the process is ended whatever it does [s].
-        memory: address space [B].
-        file: size of a file that it may write [B].
-    """
-
-    seconds: int = 20
-    patience: float = 120.0
-    memory: int = 2**30
-    file: int = 0
+    seconds: int = 20  # processor time [s]
+    patience: float = 120.0  # time until the process is ended whatever it does [s]
+    memory: int = 2**30  # address space [B]
+    file: int = 0  # size of a file that it may write [B]
 
 
 class ExceededError(Exception):

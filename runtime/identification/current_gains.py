@@ -59,25 +59,15 @@ _SEEN = 5.0
 
 @dataclass(frozen=True, slots=True)
 class GainRows:
-    """Rows of every channel and of the masses over z, with π = π0 + R z.
+    """Rows of every channel and of the masses over z, with π = π0 + R z."""
 
-    Attributes:
-        slopes: ∂(A_j K π)/∂z on the triangle of the channel, (n, r, w).
-        model: A_j K π0 on it, (n, r).
-        current: (n, r).
-        root: R, (10 n, w).
-        known: rows of the weighed masses over z in units of their σ, (m, w).
-        surplus: weighed masses less those of the URDF, over σ, (m,).
-        count: number of samples.
-    """
-
-    slopes: Array
-    model: Array
-    current: Array
-    root: Array
-    known: Array
-    surplus: Array
-    count: int
+    slopes: Array  # ∂(A_j K π)/∂z on the triangle of the channel, (n, r, w)
+    model: Array  # A_j K π0 on it, (n, r)
+    current: Array  # (n, r)
+    root: Array  # R, (10 n, w)
+    known: Array  # rows of the weighed masses over z in units of their σ, (m, w)
+    surplus: Array  # weighed masses less those of the URDF, over σ, (m,)
+    count: int  # number of samples
 
     @property
     def width(self) -> int:
@@ -210,15 +200,10 @@ def covariance_of_gains(
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A mass from a scale.
+    """A mass from a scale."""
 
-    Attributes:
-        kg: the mass.
-        link: name of the link; None for all moving links together.
-    """
-
-    kg: float
-    link: str | None = None
+    kg: float  # the mass
+    link: str | None = None  # name of the link; None for all moving links together
 
     def row(self, lib: Library) -> Array:
         """Coefficients of the mass in π, (10 n,)."""
@@ -244,19 +229,12 @@ class Weighed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Channels:
-    """Rows of the channels with friction eliminated.
+    """Rows of the channels with friction eliminated."""
 
-    Attributes:
-        base: A_j, (N, n, n_b).
-        current: (N, n).
-        basis: orthonormal friction columns of every channel, (N, n, k).
-        sign: of k by the power k i dq, which friction takes over a motion, (n,).
-    """
-
-    base: Array
-    current: Array
-    basis: Array
-    sign: Array
+    base: Array  # A_j, (N, n, n_b)
+    current: Array  # (N, n)
+    basis: Array  # orthonormal friction columns of every channel, (N, n, k)
+    sign: Array  # of k by the power k i dq, which friction takes over a motion, (n,)
 
 
 def current_gains(

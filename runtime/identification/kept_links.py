@@ -46,34 +46,21 @@ TINY = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionFit:
-    """Friction coefficients of some rows.
+    """Friction coefficients of some rows."""
 
-    Attributes:
-        phi: coefficients, (n, k).
-        sigma: their standard deviations, 0 of a kept coefficient, (n, k).
-        weights: diagonal of W, (n,).
-        notes: sentences on coefficients at a bound.
-    """
-
-    phi: Array
-    sigma: Array
-    weights: Array
-    notes: tuple[str, ...]
+    phi: Array  # coefficients, (n, k)
+    sigma: Array  # their standard deviations, 0 of a kept coefficient, (n, k)
+    weights: Array  # diagonal of W, (n,)
+    notes: tuple[str, ...]  # sentences on coefficients at a bound
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionOfLog:
-    """A result with the links of an earlier one and the friction of a log.
+    """A result with the links of an earlier one and the friction of a log."""
 
-    Attributes:
-        result: links, friction, and errors on the test part of the log.
-        sigma: standard deviations of the friction coefficients, 0 of a kept one, (n, k).
-        earlier: error of the earlier result on the same test part.
-    """
-
-    result: Identification
-    sigma: Array
-    earlier: TorqueError
+    result: Identification  # links, friction, and errors on the test part of the log
+    sigma: Array  # standard deviations of the friction coefficients, 0 of a kept one, (n, k)
+    earlier: TorqueError  # error of the earlier result on the same test part
 
 
 @one_blas_thread

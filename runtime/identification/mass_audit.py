@@ -25,21 +25,15 @@ _HALF_RANGE = {"prismatic": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class MassAudit:
-    """Smallest eigenvalue of M(q) + diag(J) over the joint box.
+    """Smallest eigenvalue of M(q) + diag(J) over the joint box."""
 
-    Attributes:
-        proven_bound: b, a lower bound at every q [kg·m², kg]; None where there is no proof.
-        least: smallest eigenvalue that the search found, an upper bound of the minimum.
-        at: (n,) position of it [rad, m].
-        samples: number of uniform positions N.
-        violated_share: bound of the share of the box with an eigenvalue of at most 0, with 95 %
-            confidence; 0 with a proof, None where the search found such a position.
-    """
-
+    # b, a lower bound at every q [kg·m², kg]; None where there is no proof
     proven_bound: float | None
-    least: float
-    at: tuple[float, ...]
-    samples: int
+    least: float  # smallest eigenvalue that the search found, an upper bound of the minimum
+    at: tuple[float, ...]  # (n,) position of it [rad, m]
+    samples: int  # number of uniform positions N
+    # bound of the share of the box with an eigenvalue of at most 0, with 95 % confidence; 0 with a
+    # proof, None where the search found such a position
     violated_share: float | None
 
     @property

@@ -44,22 +44,14 @@ class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedPosterior:
-    """SavedPosterior of π and of the friction coefficients φ.
+    """SavedPosterior of π and of the friction coefficients φ."""
 
-    Attributes:
-        information: data and prior.
-        pi: π of the result, (10 n,).
-        pi_root: L_π, root of the covariance of π, (10 n, columns).
-        joints: number n of joints, the rows of φ.
-        logs: number of logs with offsets of their own; 0 for one log. The offset is their mean.
-        phi_nuisance: what the m columns of L_π behind the first 10 n move φ at known π, (n k, m).
-    """
-
-    information: LogInformation
-    pi: Array
-    pi_root: Array
-    joints: int
-    logs: int
+    information: LogInformation  # data and prior
+    pi: Array  # π of the result, (10 n,)
+    pi_root: Array  # L_π, root of the covariance of π, (10 n, columns)
+    joints: int  # number n of joints, the rows of φ
+    logs: int  # number of logs with offsets of their own; 0 for one log. The offset is their mean
+    # what the m columns of L_π behind the first 10 n move φ at known π, (n k, m)
     phi_nuisance: Array | None = None
 
     def reduced(self, lib: Library) -> tuple[Reduced, Elimination]:

@@ -51,19 +51,12 @@ HIGH = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tail:
-    """Tail of the peaks of s of one joint.
+    """Tail of the peaks of s of one joint."""
 
-    Attributes:
-        peaks: the k + 1 largest ones, decreasing.
-        seconds: duration in which they were seen [s].
-        scale: c.
-        shape: ξ.
-    """
-
-    peaks: Array
-    seconds: float
-    scale: float
-    shape: float
+    peaks: Array  # the k + 1 largest ones, decreasing
+    seconds: float  # duration in which they were seen [s]
+    scale: float  # c
+    shape: float  # ξ
 
     def level(self, rate: float) -> float:
         """Level that peaks exceed at a stated rate."""
@@ -306,17 +299,11 @@ def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """Verification of the stated rate on a log of free motion.
+    """Verification of the stated rate on a log of free motion."""
 
-    Attributes:
-        alarms: number of alarms in it.
-        expected: number that the stated rate gives for its duration.
-        probability: of so many alarms or more at the stated rate.
-    """
-
-    alarms: int
-    expected: float
-    probability: float
+    alarms: int  # number of alarms in it
+    expected: float  # number that the stated rate gives for its duration
+    probability: float  # of so many alarms or more at the stated rate
 
 
 def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:

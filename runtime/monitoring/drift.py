@@ -61,23 +61,14 @@ MOST_ROWS = 4000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """Change of one part of the robot.
+    """Change of one part of the robot."""
 
-    Attributes:
-        group: of `GROUPS`.
-        where: joint or link; "" for the whole robot.
-        moved: M, columns of all changes over its own coefficients, (K + n_b, k).
-        size: weights of the coefficients in the size that is stated, (k,).
-        unit: of that size; "" where there is none.
-        prior: relative probability before the data.
-    """
-
-    group: str
-    where: str
-    moved: Array
-    size: Array
-    unit: str
-    prior: float = 1.0
+    group: str  # of `GROUPS`
+    where: str  # joint or link; "" for the whole robot
+    moved: Array  # M, columns of all changes over its own coefficients, (K + n_b, k)
+    size: Array  # weights of the coefficients in the size that is stated, (k,)
+    unit: str  # of that size; "" where there is none
+    prior: float = 1.0  # relative probability before the data
 
 
 def hypotheses(lib: Library, changes: Changes) -> list[Hypothesis]:
@@ -107,58 +98,34 @@ def hypotheses(lib: Library, changes: Changes) -> list[Hypothesis]:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Test of one hypothesis.
+    """Test of one hypothesis."""
 
-    Attributes:
-        group: part of the robot.
-        where: joint or link; "" for the whole robot.
-        chi2: test statistic.
-        freedom: k, number of determined coefficients.
-        p_value: of the hypothesis alone.
-        score: criterion by which the part is named.
-        size: estimated change, in `unit`; None where there is no single number.
-        interval: its 95 % interval.
-        unit: of the size.
-        least: smallest change that would count, in `unit`.
-    """
-
-    group: str
-    where: str
-    chi2: float
-    freedom: int
-    p_value: float
-    score: float
-    size: float | None
-    interval: tuple[float, float] | None
-    unit: str
-    least: float | None = None
+    group: str  # part of the robot
+    where: str  # joint or link; "" for the whole robot
+    chi2: float  # test statistic
+    freedom: int  # k, number of determined coefficients
+    p_value: float  # of the hypothesis alone
+    score: float  # criterion by which the part is named
+    size: float | None  # estimated change, in `unit`; None where there is no single number
+    interval: tuple[float, float] | None  # its 95 % interval
+    unit: str  # of the size
+    least: float | None = None  # smallest change that would count, in `unit`
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a robot has changed, by one log.
+    """Whether a robot has changed, by one log."""
 
-    Attributes:
-        log: name of it.
-        changed: corrected p-value below `ALPHA`.
-        best: the hypothesis that explains the log best.
-        p_value: of it, corrected for the number of hypotheses.
-        n_eff: effective number of samples.
-        error: torque error of the model on the log, overall in %.
-        tests: all hypotheses, each alone, the best first.
-        beside: the others, by what the best one leaves where it is the change.
-        references: number of logs from which the usual change between days was learnt; without
-            them it is assumed.
-    """
-
-    log: str
-    changed: bool
-    best: Change
-    p_value: float
-    n_eff: float
-    error: float
-    tests: tuple[Change, ...]
+    log: str  # name of it
+    changed: bool  # corrected p-value below `ALPHA`
+    best: Change  # the hypothesis that explains the log best
+    p_value: float  # of it, corrected for the number of hypotheses
+    n_eff: float  # effective number of samples
+    error: float  # torque error of the model on the log, overall in %
+    tests: tuple[Change, ...]  # all hypotheses, each alone, the best first
+    # the others, by what the best one leaves where it is the change
     beside: tuple[Change, ...] = ()
+    # number of logs from which the usual change between days was learnt; without them it is assumed
     references: int = 0
 
     def hidden(self) -> str:
@@ -198,21 +165,13 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Baseline:
-    """What a healthy robot leaves, from the rows of a result and logs of reference.
+    """What a healthy robot leaves, from the rows of a result and logs of reference."""
 
-    Attributes:
-        saved: the result.
-        root: of the covariance of [β; φ], (p, columns).
-        over: 1/σ of its held-out residual, (n,) [1/(N·m)].
-        changes: that are distinguished.
-        usual: changes of a healthy robot, and errors of the model.
-    """
-
-    saved: SavedResult
-    root: Array
-    over: Array
-    changes: Changes
-    usual: Usual
+    saved: SavedResult  # the result
+    root: Array  # of the covariance of [β; φ], (p, columns)
+    over: Array  # 1/σ of its held-out residual, (n,) [1/(N·m)]
+    changes: Changes  # that are distinguished
+    usual: Usual  # changes of a healthy robot, and errors of the model
 
 
 def baseline_of(

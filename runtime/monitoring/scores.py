@@ -61,19 +61,12 @@ residuals is simulated: what moves between days leaves a misfit within a log, to
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """Columns of all changes of a model; those of the base parameters follow the named ones.
+    """Columns of all changes of a model; those of the base parameters follow the named ones."""
 
-    Attributes:
-        names: kind and joint of every named column, (K,).
-        units: size to which the usual change is relative, (K,).
-        shown: unit of a stated size, and its factor, (K,).
-        ranges: of the joints, (n,) [N·m, N].
-    """
-
-    names: tuple[tuple[str, str], ...]
-    units: Array
-    shown: tuple[tuple[str, float], ...]
-    ranges: Array
+    names: tuple[tuple[str, str], ...]  # kind and joint of every named column, (K,)
+    units: Array  # size to which the usual change is relative, (K,)
+    shown: tuple[tuple[str, float], ...]  # unit of a stated size, and its factor, (K,)
+    ranges: Array  # of the joints, (n,) [N·m, N]
 
     def usual(self, scales: Array) -> Array:
         """T, usual change of every named column, (K,)."""
@@ -88,45 +81,27 @@ class Changes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scores:
-    """Scores of one log in an orthonormal basis Q of its columns.
+    """Scores of one log in an orthonormal basis Q of its columns."""
 
-    Attributes:
-        z: Qᵀ r, (r,).
-        columns: Qᵀ H, (r, K + n_b).
-        error: Qᵀ X L, (r, p).
-        shape: Qᵀ N, nuisance columns, (r, SHAPES n).
-        noise: V, (r, r).
-        misfit: c over that of white noise behind the same low-pass filter.
-        blocks: number of blocks.
-        n_eff: effective number of samples.
-    """
-
-    z: Array
-    columns: Array
-    error: Array
-    shape: Array
-    noise: Array
-    misfit: float
-    blocks: int
-    n_eff: float
+    z: Array  # Qᵀ r, (r,)
+    columns: Array  # Qᵀ H, (r, K + n_b)
+    error: Array  # Qᵀ X L, (r, p)
+    shape: Array  # Qᵀ N, nuisance columns, (r, SHAPES n)
+    noise: Array  # V, (r, r)
+    misfit: float  # c over that of white noise behind the same low-pass filter
+    blocks: int  # number of blocks
+    n_eff: float  # effective number of samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Usual:
-    """What a healthy robot leaves in a further log.
+    """What a healthy robot leaves in a further log."""
 
-    Attributes:
-        scales: of `USUAL`, (5,).
-        mean, covariance: of (u, ε).
-        freedom: degrees of freedom of the covariance.
-        references: number of logs from which the scales were learnt.
-    """
-
-    scales: Array
-    mean: Array
+    scales: Array  # of `USUAL`, (5,)
+    mean: Array  # mean, covariance: of (u, ε)
     covariance: Array
-    freedom: float
-    references: int
+    freedom: float  # degrees of freedom of the covariance
+    references: int  # number of logs from which the scales were learnt
 
 
 def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:

@@ -43,23 +43,16 @@ ARM_ERROR = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
-    """Knowledge before the motion.
+    """Knowledge before the motion."""
 
-    Attributes:
-        prior: inertial prior.
-        pi: parameters at which its curvature is taken, (10 n,), strictly consistent.
-        kappa: weight of the prior.
-        earlier: information G₀ on β of earlier logs, (n_b, n_b); None for none.
-        payload_only: True when the arm is known and only the payload of the last link is not.
-        error: distance of the model of a log from its data with hardly any prior, (10 n,); more of
-            the same motion does not reduce it. None for a planned motion.
-    """
-
-    prior: Prior
-    pi: Array
-    kappa: float = CAD
-    earlier: Array | None = None
+    prior: Prior  # inertial prior
+    pi: Array  # parameters at which its curvature is taken, (10 n,), strictly consistent
+    kappa: float = CAD  # weight of the prior
+    earlier: Array | None = None  # information G₀ on β of earlier logs, (n_b, n_b); None for none
+    # True when the arm is known and only the payload of the last link is not
     payload_only: bool = False
+    # distance of the model of a log from its data with hardly any prior, (10 n,); more of the same
+    # motion does not reduce it. None for a planned motion
     error: Array | None = None
 
     @classmethod
@@ -71,32 +64,22 @@ class Knowledge:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Expected standard deviations after the motion.
+    """Expected standard deviations after the motion."""
 
-    Attributes:
-        base: of β by least squares, (n_b,) SI; None where the motion does not determine all of β.
-        base_map: of β by MAP, (n_b,) SI.
-        relative: base_map over the size of β, (n_b,).
-        pi: of π by MAP, (10 n,) SI.
-        share: posterior over prior variance of π, (10 n,), in (0, 1].
-        com: of the centres of mass by MAP, (n, 3) m.
-        root: root of the mean squared error of π, (10 n, 10 n), with a further column for d.
-        payload: of the ten parameters of a payload on a known arm, (10,) SI; None where the motion
-            does not determine them.
-        payload_com: of the centre of mass of the payload, (3,) m.
-        payload_of_arm: of the ten parameters of a payload without an empty run, from an arm whose
-            links are `ARM_ERROR` off, (10,) SI; None as for `payload`.
-    """
-
+    # of β by least squares, (n_b,) SI; None where the motion does not determine all of β
     base: Array | None
-    base_map: Array
-    relative: Array
-    pi: Array
-    share: Array
-    com: Array
-    root: Array
+    base_map: Array  # of β by MAP, (n_b,) SI
+    relative: Array  # base_map over the size of β, (n_b,)
+    pi: Array  # of π by MAP, (10 n,) SI
+    share: Array  # posterior over prior variance of π, (10 n,), in (0, 1]
+    com: Array  # of the centres of mass by MAP, (n, 3) m
+    root: Array  # root of the mean squared error of π, (10 n, 10 n), with a further column for d
+    # of the ten parameters of a payload on a known arm, (10,) SI; None where the motion does not
+    # determine them
     payload: Array | None
-    payload_com: Array | None
+    payload_com: Array | None  # of the centre of mass of the payload, (3,) m
+    # of the ten parameters of a payload without an empty run, from an arm whose links are
+    # `ARM_ERROR` off, (10,) SI; None as for `payload`
     payload_of_arm: Array | None
 
     def torque(self, lib: Library, unseen: Array) -> Array:

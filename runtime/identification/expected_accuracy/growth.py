@@ -32,16 +32,11 @@ SOONEST = 0.02
 
 @dataclass(frozen=True, slots=True)
 class GainOfRecording:
-    """Gain of some more seconds of recording.
+    """Gain of some more seconds of recording."""
 
-    Attributes:
-        seconds: further recording time, s.
-        motion: "the same motion", or the name of another one.
-        gains: name → 1 − σ_after/σ_now; 0 is no gain, 1 is exact knowledge; the largest first.
-    """
-
-    seconds: float
-    motion: str
+    seconds: float  # further recording time, s
+    motion: str  # "the same motion", or the name of another one
+    # name → 1 − σ_after/σ_now; 0 is no gain, 1 is exact knowledge; the largest first
     gains: Mapping[str, float]
 
     @property
@@ -103,31 +98,18 @@ def gained_by_same_motion(
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Standard deviations over recording time.
+    """Standard deviations over recording time."""
 
-    Attributes:
-        robot: name of the robot.
-        motion: name of the motion.
-        links: names of the links.
-        seconds: recording times, (k,) s.
-        recorded: duration of the motion itself, s; later instants belong to `further`.
-        further: "the same motion", or the name of the one that follows.
-        masses: σ of the link masses by MAP, (k, n) kg.
-        worst: largest relative σ of a base parameter by MAP, (k,).
-        worst_name: name of that base parameter at the end.
-        payload: σ of the mass of a payload, (k,) kg; infinite while it is not determined.
-    """
-
-    robot: str
-    motion: str
-    links: tuple[str, ...]
-    seconds: Array
-    recorded: float
-    further: str
-    masses: Array
-    worst: Array
-    worst_name: str
-    payload: Array
+    robot: str  # name of the robot
+    motion: str  # name of the motion
+    links: tuple[str, ...]  # names of the links
+    seconds: Array  # recording times, (k,) s
+    recorded: float  # duration of the motion itself, s; later instants belong to `further`
+    further: str  # "the same motion", or the name of the one that follows
+    masses: Array  # σ of the link masses by MAP, (k, n) kg
+    worst: Array  # largest relative σ of a base parameter by MAP, (k,)
+    worst_name: str  # name of that base parameter at the end
+    payload: Array  # σ of the mass of a payload, (k,) kg; infinite while it is not determined
 
 
 def growth(

@@ -41,34 +41,24 @@ NOISE, GAINS, FRICTION, DELAY = (
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """Standard deviations of errors of the model that an identification does not estimate.
+    """Standard deviations of errors of the model that an identification does not estimate."""
 
-    Attributes:
-        gain: of every torque gain, relative to one.
-        friction: of friction that the columns miss, in each direction a share of the effort limit:
-            a rise at low speed, a cubic in the speed, and for a payload the change of Coulomb and
-            viscous friction between the runs.
-        load: of the growth of friction with the torque in each direction, a share of it.
-        delay_s: of the torque [s].
-    """
-
-    gain: float = 0.005
+    gain: float = 0.005  # of every torque gain, relative to one
+    # of friction that the columns miss, in each direction a share of the effort limit: a rise at
+    # low speed, a cubic in the speed, and for a payload the change of Coulomb and viscous friction
+    # between the runs
     friction: float = 0.001
-    load: float = 0.01
-    delay_s: float = 0.0005
+    load: float = 0.01  # of the growth of friction with the torque in each direction, a share of it
+    delay_s: float = 0.0005  # of the torque [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorParts:
-    """Errors of the unknowns by part.
+    """Errors of the unknowns by part."""
 
-    Attributes:
-        roots: name of the part → matrix R of (10 n or 10, m), R Rᵀ its mean square.
-        gains: (n,) standard deviations of the gains, the columns of the part `GAINS`.
-    """
-
+    # name of the part → matrix R of (10 n or 10, m), R Rᵀ its mean square
     roots: Mapping[str, Array]
-    gains: Array
+    gains: Array  # (n,) standard deviations of the gains, the columns of the part `GAINS`
 
     def parts(self, size: Callable[[str, Array], float]) -> dict[str, float]:
         """Size of every part."""

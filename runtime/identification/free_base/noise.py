@@ -28,21 +28,14 @@ PASSES, STEADY = 200, 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VerticalForce:
-    """Sum of the vertical contact forces on the test part.
+    """Sum of the vertical contact forces on the test part."""
 
-    Attributes:
-        weight: mean of the measured sum [N].
-        before: RMS error of the URDF's prediction [N].
-        after: RMS error of the identified model's prediction, errors of the sensors included [N].
-        spread: standard deviation of the measured sum, the error of the best constant [N].
-        measured, predicted: the sums, measured and by the URDF, (N,) [N].
-    """
-
-    weight: float
-    before: float
+    weight: float  # mean of the measured sum [N]
+    before: float  # RMS error of the URDF's prediction [N]
+    # RMS error of the identified model's prediction, errors of the sensors included [N]
     after: float
-    spread: float
-    measured: Array
+    spread: float  # standard deviation of the measured sum, the error of the best constant [N]
+    measured: Array  # measured, predicted: the sums, measured and by the URDF, (N,) [N]
     predicted: Array
 
 
@@ -90,15 +83,10 @@ def rms(values: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowNoise:
-    """Noise of the equations of N instants.
+    """Noise of the equations of N instants."""
 
-    Attributes:
-        floor: standard deviation per equation, and N / N_eff.
-        weights: (N,) of the instants, of the variance σ².
-    """
-
-    floor: NoiseFloor
-    weights: Array
+    floor: NoiseFloor  # standard deviation per equation, and N / N_eff
+    weights: Array  # (N,) of the instants, of the variance σ²
 
     def weighted(self, samples: Samples) -> Samples:
         """Equations times the roots of their weights."""

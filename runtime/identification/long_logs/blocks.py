@@ -33,31 +33,20 @@ REACH = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """A streamed log in blocks, with its preparation.
+    """A streamed log in blocks, with its preparation."""
 
-    Attributes:
-        log: rows in their file.
-        lib: library of the robot.
-        preparation: steps for each block; rows of rest are dropped.
-        terms: friction columns.
-        overlap: rows on either side that are prepared and discarded.
-        edges: first row of each block, then one past the last row.
-        instants: t [s] of these rows; at the ends those of the first and the last prepared row that
-            is kept, or −∞ and ∞.
-        half_step: half of the time step [s]; edges lie between two rows.
-        spool: temporary file of prepared rows.
-        kept: index of a block → place of its prepared rows; None where the arm rests.
-    """
-
-    log: StreamedRecording
-    lib: Library
-    preparation: Preparation
-    terms: Friction
-    overlap: int
-    edges: tuple[int, ...]
+    log: StreamedRecording  # rows in their file
+    lib: Library  # library of the robot
+    preparation: Preparation  # steps for each block; rows of rest are dropped
+    terms: Friction  # friction columns
+    overlap: int  # rows on either side that are prepared and discarded
+    edges: tuple[int, ...]  # first row of each block, then one past the last row
+    # t [s] of these rows; at the ends those of the first and the last prepared row that is kept, or
+    # −∞ and ∞
     instants: FloatArray
-    half_step: float
-    spool: Spool
+    half_step: float  # half of the time step [s]; edges lie between two rows
+    spool: Spool  # temporary file of prepared rows
+    # index of a block → place of its prepared rows; None where the arm rests
     kept: dict[int, "_Kept | None"] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -35,20 +35,13 @@ _FEW = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ArmModel:
-    """Parameters and friction of the arm, fixed while the payload is identified.
+    """Parameters and friction of the arm, fixed while the payload is identified."""
 
-    Attributes:
-        pi: standard parameters, (10 n,).
-        friction: friction columns and widths.
-        phi: friction coefficients, (n, k).
-        origin: source of the model, for the report.
-        is_exact: no error of the model enters the intervals of a payload; for simulated arms.
-    """
-
-    pi: Array
-    friction: Friction
-    phi: Array
-    origin: str
+    pi: Array  # standard parameters, (10 n,)
+    friction: Friction  # friction columns and widths
+    phi: Array  # friction coefficients, (n, k)
+    origin: str  # source of the model, for the report
+    # no error of the model enters the intervals of a payload; for simulated arms
     is_exact: bool = False
 
 

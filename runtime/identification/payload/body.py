@@ -25,25 +25,15 @@ NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A link and a frame on it.
+    """A link and a frame on it."""
 
-    Attributes:
-        link: name of the moving link that the payload is fixed to.
-        index: place of the link among the links.
-        frame: name of the frame F of the values, the tip's or the link's.
-        rotation: R, (3, 3).
-        translation: p, (3,) m.
-        to_frame: π in F from π in the link's frame, (10, 10).
-        bodies: map from π to P(π) of one body.
-    """
-
-    link: str
-    index: int
-    frame: str
-    rotation: Array
-    translation: Array
-    to_frame: Array
-    bodies: Bodies
+    link: str  # name of the moving link that the payload is fixed to
+    index: int  # place of the link among the links
+    frame: str  # name of the frame F of the values, the tip's or the link's
+    rotation: Array  # R, (3, 3)
+    translation: Array  # p, (3,) m
+    to_frame: Array  # π in F from π in the link's frame, (10, 10)
+    bodies: Bodies  # map from π to P(π) of one body
 
     @property
     def columns(self) -> slice:

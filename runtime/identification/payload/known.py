@@ -24,23 +24,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class KnownPayload:
-    """A payload of known mass and centre of mass.
+    """A payload of known mass and centre of mass."""
 
-    Attributes:
-        mass: kg.
-        com: centre of mass in the frame of the mount, (3,) m.
-        inertia: about the centre of mass, axes of that frame, (3, 3) kg·m²; None where unknown.
-        link: link that carries it; None is the link of the tip.
-        frame: frame of com and inertia; empty is that of the mount.
-        identified: True when it was identified from torques and cannot calibrate them.
-    """
-
-    mass: float
-    com: Array
+    mass: float  # kg
+    com: Array  # centre of mass in the frame of the mount, (3,) m
+    # about the centre of mass, axes of that frame, (3, 3) kg·m²; None where unknown
     inertia: Array | None = None
-    link: str | None = None
-    frame: str = ""
-    identified: bool = False
+    link: str | None = None  # link that carries it; None is the link of the tip
+    frame: str = ""  # frame of com and inertia; empty is that of the mount
+    identified: bool = False  # True when it was identified from torques and cannot calibrate them
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):

@@ -48,23 +48,14 @@ _DIGITS = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class GainSolution:
-    """Maximum likelihood solution.
+    """Maximum likelihood solution."""
 
-    Attributes:
-        theta: θ, (p,).
-        g: gains, (n,).
-        b: offsets of every run, (runs, n).
-        root: R, R Rᵀ the covariance of (θ, g, b) for white noise, (p + n + runs n, ·).
-        noise: σ_j, (n,) N·m or N.
-        converged: whether the steps became small.
-    """
-
-    theta: Array
-    g: Array
-    b: Array
-    root: Array
-    noise: Array
-    converged: bool
+    theta: Array  # θ, (p,)
+    g: Array  # gains, (n,)
+    b: Array  # offsets of every run, (runs, n)
+    root: Array  # R, R Rᵀ the covariance of (θ, g, b) for white noise, (p + n + runs n, ·)
+    noise: Array  # σ_j, (n,) N·m or N
+    converged: bool  # whether the steps became small
 
     def rest(self, block: Array) -> Array:
         """Residual τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
@@ -158,23 +149,14 @@ def _with_offsets(rows: Array, theta: Array, g: Array, n_runs: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class GainProblem:
-    """Samples and payload from which the gains are identified.
+    """Samples and payload from which the gains are identified."""
 
-    Attributes:
-        lib: library of the robot.
-        runs: samples without and with the payload.
-        mount: link and frame of the payload.
-        payload: known payload.
-        to_channels: R⁻ᵀ (n, n) where the gear couples joints, else 1.
-        channels: names of the n channels.
-    """
-
-    lib: Library
-    runs: tuple[Samples, ...]
-    mount: Mount
-    payload: KnownPayload
-    to_channels: Array
-    channels: tuple[str, ...]
+    lib: Library  # library of the robot
+    runs: tuple[Samples, ...]  # samples without and with the payload
+    mount: Mount  # link and frame of the payload
+    payload: KnownPayload  # known payload
+    to_channels: Array  # R⁻ᵀ (n, n) where the gear couples joints, else 1
+    channels: tuple[str, ...]  # names of the n channels
 
     @property
     def n_samples(self) -> int:

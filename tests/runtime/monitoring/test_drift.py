@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from runtime import Recording, write_recording
+from runtime.estimators.regression.nuisance import SHAPES
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.identified import torque_of
@@ -27,6 +28,7 @@ from runtime.monitoring.drift import (
     hypotheses,
     verdict_of,
 )
+from runtime.monitoring.scores import Changes, Scores, Usual, expected
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -301,3 +303,16 @@ def test_a_p_value_counts_all_hypotheses_and_independent_samples(
     known = torque_of(lib, samples_of(log, lib), saved.pi, saved.phi)
     later = verdict_of(lib, baseline, log.replace(tau=known + coloured))
     assert len(log) / 30 < later.n_eff < len(log) / 8
+
+
+def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
+    """Oracle: the scores of a nuisance of 0.3 % of a range of 20 N·m, by hand."""
+    shape = np.arange(2.0 * 2 * SHAPES).reshape(2, -1)
+    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.array([5.0, 20.0]))
+    scores = Scores(np.zeros(2), np.ones((2, 1)), np.ones((2, 1)), shape, np.eye(2), 1.0, 9, 99.0)
+    mean = np.zeros(2 + 2 * SHAPES)
+    mean[-1] = 0.003
+    usual = Usual(np.zeros(7), mean, np.zeros((len(mean), len(mean))), 20.0, 0)
+    found, spread = expected(changes, usual, scores)
+    np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
+    np.testing.assert_array_equal(spread, np.eye(2))

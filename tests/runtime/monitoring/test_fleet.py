@@ -157,3 +157,18 @@ def test_noise_of_the_type(lib: Library, fleet: Fleet) -> None:
     np.testing.assert_allclose(noise.sigma, np.median(sigma[counted], axis=0), rtol=1e-15)
     assert noise.inflation == pytest.approx(np.median(density[counted]), rel=1e-15)
     assert fit_noise(units[:3], dataclasses.replace(fit, stands_out=out[:3])) is None
+
+
+def test_the_first_trust_and_the_covariance_of_units(lib: Library, fleet: Fleet) -> None:
+    """Oracle: the median of T is that of χ²; C = P − P Aᵀ (1 + A P Aᵀ)⁻¹ A P, by numpy."""
+    prior = prior_of(lib, fleet.type, floor=0.0)
+    A, b = (np.stack([getattr(u, x) for u in fleet.units[:4]]) for x in ("factor", "target"))
+    view = _View(lib, prior, A, b, prior.centre)
+    kappa = view.median()
+    goal = chi2.median(len(lib.base_matrix))
+    assert np.median(view.statistic(kappa)) == pytest.approx(goal, rel=1e-6)
+    before = view.H @ view.H.T / kappa
+    for rows, covariance in zip(A, view.covariance(kappa), strict=True):
+        gain = np.linalg.solve(np.eye(len(rows)) + rows @ before @ rows.T, rows @ before)
+        exact = before - before @ rows.T @ gain
+        np.testing.assert_allclose(covariance, exact, rtol=0, atol=1e-9 * np.abs(before).max())

@@ -12,7 +12,7 @@ from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of, wrench_at
 from runtime.monitoring.false_alarms import AlarmRate
 from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import ObserverNoise, noise_of_observer, read_held_out
+from runtime.monitoring.noise import ObserverNoise, _fast, noise_of_observer, read_held_out
 from runtime.monitoring.observation import Detector, both_torques, observation_of, signals_of
 from runtime.monitoring.observer import ObserverSettings
 from runtime.monitoring.session import usual_torque
@@ -209,3 +209,25 @@ def test_variances_of_noise_model_and_session_count_once(
     np.testing.assert_allclose(
         (found.threshold - others)[known], 5 * np.sqrt(expected[known]), rtol=1e-6
     )
+
+
+def test_a_band_counts_friction_with_a_memory_as_dry_friction(
+    lib: Library, monitored: Monitored
+) -> None:
+    """Oracle: the sign of a speed of ten times the width of the smooth one."""
+    model = dataclasses.replace(
+        model_of(monitored.saved, lib), terms=Friction(("dahl",), 0.03), phi=np.ones((7, 1))
+    )
+    dq = 0.3 * np.array([[1.0, -1, 1, -1, 1, -1, 1]])
+    _, rows = model.rows(lib, lib.home[None], dq)
+    np.testing.assert_allclose(rows[0, :, -7:], -np.diag(np.sign(dq[0])), atol=1e-8)
+
+
+def test_noise_of_sensors_leaves_short_stretches_out() -> None:
+    """Property: half a second between two gaps of the clock has no part in the variance."""
+    rng = np.random.default_rng(0)
+    t = np.arange(2100) / 200 + np.where(np.arange(2100) < 2000, 0.0, 5.0)
+    r = rng.normal(0, np.where(t < 10, 0.1, 0.2)[:, None], (2100, 2))
+    whole, alone = (_fast(200.0, t[:end], r[:end], 10.0) for end in (2100, 2000))
+    for a, b in zip(whole, alone, strict=True):
+        np.testing.assert_array_equal(a, b)

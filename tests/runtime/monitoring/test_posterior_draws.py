@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
+from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.library import Library
 from runtime.library.parameters import links, mass
@@ -127,3 +128,9 @@ def test_bad_options(words: tuple[object, ...], command: Command, monitored: Mon
     ran = command("sample", monitored.folder, *words)
     assert ran.code == 2
     assert words[0] in ran.err
+
+
+def test_a_draw_of_no_model_is_refused(lib: Library, monitored: Monitored) -> None:
+    """Property: one sentence for a count below one."""
+    with pytest.raises(IdentificationError, match="one model or more, got 0"):
+        draw_models(lib, monitored.saved, monitored.posterior, 0, np.random.default_rng(0))

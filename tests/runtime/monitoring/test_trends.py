@@ -83,6 +83,7 @@ def test_slopes_of_a_history_are_recovered() -> None:
     trends = trends_of([*rest, *reversed(entries)])
     assert trends.others == 1
     assert trends.logs[0] == "week 0"
+    assert trends.months == pytest.approx(7 * np.arange(30) / MONTH, rel=1e-9)
     by_name = {(each.group, each.where): each for each in trends.series}
     drift = trends.over_time(by_name["friction", "joint2"])
     assert drift.interval[0] < DRIFT < drift.interval[1]

@@ -155,15 +155,13 @@ def noise_of_observer(
     held_out: HeldOutResidual,
     t: Array,
     r: Array,
-    model_variance: Array | float = 0.0,
 ) -> ObserverNoise:
     """Noise of r in free motion.
 
-    t (N,) [s], r (N, n) [N·m, N], model_variance (n,).
+    t (N,) [s], r (N, n) [N·m, N].
     """
     limit = min(0.4 * settings.rate_hz, held_out.limit_hz)
-    power, cosine, largest, slow_blocks = _slow(settings, held_out, limit)
-    slow = np.maximum(power - model_variance, power / 4)
+    slow, cosine, largest, slow_blocks = _slow(settings, held_out, limit)
     fast, step, fast_blocks = _fast(settings.rate_hz, t, r, limit)
     total = np.maximum(slow + fast, 1e-300)
     correlation = (slow * cosine + fast - step / 2) / total

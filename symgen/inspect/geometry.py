@@ -104,7 +104,7 @@ class Meshes:
             if self._cache[key] is None:
                 self.missing.append(shape.file)
         corners = self._cache[key]
-        return None if corners is None else (_hull_volume(corners), corners)
+        return None if corners is None else (float(ConvexHull(corners).volume), corners)
 
     def _find(self, file: str) -> Path | None:
         if file.startswith(("package://", "model://")):
@@ -132,10 +132,6 @@ def _corners(path: Path, scale: tuple[float, ...]) -> Array | None:
         return vertices[ConvexHull(vertices).vertices]
     except (ValueError, RuntimeError, QhullError):
         return None
-
-
-def _hull_volume(corners: Array) -> float:
-    return float(ConvexHull(corners).volume)
 
 
 def _primitive(shape: Shape) -> tuple[float, Array] | None:

@@ -202,7 +202,9 @@ def _add_body(
             _add_joint(robot, model, k, name, above, link, at, rotation, slides)
         above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
         if not last:
-            SubElement(robot, "link", {"name": link}).append(_speck())
+            SubElement(robot, "link", {"name": link}).append(
+                _inertial(SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
+            )
     if not count:
         _add_fixed(robot, f"{names[body]}_mount", above, names[body], place, rotation)
     shifts[body] = anchor
@@ -308,10 +310,6 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
     return CouplingRow(
         free[-1], {key: -f / factor for key, f in factors.items() if f}, total / factor
     )
-
-
-def _speck() -> Element:
-    return _inertial(SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
 
 
 def _inertial(mass: float, com: np.ndarray, inertia: np.ndarray) -> Element:

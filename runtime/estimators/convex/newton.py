@@ -151,19 +151,6 @@ def minimise(
     return Minimum(problem, pi, problem.data.value(pi), decrement, steps, converged)
 
 
-def cost_of(problem: ConvexProblem, pi: Array) -> float | None:
-    """Cost of a convex problem."""
-    return _Cost(problem).value(pi)
-
-
-def slope_of(problem: ConvexProblem, pi: Array) -> tuple[Array, Array]:
-    """Gradient and Hessian of the cost of a convex problem.
-
-    pi (10 n,) → (10 n,).
-    """
-    return _Cost(problem).slope(pi)
-
-
 class _Cost:
     """Value, gradient, Hessian and line search of one problem."""
 
@@ -250,7 +237,7 @@ def factors(problem: ConvexProblem, start: Array) -> Array:
     start (10 n,) → (count,).
     """
     data = problem.data
-    gradient, hessian = slope_of(problem, start)
+    gradient, hessian = _Cost(problem).slope(start)
     barrier = hessian - data.factor.T @ data.factor / data.count
     # B = γ ∇² of the prior; at s γ, s = √(gᵀ B⁻¹ g / γ), the Newton decrement is 1 or less.
     size = float(gradient @ np.linalg.lstsq(barrier, gradient)[0])
@@ -281,6 +268,6 @@ def better(direct: Minimum, continued: Minimum) -> Minimum:
     """The minimum of the smaller cost; the continued one where it converged."""
     if continued.converged:
         return continued
-    costs = [cost_of(m.problem, m.pi) for m in (direct, continued)]
+    costs = [_Cost(m.problem).value(m.pi) for m in (direct, continued)]
     values = [np.inf if cost is None else cost for cost in costs]
     return direct if values[0] <= values[1] else continued

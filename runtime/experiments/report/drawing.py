@@ -40,7 +40,6 @@ from runtime.outputs.report.canvas import blank, settings
 DPI = 130
 
 _WIDTH = 10.0
-
 """Width of a figure [inch]."""
 
 

@@ -24,11 +24,9 @@ from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet_format import rows_of
 
 LARGEST_DRAWN = 1e100
-
 """Largest number that is drawn; its square must be finite."""
 
 _LINES = {"band": 3, "loglog": 3}
-
 """Number of series of one axis, by kind of figure."""
 
 

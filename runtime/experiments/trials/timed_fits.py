@@ -15,7 +15,6 @@ from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, Library
 
 LINK = 6
-
 """Index of link 7, from 0."""
 
 

@@ -82,12 +82,10 @@ def torque_evidence(torque_rows: TorqueRows) -> TorqueEvidence:
     """Regress τ of every joint on gravity torque, inertial torque and friction."""
     inertial, falls = torque_rows.model_torque()
     speeds, tau = torque_rows.samples.dq, torque_rows.samples.tau
-    columns = [_joint(falls[:, j], inertial[:, j], speeds[:, j], tau[:, j]) for j in _all(tau)]
+    columns = [
+        _joint(falls[:, j], inertial[:, j], speeds[:, j], tau[:, j]) for j in range(tau.shape[1])
+    ]
     return TorqueEvidence(*(np.array(column) for column in zip(*columns, strict=True)))
-
-
-def _all(values: Array) -> range:
-    return range(values.shape[1])
 
 
 def _joint(falls: Array, inertial: Array, dq: Array, tau: Array) -> tuple[float, ...]:

@@ -43,11 +43,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CLOSEST = 4
-
 """Number of emphasised distances, those with the least distance − margin."""
 
 NEAR = 0.3
-
 """Upper end of the panel where all emphasised distances fall below it [m]."""
 
 BOLD = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":"))

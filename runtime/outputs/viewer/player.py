@@ -15,7 +15,6 @@ from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
 RATE_HZ = 100.0
-
 """Sample rate of a trajectory [Hz]."""
 
 TRAJECTORY = ".json"

@@ -25,7 +25,6 @@ from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
 LEVER = 0.1
-
 """Distance of the two points along the axis of a revolute loop joint [m]."""
 
 

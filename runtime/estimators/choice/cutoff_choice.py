@@ -88,9 +88,8 @@ def choose_cutoff(
     """
     recipe = recording.recipe
     base = preparation or recording.preparation
-    parts = split or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
-    seen = before_test(recording, parts).replace(columns=None, column_names=())
+    seen = before_test(recording, split).replace(columns=None, column_names=())
     trials = _Trials(seen, lib, base, terms)
     fits = {(f_c, base.derivative): trials.fitted(f_c, base.derivative) for f_c in trials.cutoffs}
     if base.derivative == "measured" and recording.dq is not None:

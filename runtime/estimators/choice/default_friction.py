@@ -128,8 +128,7 @@ def choose_default_friction(
     Raises:
         RuntimeFault: the log cannot be prepared.
     """
-    parts = split or (recording.recipe.split if recording.recipe else None) or Split()
-    bare = before_test(recording, parts).replace(columns=None, column_names=())
+    bare = before_test(recording, split).replace(columns=None, column_names=())
     springs = spring_names(lib) if SPRINGS in allowed else ()
     shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed) + springs
 

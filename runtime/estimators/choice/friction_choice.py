@@ -116,8 +116,7 @@ def choose_friction(
             f"there is no friction model '{wrong[0] if wrong else ''}'; choose from "
             f"auto, {', '.join(FRICTION_MODELS)}"
         )
-    parts = split or (recording.recipe.split if recording.recipe else None) or Split()
-    bare = before_test(recording, parts).replace(columns=None, column_names=())
+    bare = before_test(recording, split).replace(columns=None, column_names=())
 
     made: Array | None = None  # rows without accelerations are by far the dearest part: kept
 

@@ -1,20 +1,22 @@
 """What `symgen identify` writes and prints of a result."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.cli.drive import print_drives
-from runtime.common.terminal import command_line, say, show
+from runtime.cli.drive import delay_lines, drive_table
+from runtime.common.terminal import VERBOSE, command_line, say, show
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
-from runtime.identification.result_record import SessionsPart
+from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
-from runtime.identification.result_warnings import still_joints
+from runtime.identification.result_warnings import doubts_of
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
 from runtime.outputs.report.several_logs import left_out_table
 
+LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""
 
@@ -36,39 +38,63 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
     files = _written(result, folder, outputs)
-    first = still_joints(result)
-    for warning in first:
-        say(f"warning: {warning}")
-    title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
-    errors = (record.torque_error_percent, record.torque_rms)
-    for table in (error_table(*record.rows_of_errors, *errors, title), share_table(record)):
-        if table is not None:
-            show(table)
-    print_drives(record)
+    for line in (*_summary(result, record), *files):
+        say(line)
+    if VERBOSE.get():
+        _print_details(result, record)
+
+
+def _summary(result: Identification, record: ResultRecord) -> Iterator[str]:
+    """What a result comes to: at most one doubt, errors, share of friction, bodies, one advice."""
+    known, shares = result.uncertainty, record.torque_error_percent
+    doubts = doubts_of(result, record)
+    if doubts:
+        yield f"warning: {doubts[0]}"
+    before, after = shares.before_overall or 0.0, shares.after_overall or 0.0
+    yield f"torque error on {tested_on(record)} data: {before:.3f} → {after:.3f} %"
+    if (between := shares.urdf_friction_overall) is not None:
+        part = (before - between) / (before - after) if before > between > after else None
+        share = "" if part is None else f", {100 * part:.0f} % of the decrease"
+        yield f"friction: the URDF with friction fitted has {between:.3f} %{share}"
+    smallest = float(result.relative_eigenvalues.min())
+    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
+    count = f"all {len(record.links)} " if result.is_consistent else ""
+    yield f"links: {count}{verdict}, smallest relative eigenvalue {smallest:.1e}"
     if record.sessions is not None:
-        print_sessions(record.sessions)
-    if result.uncertainty is not None:
-        unknowns = len(result.uncertainty.beta_sigma)
-        say(
-            f"data: they determine {result.uncertainty.determined} of {unknowns} independent "
+        yield f"repeatability: {record.sessions.repeatability.sentence}"
+    yield from delay_lines(record)
+    if known is not None:
+        yield (
+            f"data: they determine {known.determined} of {len(known.beta_sigma)} independent "
             "combinations of parameters better than the prior does"
         )
+        if not doubts:
+            yield f"advice: {known.first_advice()}"
+
+
+def _print_details(result: Identification, record: ResultRecord) -> None:
+    """Tables, status, gap and all notes."""
+    title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
+    errors = (record.torque_error_percent, record.torque_rms)
+    logs = record.sessions
+    left_out = None if logs is None else replace(left_out_table(logs), title=LEFT_OUT)
+    for table in (
+        error_table(*record.rows_of_errors, *errors, title),
+        share_table(record),
+        drive_table(record),
+        left_out,
+    ):
+        if table is not None:
+            show(table)
     say(f"status: {result.status}")
-    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
-    smallest = float(result.relative_eigenvalues.min())
-    say(f"links: all {len(record.links)} {verdict}, smallest relative eigenvalue {smallest:.1e}"
-        if result.is_consistent
-        else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
     say(
         f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
     )
-    if result.uncertainty is not None:
-        say(f"advice: {result.uncertainty.advice()}")
+    if record.uncertainty is not None:
+        say(f"advice: {record.uncertainty.advice}")
     say(f"time of the method: {result.seconds:.3f} s")
-    for warning in record.warnings[len(first) :]:
+    for warning in record.warnings:
         say(f"note: {warning}")
-    for line in files:
-        say(line)
 
 
 def _written(result: Identification, folder: Path, outputs: Outputs) -> list[str]:
@@ -95,10 +121,3 @@ def _exported(result: Identification, folder: Path) -> str:
 
     path = folder / "identified.urdf"
     return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
-
-
-def print_sessions(logs: SessionsPart) -> None:
-    """Print the leave-one-log-out errors and the repeatability."""
-    title = "Leave one log out: torque error of each log"
-    show(replace(left_out_table(logs), title=title))
-    say(f"repeatability: {logs.repeatability.sentence}")

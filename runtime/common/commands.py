@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from runtime.common.errors import RuntimeFault
-from runtime.common.terminal import as_typed, flowing
+from runtime.common.terminal import VERBOSE, as_typed, flowing
 
 __all__ = [
     "INTERRUPTED",
@@ -138,6 +138,9 @@ class CheckedCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line."""
+        if "--verbose" in args:
+            VERBOSE.set(True)
+        args = [word for word in args if word != "--verbose"]
         rest: list[str] = super().parse_args(ctx, args)
         for param in self.params:
             if param.param_type_name == "option" and param.name in ctx.params:
@@ -324,8 +327,12 @@ def application(
                 "--version", is_eager=True, callback=print_version, help="Print the version."
             ),
         ] = False,
+        verbose: Annotated[
+            bool, typer.Option("--verbose", help="Print the details of a result, too.")
+        ] = False,
     ) -> None:
         """Options without a command."""
+        VERBOSE.set(verbose)
 
     app = typer.Typer(
         cls=group,

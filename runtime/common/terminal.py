@@ -4,6 +4,7 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable
+from contextvars import ContextVar
 from pathlib import Path
 
 from rich.console import Console
@@ -14,6 +15,7 @@ from rich.table import Table as RichTable
 from runtime.common.tables import Table
 
 __all__ = [
+    "VERBOSE",
     "command_line",
     "completing",
     "console",
@@ -23,6 +25,8 @@ __all__ = [
 ]
 
 console = Console()
+VERBOSE: ContextVar[bool] = ContextVar("VERBOSE", default=False)
+"""Whether a command prints its details: --verbose, before or behind the command."""
 _NUMBER = re.compile(r"[-+−±<>]?\d.*|[-+−]?∞|[-–]?", re.DOTALL)
 _WIDEST = 40
 """Characters of the first column that a narrow terminal does not break."""

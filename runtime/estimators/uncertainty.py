@@ -172,6 +172,11 @@ class Uncertainty:
             return self._trust()
         return "; ".join((self._trust(), *self.tests.limits))
 
+    def first_advice(self) -> str:
+        """The advice that matters most, where nothing contradicts the result."""
+        is_short = self.rank < len(self.beta_sigma) or self.inflation > 2 * self.filtered
+        return self._trust() if is_short or not self.tests.limits else self.tests.limits[0]
+
     def _trust(self) -> str:
         """Sentence on the reliability of a result without contradictions."""
         count = len(self.beta_sigma)

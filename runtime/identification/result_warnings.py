@@ -10,6 +10,7 @@ from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
+from runtime.identification.result_record import ResultRecord
 from runtime.library import Array
 from runtime.recording import Recording
 from runtime.recording.preprocessing import is_filtered
@@ -114,6 +115,17 @@ def warnings_of(
     if len(result.train) * result.lib.n_joints < 3 * unknowns:
         warnings.append("there are fewer than three equations per unknown; record for longer")
     return warnings
+
+
+def doubts_of(result: Identification, record: ResultRecord) -> list[str]:
+    """Reasons not to use a result as it is, the strongest first."""
+    known = result.uncertainty
+    contradicted = () if known is None else (*known.contradictions, *known.model_errors)
+    strong = re.compile(
+        r"worse than the URDF|is unexplained|not physically consistent|fewer than|give each log once"
+    )
+    stated = [warning for warning in record.warnings if strong.search(warning)]
+    return [*still_joints(result), *contradicted, *stated]
 
 
 def of_the_log(history: Iterable[str]) -> list[str]:

@@ -161,7 +161,7 @@ def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path
     ran = command("evaluate", "out", log, "--robot", lib.folder)
     assert (ran.code, ran.out.count("note")) == (0, 1)
     assert "the model was fitted to 100 % of the rows of this log" in ran.out
-    assert "overall" in ran.out
+    assert "all joints" in ran.out
     report = tmp_path / "out" / "report.html"
     first = report.read_bytes()
     report.unlink()

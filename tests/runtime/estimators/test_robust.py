@@ -68,7 +68,7 @@ def test_a_clean_log_keeps_its_result(lib, clean):
 def test_what_counts_less_is_named(command, lib, clean, tmp_path):
     """Property: instants and joint, also where the friction model is chosen on such a log."""
     write_recording(damaged(clean, "torque"), tmp_path / "log.npz")
-    words = ("--robust", "--no-refit", "--out", "out")
+    words = ("--robust", "--no-refit", "--out", "out", "--verbose")
     ran = command("identify", "log.npz", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     said = re.search(r"robust: 6\.7 % of the training rows count less.*fr3_joint2", ran.out)

@@ -125,7 +125,8 @@ def test_a_log_of_poses_gives_the_gravity_torque(
     # One count of the encoder.
     np.testing.assert_allclose(rows.q, designed.poses, atol=2 * np.pi / 4096)
     write_recording(log, tmp_path / "visits.csv")
-    ran = command("identify", "visits.csv", "--robot", lib.folder, "--out", "out", "--no-report")
+    words = ("--out", "out", "--no-report", "--verbose")
+    ran = command("identify", "visits.csv", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert "12 poses at rest that were reached from both sides" in ran.out
     loud = [f for f in inspect_log(tmp_path / "visits.csv", lib).findings if f.level != INFO]

@@ -75,7 +75,7 @@ def test_the_command_says_what_was_trained_on(command, lib, tmp_path):
     facts = json.loads((tmp_path / "out" / "result.json").read_text())["recording"]
     assert facts["samples"] == {"train": 600, "validation": 0, "test": 401}
     assert facts["split"] == "train 0.00–5.99 s, test 6.00–10.00 s"
-    ran = command(*words, "--split", "all")
+    ran = command(*words, "--split", "all", "--verbose")
     assert ran.code == 0, ran.err
     assert "torque error on training data" in ran.out
     assert "all rows were used for the training" in ran.out

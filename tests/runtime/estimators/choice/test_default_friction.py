@@ -166,7 +166,8 @@ def test_several_logs_take_the_model_of_the_first(command, lib, clean, tmp_path)
     """Property: one choice for all, said once; an offset becomes one per log."""
     for name, rows in (("a", slice(0, 500)), ("b", slice(500, 1001))):
         write_recording(clean.take(rows, name), tmp_path / f"{name}.npz")
-    ran = command("identify", "a.npz", "b.npz", "--robot", lib.folder, "--out", "out")
+    words = ("--out", "out", "--verbose")
+    ran = command("identify", "a.npz", "b.npz", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert ran.out.count("chosen by cross-validation") == 1
     facts = json.loads((tmp_path / "out" / "result.json").read_text())

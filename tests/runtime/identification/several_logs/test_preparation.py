@@ -47,7 +47,7 @@ def test_the_filter_of_several_logs_is_that_of_evaluate(command, lib, folder, tm
     """
     logs, robot = (folder / "0.npz", folder / "1.npz"), ("--robot", lib.folder)
     recipe = ("--recipe", folder / "recipe.toml")
-    ran = command("identify", *logs, *robot, *recipe, "--out", "out")
+    ran = command("identify", *logs, *robot, *recipe, "--out", "out", "--verbose")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     expected = {"filter": "butterworth", "cutoff_hz": 20.0, "rate_hz": 100.0}
@@ -87,7 +87,8 @@ def test_fitted_rows_are_no_test(command, lib, folder, tmp_path):
     words = ("--no-refit", "--out", "half")
     assert command("identify", folder / "0.npz", *robot, *bare, *words).code == 0
     assert "fitted to 6" in errors(command, "half", "copy.csv", *robot)[1][0]
-    ran = command("identify", folder / "0.npz", "copy.csv", *robot, *bare, "--out", "two")
+    words = ("--out", "two", "--verbose")
+    ran = command("identify", folder / "0.npz", "copy.csv", *robot, *bare, *words)
     assert "0 and copy share 100 % of their rows; give each log once" in ran.out
     assert "agree within their noise" not in ran.out
 

@@ -122,7 +122,7 @@ def doubts_of(result: Identification, record: ResultRecord) -> list[str]:
     known = result.uncertainty
     contradicted = () if known is None else (*known.contradictions, *known.model_errors)
     strong = re.compile(
-        r"worse than the URDF|is unexplained|not physically consistent|fewer than|give each log once"
+        r"worse than the URDF|is unexplained|not physically consistent|fewer than|log once"
     )
     stated = [warning for warning in record.warnings if strong.search(warning)]
     return [*still_joints(result), *contradicted, *stated]

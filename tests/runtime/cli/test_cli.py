@@ -73,7 +73,7 @@ def test_identify_writes_everything(
 ) -> None:
     """Property: result.json with its documented keys, a URDF that loads, a report, a table."""
     words = ("--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
-    ran = command("identify", log, "--robot", lib.folder, *words)
+    ran = command("identify", log, "--robot", lib.folder, *words, "--verbose")
     assert ran.code == 0, ran.err
     folder = tmp_path / "results" / "log-map"
     written = {path.name for path in folder.iterdir()}

@@ -46,6 +46,8 @@ def test_the_table_has_three_rows_everywhere(command, lib, tmp_path):
     assert len(facts["urdf_friction"]) == 7
     row = next(line for line in ran.out.splitlines() if "URDF with friction fitted" in line)
     assert f"{between:.3f}" in row
+    assert len(ran.out.splitlines()) <= 10
+    assert "note: " not in ran.out
     page = (tmp_path / "out" / "report.html").read_text()
     assert "URDF with friction fitted" in page
     ran = command(*words, "--friction", "none")

@@ -88,8 +88,9 @@ def test_options_named_in_pages_exist() -> None:
     import runtime.cli
     import symgen.cli
 
-    groups = [typer.main.get_command(app).commands for app in (symgen.cli.app, runtime.cli.app)]
-    params = [p for group in groups for command in group.values() for p in command.params]
+    groups = [typer.main.get_command(app) for app in (symgen.cli.app, runtime.cli.app)]
+    commands = [each for group in groups for each in (group, *group.commands.values())]
+    params = [p for command in commands for p in command.params]
     known = (
         {name for p in params for name in (*p.opts, *p.secondary_opts)} | OF_SCRIPTS | OF_CONSOLE
     )

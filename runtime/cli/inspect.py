@@ -12,7 +12,9 @@ from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
 from runtime.common.terminal import command_line, console, say
+from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
+from runtime.inspection.proposed_recipe import skeleton_text
 from runtime.outputs.report.log_figure import draw_log
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
@@ -71,7 +73,15 @@ def inspect_command(
     bare = recipe_out is not None and recipe is None
     options: dict[str, Any] = {"bare": bare, "rate_hz": log_rate, "propose": recipe_out is not None}
     with console.status("inspecting the log"):
-        inspection = inspect_log(log, lib, recipe, run, **options)
+        try:
+            inspection = inspect_log(log, lib, recipe, run, **options)
+        except RecordingError as error:
+            if recipe_out is None or recipe is not None:
+                raise
+            write_recipe(recipe_out, skeleton_text(log, lib.n_joints), overwrite)
+            raise RecordingError(
+                f"{error}; '{recipe_out}' lists the columns of the log, to be filled in"
+            ) from None
     if recipe_out is not None:
         write_recipe(recipe_out, recipe_text(inspection), overwrite)
     if plot is not None:

@@ -9,6 +9,8 @@ import textwrap
 from runtime.inspection.finding import ERROR, WARNING
 from runtime.inspection.inspection import Inspection
 from runtime.recording import Recipe
+from runtime.recording.log_files import LogFiles
+from runtime.recording.reader import locate
 from runtime.recording.recipes.recipe_file import toml_value
 
 _TABLES = (
@@ -44,6 +46,29 @@ def recipe_text(inspection: Inspection) -> str:
             lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
     if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:
         lines += _gear_stub(len(inspection.recording.q[0]))
+    return "\n".join(lines) + "\n"
+
+
+def skeleton_text(log: str, joints: int) -> str:
+    """TOML of a recipe to be filled in, with the columns or arrays of the file as comments."""
+    place = locate(log)
+    lines = [f"# Columns and units of {place.name} were not understood; state them, then identify."]
+    if place.is_file():
+        reader = LogFiles(place, Recipe()).reader(place.name, "")
+        arrays = [f"{name}  {list(shape)}" for name, shape in reader.arrays().items()]
+        rows = reader.head()[:2]
+        cells = [
+            f"{k}  {'  '.join(column)}"[:96] for k, column in enumerate(zip(*rows, strict=False))
+        ]
+        lines += ["# It holds:", *(f"#   {each}" for each in arrays or cells)]
+    named = ", ".join(["…"] * joints)
+    tables = {
+        "time": ("column = 0", 'unit = "s"'),
+        "position": (f"columns = [{named}]", 'unit = "rad"'),
+        "torque": (f"columns = [{named}]", 'unit = "N*m"'),
+    }
+    for name, keys in tables.items():
+        lines += ["", f"# [{name}]", *(f"# {key}" for key in keys)]
     return "\n".join(lines) + "\n"
 
 

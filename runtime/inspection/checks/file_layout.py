@@ -7,8 +7,9 @@ whatever the order of the columns. Files whose names differ in their last number
 """
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,8 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
     joints = len(names)
     path, rows = reader.raw.path, reader.head()
     file = meaning(path.stem)
-    numeric = [all(_is_number(cell) for cell in row) for row in rows]
+    kept = _numeric_columns(rows)
+    numeric = [len(row) > kept[-1] and all(_is_number(row[k]) for k in kept) for row in rows]
     first = next((i for i, good in enumerate(numeric) if good), None)
     if first is None:
         return
@@ -237,9 +239,9 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
     titled = [] if header is None else [*_titled(header, names, file_name, path.name, file)]
     whole = {kind for kind, part in titled if len(part["where"].get("columns", ())) == joints}
     # a file of a folder may hold one signal only
-    alone = header is not None and not file_name and not whole
+    alone = header is not None and not file_name and "position" not in whole
     unknown = alone and len(set(header or ())) == width
-    blocks = _blocks(reader, width, joints) if unknown else ()
+    blocks = _blocks(reader, kept, joints) if unknown else ()
     if header is not None and blocks:  # titles of another language or vendor
         yield from _recognised(blocks, file_name, path.name, header)
     elif header is not None:
@@ -250,20 +252,28 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
             _part(file, file_name, path.name, layout="csv", columns=tuple(range(width))),
         )
     else:
-        blocks = _blocks(reader, width, joints)
+        blocks = _blocks(reader, kept, joints)
         if blocks:
             yield from _recognised(blocks, file_name, path.name)
-        else:
-            yield from _untitled(width, file_name, path.name, joints)
+        elif kept[-1] == len(kept) - 1:  # text stands behind the numbers
+            yield from _untitled(len(kept), file_name, path.name, joints)
 
 
-def _blocks(reader: LogReader, width: int, joints: int) -> tuple[ColumnBlock, ...]:
+def _numeric_columns(rows: list[list[str]]) -> tuple[int, ...]:
+    """Columns of the usual width that hold numbers; others are text, or empty at the end."""
+    width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
+    usual = [row for row in rows if len(row) == width]
+    return tuple(k for k in range(width) if any(_is_number(row[k]) for row in usual)) or (0,)
+
+
+def _blocks(reader: LogReader, kept: tuple[int, ...], joints: int) -> tuple[ColumnBlock, ...]:
     """Columns of a table by their content; none of cells that are no numbers."""
-    signal = Signal(unit="rad", layout="csv", columns=tuple(range(width)))
+    signal = Signal(unit="rad", layout="csv", columns=kept)
     try:
-        return blocks_by_content(reader.table("position", signal).values, joints)
+        blocks = blocks_by_content(reader.table("position", signal).values, joints)
     except RecordingError:
         return ()
+    return tuple(replace(each, columns=tuple(kept[k] for k in each.columns)) for each in blocks)
 
 
 def _recognised(

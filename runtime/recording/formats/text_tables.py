@@ -6,6 +6,7 @@ corrupt row stays in its place as NaN, so that files which belong together by ro
 aligned; the reader drops it. Units, signs and order are left to `reader`.
 """
 
+import csv
 import zlib
 from array import array
 from collections import Counter
@@ -143,7 +144,7 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
         header = find_header(lines_of(text), names, name)
         first = header + 1
     else:
-        header, first = -1, _first_numeric(lines_of(text), name)
+        header, first = -1, _first_numeric(lines_of(text), name, columns)
     reference = next(islice(lines_of(text), header if names else first, None))
     titles, separator = cells_of(reference)
     picks = [titles.index(c) if isinstance(c, str) else c for c in columns]
@@ -181,10 +182,14 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
 
 
-def _first_numeric(lines: Iterable[str], name: str) -> int:
+def _first_numeric(lines: Iterable[str], name: str, columns: Columns = ()) -> int:
+    """Index of the first line with numbers in the columns that are read."""
+    most = max((k for k in columns if isinstance(k, int)), default=-1)
     for index, line in enumerate(lines):
-        cells, separator = cells_of(line)
-        if cells and all(np.isfinite(number_in(cell, separator)) for cell in cells):
+        cells = cells_of(line)[0]
+        if -1 < most < len(cells):
+            cells = [cells[k] for k in columns if isinstance(k, int)]
+        if cells and all(np.isfinite(number_in(cell)) for cell in cells):
             return index
     raise RecordingError(f"{name} holds no row of numbers; expected one, so export the log again")
 
@@ -284,17 +289,17 @@ def _by_pyarrow(text: str, separator: str, form: RowForm) -> FloatArray | None:
     """The same with a thread per core, in a quarter of the time; None where not installed."""
     try:
         import pyarrow as pa
-        from pyarrow import csv
+        from pyarrow import csv as arrow_csv
     except ImportError:
         return None
     names = [str(k) for k in range(form.width)]
     wanted = [names[pick] for pick in form.picks]
     try:
-        table = csv.read_csv(
+        table = arrow_csv.read_csv(
             pa.py_buffer(text.encode()),
-            csv.ReadOptions(column_names=names),
-            csv.ParseOptions(delimiter=separator, quote_char=False, ignore_empty_lines=False),
-            csv.ConvertOptions(
+            arrow_csv.ReadOptions(column_names=names),
+            arrow_csv.ParseOptions(delimiter=separator, quote_char=False, ignore_empty_lines=False),
+            arrow_csv.ConvertOptions(
                 check_utf8=False,
                 column_types=dict.fromkeys(names, pa.float64()),
                 null_values=[],
@@ -325,7 +330,7 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
         cells = split_cells(each, form.separator)
         widths[len(cells)] += 1
         good = len(cells) == form.width
-        rows.extend([number_in(cells[i], form.separator) for i in form.picks] if good else corrupt)
+        rows.extend([number_in(cells[i]) for i in form.picks] if good else corrupt)
         numbers.append(line + count - 1)
     values = np.array(rows, dtype=np.float64).reshape(-1, len(form.picks))
     return RowBlock(values, np.array(numbers, dtype=np.int64), widths, repeated, count)
@@ -342,7 +347,7 @@ def _flat(text: str, is_part: bool = False) -> FloatArray:
         return plain
     if not is_part:
         return np.concatenate([_flat(piece, is_part=True) for piece in _pieces(text, 0, PART)])
-    return np.array([number_in(line.strip(), None) for line in lines_of(text)])
+    return np.array([number_in(line.strip()) for line in lines_of(text)])
 
 
 def _pieces(text: str, start: int, size: int) -> Iterator[str]:
@@ -354,13 +359,19 @@ def _pieces(text: str, start: int, size: int) -> Iterator[str]:
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without blanks and quotes."""
+    """Cells of a line without blanks and quotes, between which a separator divides nothing."""
+    if '"' in line and separator is not None:
+        try:
+            (row,) = csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True)
+        except (csv.Error, ValueError):  # a quote that is not closed, or within a cell
+            row = line.split(separator)
+        return [cell.strip() for cell in row]
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
 
-def number_in(cell: str, separator: str | None) -> float:
-    """The number in a cell, or NaN."""
-    if "," in cell and separator != ",":
+def number_in(cell: str) -> float:
+    """The number in a cell, or NaN; a comma within quotes is a decimal mark too."""
+    if "," in cell:
         cell = cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else ""
     if "_" in cell:
         return np.nan

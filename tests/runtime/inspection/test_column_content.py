@@ -1,11 +1,14 @@
 """Files without a header: columns are assigned by their content and shown by number."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
 from runtime.inspection import inspect_log
 from runtime.inspection.checks.columns import blocks_by_content, meaning
 from runtime.inspection.checks.file_layout import draft
+from runtime.recording import read_recording
 
 ORDERS = {
     "usual": ("t", "q", "dq", "tau"),
@@ -131,3 +134,40 @@ def test_titles_that_are_not_understood_are_read_by_content(signals, tmp_path) -
         "torque": "baz0",
     }
     assert [finding.kind for finding in findings] == ["columns_by_content"]
+
+
+@pytest.mark.parametrize(("before", "behind"), [("RUN,", ""), ("", ",RUN"), ("", ",")])
+def test_text_and_empty_columns_are_left_out(clean, tmp_path, before: str, behind: str) -> None:
+    """Oracle: the log whose rows begin or end with text, or with a separator, without a header."""
+    rows = np.column_stack([clean.t, clean.q, clean.tau])
+    lines = [before + ",".join(map(repr, row)) + behind for row in rows.tolist()]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    plan, findings = draft(tmp_path / "log.csv", ("",) * 7)
+    assert [each.kind for each in findings] == ["columns_by_content"]
+    log = read_recording(tmp_path / "log.csv", plan)
+    np.testing.assert_array_equal(log.q, clean.q)
+    np.testing.assert_array_equal(log.tau, clean.tau)
+
+
+def test_a_torque_that_is_named_does_not_hide_the_positions(clean, tmp_path) -> None:
+    """Oracle: columns of a header of which the words of the torque alone are known."""
+    titles = ["Zeit", *(f"Winkel Achse {k}" for k in range(7)), *(f"tau{k}" for k in range(7))]
+    rows = np.column_stack([clean.t, clean.q, clean.tau])
+    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=",".join(titles), comments="")
+    plan, _ = draft(tmp_path / "log.csv", ("",) * 7)
+    assert plan is not None
+    assert plan.position is not None
+    assert plan.position.columns == tuple(titles[1:8])
+
+
+def test_a_recipe_to_be_filled_in_lists_the_columns(command, lib, tmp_path) -> None:
+    """Property: exit code 2, a sentence that names the file, which TOML reads."""
+    (tmp_path / "log.csv").write_text('when,state\n0.0,"[1, 2]"\n0.1,"[1, 3]"\n')
+    ran = command("inspect", "log.csv", "--robot", lib.folder, "--recipe-out", "r.toml")
+    assert ran.code == 2
+    assert "'r.toml' lists the columns of the log" in ran.err
+    text = (tmp_path / "r.toml").read_text()
+    assert "#   1  state  [1, 2]" in text
+    assert tomllib.loads(text) == {}
+    assert command("inspect", "nope.csv", "--recipe-out", "s.toml").code == 2
+    assert not (tmp_path / "s.toml").exists()

@@ -59,6 +59,18 @@ def test_tabs_blanks_and_commented_headers(tmp_path, header):
     assert np.array_equal(recording.t, t)
 
 
+def test_quoted_cells_hold_separators(tmp_path):
+    """Oracle: the log with a remark in quotes beside it, and with decimal commas in quotes."""
+    t, q, dq = motion()
+    head, *lines = csv_text(t, q, dq).splitlines()
+    noted = "\n".join([f"{head},note", *(f'{line},"ok, ""fine"""' for line in lines)])
+    german = [",".join(f'"{cell.replace(".", ",")}"' for cell in x.split(",")) for x in lines]
+    for text in (noted, "\n".join([head, *german])):
+        recording = read_recording(written(tmp_path, text))
+        assert np.array_equal(recording.q, q)
+        assert np.array_equal(recording.t, t)
+
+
 def test_rows_written_twice_are_left_out(tmp_path):
     """Oracle: a row with the stamp and the values of the row before adds nothing."""
     t, q, dq = motion()

@@ -36,7 +36,7 @@ def test_export_writes_what_others_load(
     assert again.code == 2
     assert "fr3.xml' exists" in again.err
     assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
-    assert "friction, header; got 'vrml'" in command("export", "out", "--to", "vrml").err
+    assert "friction, header, casadi; got 'vrml'" in command("export", "out", "--to", "vrml").err
     assert "no valid result.json" in command("export", tmp_path).err
 
 
@@ -85,7 +85,7 @@ def test_a_format_of_another_package_is_used_by_its_name(
     lines = (tmp_path / "out" / "export" / "fr3_masses.csv").read_text().splitlines()
     assert lines[0] == "link,mass"
     assert {line.split(",")[0] for line in lines[1:]} >= set(lib.link_names)
-    assert "header, toy; got 'vrml'" in export("out", "--to", "vrml").stderr
+    assert "header, casadi, toy; got 'vrml'" in export("out", "--to", "vrml").stderr
 
 
 def test_export_says_what_it_could_not_write(

@@ -38,15 +38,16 @@ from runtime.cli.shown_progress import ShownProgress
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
-from runtime.identification.comparison.row import HEAD, cells
 from runtime.identification.comparison.run import (
+    HEAD,
     Comparison,
     TrueParameters,
     beside,
+    cells,
     compare,
     read_truth,
 )
-from runtime.identification.long_logs.identify import assemble_streamed, require_streamable
+from runtime.identification.long_logs.rows import assemble_streamed, require_streamable
 from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.identification.settings import AUTO, Settings
@@ -147,8 +148,8 @@ def compare_command(
             f"streaming {data.streamed.rows} rows of {data.streamed.name}; --no-stream reads them "
             f"as a whole, which {others} need"
         )
-        passes = assemble_streamed(data.streamed, lib, **options)
-        assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
+        assembly = assemble_streamed(data.streamed, lib, **options)
+        notes = (*notes, assembly.source_note)
     settings = {
         "methods": list(names),
         "recipe": recipe,

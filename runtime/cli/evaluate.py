@@ -11,7 +11,7 @@ from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import Recipe, Run
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluation_of
-from runtime.identification.free_base.evaluate import free_base_errors
+from runtime.identification.free_base.result import free_base_errors
 from runtime.identification.result_tables import error_table
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library

@@ -63,7 +63,8 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.several_logs.joint_fit import NamedLog, read_carried
+from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Array, Library
 from runtime.recording import StreamedRecording, is_large, open_log, read_recording
 
@@ -175,13 +176,13 @@ def identify_command(
     require_result_folder(folder, _WRITTEN, overwrite)
     settings = replace(settings, inputs=inputs_of([chosen], lib, controller=controller) or None)
     with counting(state()) as bar:
-        watch = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, preset))
+        shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, preset))
         opened = (
             _named(runs, lib, recipe, payload_of or (), bool(stream))
             if several
             else _opened(logs[0], lib, recipe, run, stream, settings)
         )
-        result = identify(opened, lib, settings, watch=watch)
+        result = identify(opened, lib, settings, progress=shown)
         result = with_row_marks(result, opened, settings.split)
     finish(result, folder, Outputs(report, save_statistics))
 

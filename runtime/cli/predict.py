@@ -249,7 +249,7 @@ def _moved(
     wanted = Settings(friction=options.friction, cutoff=options.cutoff, rate=options.rate)
     with counting(state()) as bar:
         log = read_recording(source, options.recipe, options.run, lib.joint_names)
-        data = prepared_log(log, lib, wanted, watch=ShownProgress(bar, "predict", lib.name))
+        data = prepared_log(log, lib, wanted, progress=ShownProgress(bar, "predict", lib.name))
     terms = terms or data.friction or _friction(None)
     return motion_samples_of(data.recording, lib, data.preparation, terms)
 

@@ -1,18 +1,19 @@
 """Steps, choices and iterations of an identification at the terminal."""
 
-from rich.progress import Progress, TaskID
+from rich.progress import Progress as Bar
+from rich.progress import TaskID
 from rich.table import Table
 
 from runtime.common.terminal import console
 from runtime.estimators.choice.cutoff_choice import CutoffChoice
 from runtime.estimators.choice.friction_choice import FrictionChoice
-from runtime.identification.watch import Watch
+from runtime.identification.progress import Progress
 
 
-class ShownProgress(Watch):
+class ShownProgress(Progress):
     """One bar: the present step, then the iterations of the method."""
 
-    def __init__(self, bar: Progress, method: str, robot: str, total: int | None = None) -> None:
+    def __init__(self, bar: Bar, method: str, robot: str, total: int | None = None) -> None:
         self._bar, self._name, self._total = bar, f"{method} on {robot}", total
         self._task: TaskID = bar.add_task("reading the log", total=None, state="")
 

@@ -27,11 +27,9 @@ from runtime.recording.friction import names_where
 from runtime.recording.settings import SPRING
 
 
-def friction_sigma(result: Identification) -> Array | None:
-    """Standard deviations of `result.usual_phi`."""
+def friction_root(result: Identification) -> Array | None:
+    """Root of the covariance of `result.usual_phi`, (n k, ·); None without a posterior."""
     known, phi = result.uncertainty, result.usual_phi
-    if result.drive is not None and phi.size:
-        return result.drive.phi_sigma if result.drive.phi_sigma.shape == phi.shape else None
     if known is None or known.information is None or result.learned is not None or not phi.size:
         return None
     information, lib = known.information, result.lib
@@ -46,8 +44,29 @@ def friction_sigma(result: Identification) -> Array | None:
     root = np.column_stack([posterior.phi_over(system), posterior.phi_root(system), difference])
     columns = information.statistics.factor[:, information.statistics.n_base :]
     root[~determined(columns)] = np.nan
-    sigma = np.linalg.norm(posterior.usual(root), axis=1).reshape(phi.shape)
-    return np.where(_held_at_zero(result, phi), np.nan, sigma)
+    root = posterior.usual(root)
+    root[_held_at_zero(result, phi).ravel()] = np.nan
+    return root
+
+
+def friction_sigma(result: Identification) -> Array | None:
+    """Standard deviations of `result.usual_phi`."""
+    drive, phi = result.drive, result.usual_phi
+    if drive is not None and drive.phi_sigma is not None and phi.size:
+        return drive.phi_sigma if drive.phi_sigma.shape == phi.shape else None
+    root = friction_root(result)
+    return None if root is None else np.linalg.norm(root, axis=1).reshape(phi.shape)
+
+
+def friction_covariance(result: Identification) -> Array | None:
+    """Covariance of the coefficients of every joint, (n, k, k); NaN where not determined."""
+    if result.drive is not None and result.drive.phi_covariance is not None:
+        return result.drive.phi_covariance
+    root = friction_root(result)
+    if root is None:
+        return None
+    joints = root.reshape(*result.usual_phi.shape, -1)
+    return np.asarray(joints @ np.swapaxes(joints, 1, 2))
 
 
 def friction_intervals(result: Identification) -> tuple[Any, Any]:

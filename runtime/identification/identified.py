@@ -13,9 +13,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.identification.drive.result import DriveFit
-from runtime.identification.result_record import error_parts, link_parts
+from runtime.identification.result_record import MirroredPair, SessionsPart, error_parts, link_parts
 from runtime.identification.result_tables import error_table, link_table, parameter_columns
-from runtime.identification.several_logs.agreement import LogAgreement
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 from runtime.library.parameters import links, mass
@@ -128,8 +127,8 @@ class Identification(Framed):
     trained: TrainedModel | None = None
     drive: DriveFit | None = None
     is_joined: bool = False
-    symmetric: tuple[Any, ...] = ()
-    agreement: LogAgreement | None = None
+    symmetric: tuple[MirroredPair, ...] = ()
+    agreement: SessionsPart | None = None
     row_marks: Marks | None = None
 
     def __repr__(self) -> str:

@@ -7,25 +7,28 @@ to the same fit (`single_log.identify_assembled`).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Unpack
+from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
-from runtime.identification.drive.feedback import BIAS_PRIOR
+from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.requested import (
     columns_of,
     delayed,
+    drive_notes,
     drive_request,
+    with_drives,
     with_mirrored_links,
+    without_drives,
 )
 from runtime.identification.drive.result import DriveFit
-from runtime.identification.drive.symmetry import identify_drives, with_sides
+from runtime.identification.drive.symmetry import identify_tied, with_sides
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs.identify import identify_streamed, require_streamable
+from runtime.identification.long_logs.rows import require_streamable
 from runtime.identification.prepared_log import (
     PreparedLog,
     prepared_log,
@@ -33,35 +36,24 @@ from runtime.identification.prepared_log import (
     without_memory,
 )
 from runtime.identification.problem_setup import settings_for
-from runtime.identification.settings import AUTO, SettingKeywords, Settings, settings_from
-from runtime.identification.several_logs.drives import delay_notes, with_delays, with_drives
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
-from runtime.identification.single_log import identify_recording
-from runtime.identification.watch import SILENT, Watch
+from runtime.identification.progress import Progress, progress_of
+from runtime.identification.settings import (
+    AUTO,
+    PER_JOINT,
+    SettingKeywords,
+    Settings,
+    settings_from,
+)
+from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.single_log import FittedSource, identify_recording
 from runtime.library import Library, require_library
 from runtime.recording import Recording, Split, StreamedRecording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing.parts import before_test
-from runtime.recording.row_marks import COUNT, row_marks, same_rows
+from runtime.recording.row_marks import COUNT, row_marks
 from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
-
-ONE_LOG = {
-    "several": (
-        "--controller belongs to one log, but several are given; leave it out",
-        "--encoder-bias and --symmetric belong to one log, but several are given; identify each "
-        "alone",
-    ),
-    "streamed": (
-        "the closed loop of --controller is simulated over all samples, but the log is streamed; "
-        "leave out --controller, or give --no-stream",
-        "--encoder-bias and --symmetric need the whole log in memory, but it is streamed; give "
-        "--no-stream",
-    ),
-}
-"""Logs → sentences that refuse a controller, and encoder biases with mirrored joints."""
 
 SEVERAL_STREAMED = "several logs are read as a whole, but --stream is given; leave it out"
 Source = Recording | StreamedRecording | NamedLog
@@ -74,8 +66,7 @@ def identify(
     lib: Library,
     settings: Settings | str | None = None,
     *,
-    progress: Callable[[int, float], None] | None = None,
-    watch: Watch = SILENT,
+    progress: Callable[[int, float], None] | Progress | None = None,
     **keywords: Unpack[SettingKeywords],
 ) -> Identification:
     """Identify π, and friction, of a robot from a log or from several logs, as the command does.
@@ -95,8 +86,8 @@ def identify(
         log: as `read_recording` or `open_log` return it, or several of them.
         lib: library of the robot.
         settings: what is done; a string is the name of a method, None the defaults.
-        progress: called by methods that iterate, with iteration and best validation loss.
-        watch: shown the steps and choices as well.
+        progress: called by methods that iterate, with iteration and best validation loss; a
+            `Progress` is shown the steps and choices as well.
         **keywords: single fields of `Settings`, which replace those of `settings`.
 
     Returns:
@@ -114,12 +105,45 @@ def identify(
             f"expected a log, as runtime.read_recording gives it, or several, got {log!r:.60}"
         )
     chosen = settings_from(settings, keywords)
-    prior = with_mirrored_links(chosen.prior, lib, tuple(chosen.symmetric), chosen.tie)
+    pairs = tuple(chosen.symmetric)
+    prior = with_mirrored_links(chosen.prior, lib, pairs, chosen.tie)
     chosen = settings_for(lib, replace(chosen, prior=prior))
-    seen = watch if progress is None else _Iterations(progress)
-    if isinstance(log, (Recording, StreamedRecording)):
-        return _of_one(log, lib, chosen, seen)
-    return _of_several(_named([log] if isinstance(log, NamedLog) else log), lib, chosen, seen)
+    shown = progress_of(progress)
+    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    named = _named(log)
+    if isinstance(named[0].recording, StreamedRecording):
+        require_streamable(method, chosen.preset)
+    data = _prepared_logs(named, lib, chosen, method, shown)
+    first, drives, delays = data[0], None, list[DriveFit]()
+    request = drive_request(first, chosen, method) if _is_in_memory(data) else None
+    source: FittedSource = first.recording
+    if _is_in_memory(data):
+        steps = delayed(first, chosen.delay, bool(chosen.encoder_bias))
+        bare = replace(first.settings(chosen, steps), friction=columns_of(first, chosen))
+        notes = list(first.notes)
+    else:
+        data, delays, notes = _corrected_logs(named, data, lib, chosen, shown)
+        drives = DriveFit.of_all(delays) if delays else None
+        source, bare = _source(named, data), data[0].settings(chosen, None)
+        if len(data) == 1:
+            bare = replace(bare, preparation=data[0].preparation)
+
+    def fit(each: Settings) -> Identification:
+        if request is not None:
+            return identify_drive(first.recording, lib, each, request, progress=shown)
+        return identify_recording(source, lib, each, progress=shown)
+
+    is_tied = chosen.tie and (request is not None or delays)
+    result = identify_tied(fit, bare, pairs) if is_tied else fit(bare)
+    if drives is not None and (len(data) == 1 or chosen.encoder_bias):
+        result = replace(result, drive=drives)
+    if result.agreement is not None and chosen.delay in {AUTO, PER_JOINT}:
+        parts = zip(result.agreement.names, delays, strict=True)
+        known = tuple(each.delay_of_log(name) for name, each in parts)
+        result = replace(result, agreement=result.agreement.replace(delay_s=known))
+    if pairs:
+        result = with_sides(result, pairs)
+    return replace(result, notes=(*notes, *result.notes))
 
 
 def with_row_marks(
@@ -145,87 +169,19 @@ def with_row_marks(
     return replace(result, row_marks=np.unique(np.concatenate(marks))[:COUNT])
 
 
-@dataclass(frozen=True)
-class _Iterations(Watch):
-    """A callable that is shown the iterations alone."""
-
-    call: Callable[[int, float], None]
-
-    def iteration(self, done: int, best: float) -> None:
-        self.call(done, best)
-
-
-def _of_one(
-    log: Recording | StreamedRecording, lib: Library, settings: Settings, watch: Watch
-) -> Identification:
-    """The result of a log in memory or in its file."""
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    if isinstance(log, StreamedRecording):
-        require_streamable(method, settings.preset)
-        _require_one_log("streamed", settings)
-    usable = usable_columns([method])
-    if settings.delay is not None or settings.encoder_bias:
-        # The result states Coulomb friction per drive.
-        usable = without_memory(usable)
-    data = prepared_log(log, lib, settings, usable, watch)
-    if data.streamed is not None:
-        result = _streamed(data.streamed, data, lib, settings, watch)
-        return replace(result, notes=(*data.notes, *result.notes))
-    preparation = delayed(data, settings.delay, bool(settings.encoder_bias))
-    request = drive_request(data, settings, method)
-    bare = replace(data.settings(settings, preparation), friction=columns_of(data, settings))
-    to_fit = data.recording, lib, bare
-    if request is None:
-        result = identify_recording(*to_fit, progress=watch.iteration)
-    else:
-        result = identify_drives(*to_fit, request, progress=watch.iteration)
-    if settings.symmetric:
-        result = with_sides(result, tuple(settings.symmetric))
-    return replace(result, notes=(*data.notes, *result.notes))
-
-
-def _streamed(
-    log: StreamedRecording, data: PreparedLog, lib: Library, settings: Settings, watch: Watch
-) -> Identification:
-    """The result of a log in its file; a delay is estimated from its first rows."""
-    delays: list[dict[str, Any]] = []
-    if settings.delay is not None:
-        (data,), delays = with_delays((log.name,), (data,), lib, settings, watch)
-    bare = data.settings(settings, data.preparation)
-    result = identify_streamed(log, lib, bare, progress=watch.step)
-    return _with_delay(result, delays[0], len(data.recording)) if delays else result
-
-
-def _with_delay(result: Identification, facts: dict[str, Any], rows: int) -> Identification:
-    """The result with the delay of the first rows."""
-    note = f"{delay_notes((facts,))[0]}, from the first {rows} rows"
-    unknown = np.full(result.lib.n_joints, np.nan)
-    width = result.phi.shape[1]
-    known = facts["value"] is not None
-    drive = DriveFit(
-        delay=np.atleast_1d(facts["value"]) if known else np.zeros(0),
-        delay_sigma=np.atleast_1d(facts["sigma"]) if known else np.zeros(0),
-        bias=unknown,
-        bias_sigma=unknown,
-        bias_prior=BIAS_PRIOR,
-        phi_sigma=np.full(result.phi.shape, np.nan),
-        phi_covariance=np.full((len(unknown), width, width), np.nan),
-    )
-    return replace(result, drive=drive, notes=(note, *result.notes))
-
-
-def _of_several(
-    named: Sequence[NamedLog], lib: Library, settings: Settings, watch: Watch
-) -> Identification:
-    """One set of parameters from several logs, and the comparison of the logs.
+def _prepared_logs(
+    named: Sequence[NamedLog], lib: Library, settings: Settings, method: str, progress: Progress
+) -> list[PreparedLog]:
+    """The logs with what is chosen from them.
 
     Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
-    _require_one_log("several", settings)
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    first = prepared_log(
-        named[0].recording, lib, _of(named[0], settings), usable_columns([method]), watch
-    )
+    usable = usable_columns([method])
+    if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
+        # The result states Coulomb friction per drive.
+        usable = without_memory(usable)
+    of_first = _of(named[0], settings)
+    first = prepared_log(named[0].recording, lib, of_first, usable, progress)
     rest = settings
     if settings.regressor == AUTO:
         steps = first.preparation or first.recording.preparation
@@ -237,38 +193,56 @@ def _of_several(
     gains, data = first.recording.gains, [first]
     for each in named[1:]:
         log = each.recording if gains is None else scaled(each.recording, gains)
-        data.append(prepared_log(log, lib, _of(each, rest), (), watch))
-    data = with_drives(data, lib, settings)
-    names = [each.name for each in named]
-    delays: list[dict[str, Any]] = []
-    if settings.delay is not None:
-        data, delays = with_delays(names, data, lib, settings, watch)
-    ready = [
+        data.append(prepared_log(log, lib, _of(each, rest), (), progress))
+    return data
+
+
+def _is_in_memory(data: Sequence[PreparedLog]) -> bool:
+    """Whether there is one log, in memory, whose drives are estimated together with the links."""
+    return len(data) == 1 and data[0].streamed is None
+
+
+def _corrected_logs(
+    named: Sequence[NamedLog],
+    data: Sequence[PreparedLog],
+    lib: Library,
+    settings: Settings,
+    progress: Progress,
+) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
+    """Several logs, or a streamed one, without what their drives do, which is estimated first."""
+    names, estimated = [each.name for each in named], list[DriveFit]()
+    several = len(named) > 1
+    data = with_drives(data, lib, settings) if several else list(data)
+    notes = [f"{n}: {note}" if several else note
+             for n, log in zip(names, data, strict=True) for note in log.notes]  # fmt: skip
+    if settings.delay is not None or settings.encoder_bias:
+        data, estimated = without_drives(names, data, lib, settings, progress)
+        where = "" if several else f", from the first {len(data[0].recording)} rows"
+        notes += drive_notes(names, estimated, settings, where)
+    if several:
+        progress.step(f"fitting {len(named)} logs")
+    return data, estimated, notes
+
+
+def _source(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> FittedSource:
+    """What is fitted: the log in its file, or several logs."""
+    if data[0].streamed is not None:
+        return data[0].streamed
+    return [
         replace(log, recording=each.recording, preparation=each.preparation)
         for log, each in zip(named, data, strict=True)
     ]
-    watch.step(f"fitting {len(named)} logs")
-    bare = replace(data[0].settings(settings, None), inputs=None)
-    result = identify_logs(ready, lib, bare)
-    notes = [f"{name}: {note}" for name, log in zip(names, data, strict=True) for note in log.notes]
-    if delays and result.agreement is not None:
-        notes += delay_notes(delays)
-        result = replace(result, agreement=replace(result.agreement, delays=tuple(delays)))
-    shared = same_rows([(each.name, each.recording) for each in named])
-    if shared and result.agreement is not None:
-        agreement = replace(result.agreement, shared=shared)
-        result = replace(result, agreement=agreement)
-        notes.insert(0, f"{agreement.sharing()}; give each log once")
-    return replace(result, notes=(*notes, *result.notes))
 
 
-def _named(logs: Sequence[Source]) -> list[NamedLog]:
+def _named(log: Source | Sequence[Source]) -> list[NamedLog]:
     """The logs with names that differ."""
+    if isinstance(log, (Recording, StreamedRecording)):
+        return [NamedLog(log.name, log)]  # type: ignore[arg-type]
     named: list[NamedLog] = []
-    for log in logs:
-        if isinstance(log, StreamedRecording):
+    for one in [log] if isinstance(log, NamedLog) else log:
+        if isinstance(one, StreamedRecording):
             raise IdentificationError(SEVERAL_STREAMED)
-        each = log if isinstance(log, NamedLog) else NamedLog(log.name, log)
+        each = one if isinstance(one, NamedLog) else NamedLog(one.name, one)
         name = each.name
         while name in {other.name for other in named}:
             name += "'"
@@ -283,11 +257,3 @@ def _named(logs: Sequence[Source]) -> list[NamedLog]:
 def _of(log: NamedLog, settings: Settings) -> Settings:
     """Settings with the preparation of one of several logs, where it states one."""
     return settings if log.preparation is None else replace(settings, preparation=log.preparation)
-
-
-def _require_one_log(logs: str, settings: Settings) -> None:
-    """Refuse settings that need the samples of one whole log."""
-    given = settings.inputs, settings.encoder_bias or settings.symmetric
-    for value, sentence in zip(given, ONE_LOG[logs], strict=True):
-        if value:
-            raise IdentificationError(sentence)

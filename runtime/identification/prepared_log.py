@@ -18,9 +18,9 @@ from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs.blocks import head_of
+from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
 from runtime.identification.torque_columns import without_torque_columns
-from runtime.identification.watch import SILENT, Watch
 from runtime.library import Library
 from runtime.recording import (
     EVERYTHING,
@@ -74,7 +74,7 @@ def prepared_log(
     lib: Library,
     settings: Settings,
     usable: Sequence[str] = (),
-    watch: Watch = SILENT,
+    progress: Progress = SILENT,
 ) -> PreparedLog:
     """Choose cut-off, regressor and friction model of a log where the settings do not state them.
 
@@ -87,13 +87,19 @@ def prepared_log(
     parts = settings.split if settings.test is None else EVERYTHING
     terms = friction_of(recording, settings)
     prepared, notes = settings.preparation, tuple[str, ...]()
-    if prepared is None and recording.columns is None:
+    is_read = prepared is None and recording.columns is None  # and no step is stated
+    if is_read:
         at_rest = None if streamed else _at_rest(recording, settings, parts)
         if at_rest is not None:
             return at_rest
-        recording, prepared, notes = _prepared(recording, lib, settings, terms, watch)
-    if recording.has_unknown_gains:  # the steps are stated
+        prepared, notes = _filtered(recording, lib, settings, terms, progress)
+    if recording.has_unknown_gains:
         recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
+    if is_read:
+        progress.step("checking the accelerations")
+        seen, chooses = before_test(recording, settings.split), settings.regressor == AUTO
+        prepared, sentences = choose_regressor(seen, lib, prepared, chooses)
+        notes = (*notes, *sentences)
     if streamed is not None:
         streamed = replace(streamed, gains=recording.gains)  # those of the first rows
         usable = without_memory(usable)
@@ -101,7 +107,7 @@ def prepared_log(
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
     steps = prepared, parts
     if terms is not None and _is_chosen(terms):
-        watch.step("choosing a friction model")
+        progress.step("choosing a friction model")
         further = without_torque_columns(replace(terms, columns=terms.columns[1:]))
         names = [
             name
@@ -111,12 +117,12 @@ def prepared_log(
         choice = choose_friction(
             recording, lib, *steps, settings.coulomb_speed, names, extra=further.columns
         )
-        watch.choice(choice)
+        progress.choice(choice)
         beside = tuple(name for name in terms.columns[1:] if name not in further.columns)
         terms, notes = choice.chosen.terms, (*notes, choice.sentence)
         terms = replace(terms, columns=(*terms.columns, *beside))
     elif usable and settings.friction is None and default_terms(recording) is None:
-        watch.step("choosing a friction model")
+        progress.step("choosing a friction model")
         terms, note = _default_terms(recording, lib, steps, settings, usable)
         notes += (note,)
     return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
@@ -127,32 +133,25 @@ def _is_chosen(terms: Friction) -> bool:
     return terms.columns[:1] == (AUTO,)
 
 
-def _prepared(
+def _filtered(
     recording: Recording,
     lib: Library,
     settings: Settings,
     terms: Friction | None,
-    watch: Watch,
-) -> tuple[Recording, Preparation | None, tuple[str, ...]]:
-    """The log in torques, its preparation, and sentences on what was chosen."""
-    parts, notes = settings.split, tuple[str, ...]()
-    chooses = settings.regressor == AUTO
-    regressor = None if chooses else settings.regressor
+    progress: Progress,
+) -> tuple[Preparation | None, tuple[str, ...]]:
+    """The preparation of the log, and a sentence on its cut-off where that was chosen."""
     is_free = settings.cutoff == AUTO
     cutoff = _ANY_HZ if is_free else cutoff_of(settings.cutoff)
+    regressor = None if settings.regressor == AUTO else settings.regressor
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
-    if is_free:
-        watch.step("choosing a cut-off")
-        known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
-        choice = choose_cutoff(recording, lib, prepared, parts, known)
-        watch.choice(choice)
-        prepared, notes = choice.preparation, (choice.sentence,)
-    if recording.has_unknown_gains:
-        recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
-    watch.step("checking the accelerations")
-    seen = before_test(recording, parts)
-    prepared, sentences = choose_regressor(seen, lib, prepared, chooses)
-    return recording, prepared, (*notes, *sentences)
+    if not is_free:
+        return prepared, ()
+    progress.step("choosing a cut-off")
+    known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
+    choice = choose_cutoff(recording, lib, prepared, settings.split, known)
+    progress.choice(choice)
+    return choice.preparation, (choice.sentence,)
 
 
 def _default_terms(

@@ -18,6 +18,8 @@ from runtime.estimators.prior_file import friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains import in_torque
+from runtime.identification.identified import Identification
+from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -41,6 +43,8 @@ __all__ = [
 ]
 
 PARTS = ("train", "validation", "test")
+Parts = tuple[Recording, Recording, Recording]
+"""Training, validation and test part."""
 WITHOUT_PRIOR = "pc-ols"
 """Method for such a robot where none is named: consistent, and convex from any start."""
 
@@ -53,22 +57,34 @@ class Assembly:
         problem: data, weights and first guess.
         parts: prepared training, validation and test recording.
         friction: names and widths of the friction columns.
-        one_run: True when the parts belong to one recording.
+        is_cut: whether the parts are cut from the same logs; else the test is a log of its own.
+        logs: names of several logs; empty for one.
         pieces: name of a part → its recordings, one piece at a time, where `parts` hold only some
             of the rows; None where `parts` are whole.
         notes: sentences on what was left out.
+        source_note: sentence on how a streamed log was read, the last one of its result.
         is_joined: the training part includes the validation part.
         origin: log behind the samples of the training part, for methods that simulate or filter.
+        finish: adds to the result what the kind of log has beyond others: figures of all rows of a
+            streamed log, the comparison of several logs. It is given the fit of an assembly.
     """
 
     problem: Problem
-    parts: tuple[Recording, Recording, Recording]
+    parts: Parts
     friction: Friction
-    one_run: bool
+    is_cut: bool = True
+    logs: tuple[str, ...] = ()
     pieces: Callable[[str], Iterable[Recording]] | None = None
     notes: tuple[str, ...] = ()
+    source_note: str = ""
     is_joined: bool = False
     origin: Origin | None = None
+    finish: Callable[[Identification, "FitOfAssembly"], Identification] | None = None
+
+    @property
+    def one_run(self) -> bool:
+        """Whether the parts belong to one recording."""
+        return self.is_cut and not self.logs
 
     def recordings(self, name: str) -> Iterable[Recording]:
         """All rows of "train", "validation" or "test", one piece at a time."""
@@ -77,12 +93,16 @@ class Assembly:
         return (self.parts[PARTS.index(name)],)
 
 
+FitOfAssembly = Callable[[Assembly, bool], Identification]
+"""Fit to the training part of an assembly, with or without certificates."""
+
+
 def assemble(
     recording: Recording,
     lib: Library,
     settings: Settings | str | None = None,
     *,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Progress = SILENT,
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
@@ -92,7 +112,7 @@ def assemble(
         recording: log of the robot.
         lib: library of the robot.
         settings: settings, or the name of a method.
-        progress: called with iteration and best validation loss.
+        progress: shown the iterations of the method.
         is_joined: whether the samples of validation are fitted too.
         keywords: fields of the settings.
 
@@ -109,46 +129,87 @@ def assemble(
     recording, chosen = in_torque(recording, lib, chosen)
     terms = geared(terms_of(recording, chosen), recording, lib)
     usual = preparation or recording.preparation
+    is_cut = chosen.test is None
     is_joined = is_joined and chosen.validation is None
-    parts = _parts(recording, lib, chosen, terms, is_joined)
-    rounding = rounding_of(parts[0], lib)
-    train, validation, test = (without_columns(part, rounding) for part in parts)
-    parts = train, validation, test
-    samples_of(test, lib)  # refuses a test part that no error can be computed on
-    if usual.regressor == "energy":
-        train, validation = (
-            without_columns(part, rounding)
-            for part in _of_power(recording, lib, chosen, terms, parts, is_joined)
-        )
-    fitted, unseen = samples_of(train, lib), samples_of(validation, lib)
-    require_enough(fitted, lib)
-    whole = chosen.test is not None
-    trained = EVERYTHING if whole else shares_of(recording, chosen)
-    span = trained.joined() if is_joined else trained.train
-    problem = Problem(
-        lib=lib,
-        train=fitted,
-        validation=unseen,
-        weights=thesis_weights(fitted.tau, mass_unit(lib, lib.pi0)),
-        start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
-        seed=chosen.seed,
+    assembly = assembled(
+        _parts(recording, lib, chosen, terms, is_joined),
+        lib,
+        chosen,
+        terms,
+        usual.regressor,
         progress=progress,
-        terms=terms,
-        column_names=parts[0].column_names,
-        left_out=rounding.ravel(),
-        friction_prior=known_friction(chosen, parts[0].column_names, terms),
-        noise_floor=known_noise(chosen, usual.regressor),
+        is_joined=is_joined,
+        of_power=None
+        if usual.regressor != "energy"
+        else lambda parts: _of_power(recording, lib, chosen, terms, parts, is_joined),
     )
-    notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
+    trained = shares_of(recording, chosen) if is_cut else EVERYTHING
+    span = trained.joined() if is_joined else trained.train
+    first = assembly.parts[0]
+    rounding = np.reshape(np.asarray(assembly.problem.left_out), (lib.n_joints, -1))
     origin = Origin(
         recording,
         terms,
-        _aligned(parts[0], span, lib, preparation, terms, rounding),
-        (parts[0].t[0], parts[0].t[-1]),
+        _aligned(first, span, lib, preparation, terms, rounding),
+        (first.t[0], first.t[-1]),
         chosen.inputs or {},
     )
-    one_run = chosen.test is None
-    return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined, origin=origin)
+    return replace(assembly, is_cut=is_cut, origin=origin)
+
+
+def assembled(
+    parts: Parts,
+    lib: Library,
+    settings: Settings,
+    terms: Friction,
+    regressor: str,
+    *,
+    progress: Progress = SILENT,
+    is_joined: bool = False,
+    of_power: Callable[[Parts], tuple[Recording, Recording]] | None = None,
+    pieces: Callable[[str], Iterable[Recording]] | None = None,
+) -> Assembly:
+    """The problem of prepared parts of any log, or of windows of parts that come in pieces."""
+    rounding = rounding_of(parts[0], lib)
+
+    def resolved(part: Recording) -> Recording:
+        return without_columns(part, rounding)
+
+    def rows(name: str) -> Iterable[Recording]:
+        return map(resolved, () if pieces is None else pieces(name))
+
+    train, validation, test = parts = tuple(map(resolved, parts))  # type: ignore[assignment]
+    samples_of(test, lib)  # refuses a test part that no error can be computed on
+    names = train.column_names
+    if of_power is not None:
+        train, validation = map(resolved, of_power(parts))
+    fitted = samples_of(train, lib)
+    require_enough(fitted, lib)
+    problem = Problem(
+        lib=lib,
+        train=fitted,
+        validation=samples_of(validation, lib),
+        weights=thesis_weights(fitted.tau, mass_unit(lib, lib.pi0)),
+        start=lib.lam0 if settings.lam0 is None else np.asarray(settings.lam0, dtype=float),
+        seed=settings.seed,
+        progress=None if progress is SILENT else progress.iteration,
+        pieces=None
+        if pieces is None
+        else lambda name: (samples_of(piece, lib) for piece in rows(name)),
+        terms=terms,
+        column_names=names,
+        left_out=rounding.ravel(),
+        friction_prior=known_friction(settings, names, terms),
+        noise_floor=known_noise(settings, regressor),
+    )
+    return Assembly(
+        problem,
+        parts,
+        terms,
+        pieces=None if pieces is None else rows,
+        notes=left_out_note(rounding, lib.joint_names, names),
+        is_joined=is_joined,
+    )
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
@@ -159,7 +220,7 @@ def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
 
 def _parts(
     recording: Recording, lib: Library, settings: Settings, terms: Friction, is_joined: bool
-) -> tuple[Recording, Recording, Recording]:
+) -> Parts:
     """Prepared training, validation and test recording."""
     validation, test = settings.validation, settings.test
     if (validation is None) != (test is None):
@@ -184,7 +245,7 @@ def _of_power(
     lib: Library,
     settings: Settings,
     terms: Friction,
-    parts: tuple[Recording, Recording, Recording],
+    parts: Parts,
     is_joined: bool,
 ) -> tuple[Recording, Recording]:
     """Rows of power at the instants of the training and validation parts."""

@@ -18,7 +18,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import result_record as schema
-from runtime.identification.friction_intervals import friction_intervals
+from runtime.identification.friction_intervals import friction_intervals, friction_sigma
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_warnings import warnings_of
@@ -61,8 +61,10 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         control_law=_law(result),
         current_gains=None if gains is None else msgspec.convert(gains.facts(), GAINS),
         delay_s=None if drive is None else drive.delay_parts(),
-        symmetric=tuple(each.part() for each in result.symmetric) or None,
-        drive=None if drive is None else drive.parts(lib.joint_names, result.phi, columns),
+        symmetric=result.symmetric or None,
+        drive=None
+        if drive is None
+        else drive.parts(lib.joint_names, result.usual_phi, friction_sigma(result), columns),
         torque_error_percent=percent,
         torque_rms=rms,
         links=schema.link_parts(lib, result.pi, result.relative_eigenvalues),
@@ -87,7 +89,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
             pi=schema.plain(fit.pi),
             friction_values=schema.plain(replace(result, phi=fit.phi).usual_phi),
         ),
-        sessions=None if result.agreement is None else result.agreement.part(),
+        sessions=result.agreement,
         provenance=schema.ProvenancePart(
             command=command,
             versions=versions() | lib.manifest.versions,

@@ -1,6 +1,6 @@
-"""Identification of a robot from one recording.
+"""Identification of a robot from a log in memory, a log in its file, or several logs.
 
-`identify_recording` prepares and splits the recording, passes the `Problem` to the chosen method
+`identify_recording` prepares and splits the log, passes the `Problem` to the chosen method
 and compares the answer with the optimum of the convex problem. The document's method is Adam in λ
 (Sec. 4): its settings are the presets "simulation" (Table 5.1) and "real" (Table 5.8). "full" is
 the same descent on all samples at once, from compressed statistics; it costs less and stops closer
@@ -13,7 +13,7 @@ rows, and what `predict` expects of a log is what `identify` reaches.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -32,24 +32,31 @@ from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
+from runtime.identification.long_logs.rows import assemble_streamed
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
+from runtime.identification.progress import Progress, progress_of
 from runtime.identification.settings import Settings, bare_settings
+from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs.joint_fit import assemble_logs
 from runtime.identification.torque_columns import with_modelled_torque
 from runtime.library import Array, Library
-from runtime.recording import Recording
+from runtime.recording import Recording, StreamedRecording
 from runtime.recording.preprocessing.filters import filter_inflation
+
+FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
+"""A log in memory, a log in its file, or several logs."""
 
 
 @one_blas_thread
 def identify_recording(
-    recording: Recording,
+    log: FittedSource,
     lib: Library,
     settings: Settings | str | None = None,
     *,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, float], None] | Progress | None = None,
     **keywords: Any,
 ) -> Identification:
-    """Identify π, and φ of stated friction columns, from a recording; nothing else is chosen.
+    """Identify π, and φ of stated friction columns, from any log; nothing else is chosen.
 
     Friction columns are those of the settings, else of the recipe, else none. Keywords alone fit
     the training part only (`refit` False), as a Monte Carlo study needs it.
@@ -57,8 +64,18 @@ def identify_recording(
     chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     joins = not METHODS[method].uses_validation
-    assembly = assemble(recording, lib, chosen, progress=progress, is_joined=joins)
-    return identify_assembled(assembly, chosen)
+    kind: Callable[..., Assembly] = assemble_logs
+    if isinstance(log, (Recording, StreamedRecording)):
+        kind = assemble if isinstance(log, Recording) else assemble_streamed
+    assembly = kind(log, lib, chosen, progress=progress_of(progress), is_joined=joins)
+    result = identify_assembled(assembly, chosen)
+    if assembly.finish is None:
+        return result
+
+    def fitted(each: Assembly, certify: bool) -> Identification:
+        return identify_assembled(each, replace(chosen, certify=certify, refit=False))
+
+    return assembly.finish(result, fitted)
 
 
 @one_blas_thread
@@ -189,7 +206,7 @@ def _uncertainty(
         samples = samples_of(assembly.parts[0], lib)
         posterior = posterior.with_noise(residuals(lib, samples, fit.pi, fit.phi), lib)
     rows = assembly.parts[0]
-    steps = settings.preparation or rows.preparation
+    steps = rows.prepared or settings.preparation or rows.preparation
     return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
 
 
@@ -207,7 +224,7 @@ def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
     train, _, test = assembly.parts
     return (
         settings.refit
-        and assembly.one_run
+        and assembly.is_cut
         and not np.array_equal(train.t, test.t)  # else all rows train already
         and rows_of_joints
         and not METHODS[method].needs_samples(settings.preset)

@@ -51,6 +51,7 @@ class StreamedRecording:
         clock: likewise.
         remarks: sentences about the form of the files.
         gains: estimated gains of its motor currents; None where it states them.
+        bias: what is added to q for the encoders, (n,) [rad, m]; None for nothing.
         one_at_a_time: held while rows are read.
     """
 
@@ -66,6 +67,7 @@ class StreamedRecording:
     clock: LogRows | None
     remarks: tuple[str, ...] = ()
     gains: CurrentGains | None = None
+    bias: FloatArray | None = None
     one_at_a_time: Lock = field(default_factory=Lock)
 
     def block(self, start: int, stop: int) -> Recording:
@@ -128,6 +130,8 @@ class StreamedRecording:
             law=self.plan.law,
             history=(*self.remarks, *data.notes),
         )
+        if self.bias is not None:
+            recording = recording.replace(q=recording.q + self.bias)
         return recording if self.gains is None else scaled(recording, self.gains)
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from bench.front import ROOT, Sheet, peak_memory, python
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs.blocks import blocks_of
-from runtime.identification.long_logs.identify import identify_streamed
+from runtime.identification.single_log import identify_recording
 from runtime.library import Library, load
 from runtime.recording import Friction, Preparation, open_streamed
 
@@ -113,7 +113,7 @@ def child(robot: str, path: str) -> None:
     lib = load(robot)
     start = time.perf_counter()
     log = open_streamed(path)
-    result = identify_streamed(log, lib, preparation=PREPARATION, friction=FRICTION)
+    result = identify_recording(log, lib, preparation=PREPARATION, friction=FRICTION)
     dict(log.source)  # waits until the file is hashed
     wall = time.perf_counter() - start
     rss = peak_memory()

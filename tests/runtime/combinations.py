@@ -112,18 +112,15 @@ REASONS = {
           "the samples one by one, of one run at the controller's rate"),
     "b": ("rows of energy", "rows of energy mix the joints: no offset per joint and log, and none "
           "of a log that stays in its file"),
-    "c": ("belong to one log", "encoder biases and mirrored drives are estimated from one log"),
-    "d": ("in memory, but it is streamed|takes no robust|read as a whole, but --stream",
+    "c": ("in memory, but it is streamed|takes no robust|read as a whole, but --stream",
           "needs the whole log in memory, which --stream avoids"),
-    "e": ("compares drives with their standard deviations", "drives have standard deviations where "
-          "the torque is commanded or a delay is estimated"),
-    "f": ("--payload-of expects LOG=FILE", "one of several logs carries the known payload"),
-    "g": ("poses at rest|excites \\d+ of|training rows or more|columns as inputs|three samples",
-          "poses at rest: few rows, without motion"),
-    "h": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
+    "d": ("--payload-of expects LOG=FILE", "one of several logs carries the known payload"),
+    "e": ("poses at rest|compares drives|excites \\d+ of|training rows or more|columns as inputs|"
+          "three samples", "poses at rest: few rows, without motion"),
+    "f": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
           "needs"),
-    "i": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
-    "j": ("free base|fixed base|--cutoff needs a number above 0 here", "a free base has its own "
+    "g": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
+    "h": ("free base|fixed base|--cutoff needs a number above 0 here", "a free base has its own "
           "rows and the method map; contacts enter its torques, which observers and watches do not "
           "know"),
 }  # fmt: skip

@@ -15,8 +15,7 @@ from runtime.experiments.study import TORQUE, Arrays, Row, Study, StudyOutcome, 
 from runtime.experiments.trials.motions import designed, document_robot
 from runtime.experiments.trials.scores import per_joint, torque_rms
 from runtime.experiments.trials.timed_fits import stream
-from runtime.identification.comparison.row import Figures
-from runtime.identification.comparison.run import TrueParameters, compare
+from runtime.identification.comparison.run import Figures, TrueParameters, compare
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording

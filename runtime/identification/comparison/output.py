@@ -1,23 +1,278 @@
-"""Writer of a comparison: compare.json for programs, compare.md for people.
+"""Advice on the choice of a method, by fixed rules.
 
-Only the times differ between runs on the same data.
+MAP is recommended unless it has no consistent result, or another strictly consistent method
+predicts the validation part significantly better. The test part has no share in the choice, so that
+the test error of the recommended method is that of data that nothing was fitted or chosen on.
+Significance is computed on contiguous blocks of the validation part, whose means are nearly
+independent although neighbouring residuals are not: t = mean(d)/(std(d)/√B) of the block means of
+d, the difference of squared errors. Source: Diebold & Mariano 1995 for testing d; Law & Kelton for
+means of batches.
+
+Advice and rows are written as compare.json, compare.md and report.html.
 """
 
 import html
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.special import stdtrit
+
 from runtime.common.files import replacing
-from runtime.identification.comparison.advice import Advice, advise
-from runtime.identification.comparison.row import HEAD, cells, finite, row_facts
-from runtime.identification.comparison.run import Comparison
+from runtime.estimators.methods import DEFAULT, METHODS
+from runtime.identification.comparison.run import (
+    HEAD,
+    NOT_RUN,
+    RAN,
+    Comparison,
+    Figures,
+    MethodRow,
+    cells,
+    finite,
+    row_facts,
+)
 from runtime.identification.problem_setup import PARTS
 from runtime.identification.result_file import versions
+from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Recording
+
+UNCONSTRAINED = "ols"
+"""Method whose growth of the error from training to test shows over-fitting."""
+BLOCKS = 10
+"""Contiguous blocks of the validation part."""
+LEVEL = 0.95
+"""Confidence level of the t-test."""
+WORTHWHILE = 0.01
+"""Relative reduction of the torque error below which a method does not count as better."""
+ENOUGH = 0.5
+"""Share of the base parameters below which the data count as dominated by the prior."""
+OVERFIT = 1.1
+"""Growth of the error of OLS from training to test over that of the recommended method, above which
+OLS over-fits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """Recommended method with the reasons.
+
+    Attributes:
+        take: name of the method; None where no result should be used.
+        sentences: reasons and remarks.
+    """
+
+    take: str | None
+    sentences: tuple[str, ...]
+
+
+def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
+    """Advice on the rows of one comparison."""
+    ran = {row.method: row.figures for row in rows if row.figures is not None}
+    if not ran:
+        why = "no method has a result on these data; the reason of each is in its row"
+        return Advice(None, (_capital(why),))
+    sound = {name: f for name, f in ran.items() if f.is_consistent}
+    if not sound:
+        best = _best(ran)
+        return Advice(
+            None,
+            (
+                f"No method that ran is physically consistent ({', '.join(ran)}); {best} predicts "
+                "torques best, but use none of them in a simulator or a controller: run map",
+            ),
+        )
+    take, why = _choice(sound)
+    sentences = [
+        f"take {take}: {why}",
+        _doubts(ran[take]),
+        _consistency(ran),
+        _inconsistent(ran, take),
+        _boundary(sound, take),
+        _prior(ran[take], take, n_base),
+        _overfit(ran, take),
+        _truth(ran, take),
+        _absent(rows),
+    ]
+    return Advice(take, tuple(_capital(sentence) for sentence in sentences if sentence))
+
+
+def better_beyond_chance(a: Array, b: Array) -> bool:
+    """Whether squared errors a are significantly smaller than b: two-sided t-test at `LEVEL`."""
+    count = min(BLOCKS, len(a) // 2)
+    if count < 3:
+        return False
+    means = np.array([part.mean() for part in np.array_split(b - a, count)])
+    spread = float(means.std(ddof=1)) / np.sqrt(count)
+    if spread == 0:
+        return bool(means.mean() > 0)
+    return bool(means.mean() / spread > stdtrit(count - 1, (1 + LEVEL) / 2))
+
+
+def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
+    """The recommended one of the consistent methods, and the reason."""
+    inside = {name: f for name, f in sound.items() if not f.is_boundary}
+    if DEFAULT not in sound:
+        take = _best(inside or sound)
+        which = "results off the boundary of consistency" if inside else "consistent results"
+        return take, f"the best prediction of all {which} ({DEFAULT} has none)"
+    rivals = {
+        name: f for name, f in inside.items() if name != DEFAULT and _beats(f, sound[DEFAULT])
+    }
+    if not rivals:
+        others = "other consistent result"
+        if len(inside) < len(sound):
+            others += " off the boundary of consistency"
+        return DEFAULT, (
+            "the default; its links are physically consistent, it states its uncertainty, and no "
+            f"{others} predicts significantly better"
+        )
+    take = _best(rivals)
+    reason = (
+        f"its links are physically consistent and its validation error, {_held(sound[take])}, is "
+        f"significantly below the {_held(sound[DEFAULT])} of {DEFAULT}"
+    )
+    if more := METHODS[take].when_recommended:
+        reason += f"; {more}"
+    return take, reason
+
+
+def _doubts(f: Figures) -> str:
+    """Assumptions of the recommended result that the data contradict, as `identify` states them."""
+    if f.contradictions:
+        doubts = "; ".join((*f.contradictions, *f.model_errors))
+        return f"do not trust it or its intervals yet: {doubts}"
+    return "; ".join(f.model_errors)
+
+
+def _consistency(ran: dict[str, Figures]) -> str:
+    bad = [name for name, f in ran.items() if not f.is_consistent]
+    if not bad:
+        return "every result is physically consistent"
+    return (
+        f"physically consistent: {', '.join(n for n in ran if n not in bad) or 'none'}; not "
+        f"consistent: {', '.join(bad)}, which must not be used in a simulator"
+    )
+
+
+def _inconsistent(ran: dict[str, Figures], take: str) -> str:
+    bad = {name: f for name, f in ran.items() if not f.is_consistent}
+    if not bad:
+        return ""
+    best = _best(bad)
+    figures = f"{_held(bad[best])} against {_held(ran[take])} on the validation part"
+    if _beats(bad[best], ran[take]):
+        return (
+            f"the best inconsistent result, {best}, predicts significantly better ({figures}): "
+            "either its additional freedom replaces effects that the model lacks, mostly friction, "
+            "or the URDF is a poor prior; use it only for torques of similar motions"
+        )
+    return (
+        f"inconsistency brings no gain: {best}, the best of the inconsistent results, does not "
+        f"predict significantly better ({figures})"
+    )
+
+
+def _boundary(sound: dict[str, Figures], take: str) -> str:
+    edge = [name for name, f in sound.items() if f.is_boundary]
+    if not edge:
+        return ""
+    sentence = (
+        f"on the boundary of consistency: {', '.join(edge)}; a link there is a plate or a rod, "
+        "which is a limit of the constraints rather than a measurement"
+    )
+    left_out = [name for name in edge if name not in {take, DEFAULT}]
+    if left_out:
+        sentence += f", so that {', '.join(left_out)} had no share in the choice"
+    better = [name for name in left_out if _beats(sound[name], sound[take])]
+    if better:
+        best = _best({name: sound[name] for name in better})
+        sentence += (
+            f", although {best} predicts significantly better ({_held(sound[best])} against "
+            f"{_held(sound[take])} of {take} on the validation part)"
+        )
+    return sentence
+
+
+def _prior(f: Figures, take: str, n_base: int) -> str:
+    if f.excited < n_base:
+        return (
+            f"the motion excites {f.excited} of {n_base} base parameters, the others are those of "
+            "the URDF; record a motion that moves every joint (excite designs one)"
+        )
+    shares = (
+        f"the data determine {f.determined} of {n_base} independent combinations of parameters, "
+        "the prior the others"
+    )
+    if f.determined < ENOUGH * n_base:
+        return (
+            f"{shares}: {take} is close to the URDF because the data contain little information; "
+            "record a longer or faster motion, or improve the friction model"
+        )
+    return shares
+
+
+def _overfit(ran: dict[str, Figures], take: str) -> str:
+    if UNCONSTRAINED not in ran or take == UNCONSTRAINED:
+        return ""
+    free = ran[UNCONSTRAINED]
+    change = (
+        f"from {free.train_percent:.3g} to {_percent(free)} between training and test, "
+        f"that of {take} from {ran[take].train_percent:.3g} to {_percent(ran[take])}"
+    )
+    if _growth(free) > OVERFIT * _growth(ran[take]):
+        return f"unconstrained least squares over-fits: the error of {UNCONSTRAINED} grows {change}"
+    return f"least squares does not over-fit: the error of {UNCONSTRAINED} changes {change}"
+
+
+def _truth(ran: dict[str, Figures], take: str) -> str:
+    errors = {name: f.base_error for name, f in ran.items() if f.base_error is not None}
+    if not errors:
+        return ""
+    best = min(errors, key=lambda name: errors[name])
+    nearest = (
+        f"the true parameters are known: the base parameters of {best} have the smallest error, "
+        f"{errors[best]:.3g} %"
+    )
+    return nearest if best == take else f"{nearest}, those of {take} {errors[take]:.3g} %"
+
+
+def _absent(rows: Sequence[MethodRow]) -> str:
+    missing = [row.method for row in rows if row.outcome == NOT_RUN]
+    failed = [row.method for row in rows if row.outcome not in {NOT_RUN, RAN}]
+    parts = [f"not run: {', '.join(missing)}"] if missing else []
+    parts += [f"failed: {', '.join(failed)}"] if failed else []
+    return f"{'; '.join(parts)}, each for the reason in its row" if parts else ""
+
+
+def _beats(a: Figures, b: Figures) -> bool:
+    """Whether the torque error is smaller by `WORTHWHILE` and the difference is significant."""
+    is_smaller = a.validation_percent < (1 - WORTHWHILE) * b.validation_percent
+    return is_smaller and better_beyond_chance(a.squares, b.squares)
+
+
+def _best(ran: dict[str, Figures]) -> str:
+    return min(ran, key=lambda name: ran[name].validation_percent)
+
+
+def _growth(f: Figures) -> float:
+    return f.test_percent / max(f.train_percent, 1e-300)
+
+
+def _percent(f: Figures) -> str:
+    return f"{f.test_percent:.3g} %"
+
+
+def _held(f: Figures) -> str:
+    return f"{f.validation_percent:.3g} %"
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
+
 
 FORMAT = 1
 

@@ -5,7 +5,6 @@ the present delay d (`Preparation.torque_delay_s`) and q + b, and `linearised` g
 The first d is the minimum of the profile of the loss (`recorded_delay`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.drive.feedback import (
-    BIAS_PRIOR,
     FEEDBACK,
     LinearisedDrive,
     feedback_torque,
@@ -28,6 +26,7 @@ from runtime.identification.drive.feedback import (
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import assemble, known_friction
+from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
@@ -48,6 +47,9 @@ THINNED = 10.0
 SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
 """Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %
 but for the least validation part."""
+NO_BIAS = (
+    "encoder biases were not estimated, which need accelerations; use --regressor acceleration"
+)
 MOST_SIGMA = 0.02
 """Standard deviation of a delay above which it is not determined [s]."""
 
@@ -63,7 +65,7 @@ class DriveProblem:
         request: what is estimated beside the parameters.
         preparation: of the rows; its delay is replaced.
         given: delay where it is not estimated, (1,) or (n,) [s].
-        progress: as for `identify`.
+        progress: shown the iterations.
     """
 
     recording: Recording
@@ -72,13 +74,13 @@ class DriveProblem:
     request: DriveRequest
     preparation: Preparation
     given: Array
-    progress: Callable[[int, float], None] | None = None
+    progress: Progress = SILENT
 
     def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""
         settings = replace(self.settings, certify=False)
         usual = preparation or self.preparation
-        return replace(self, settings=settings, preparation=usual, progress=None)
+        return replace(self, settings=settings, preparation=usual, progress=SILENT)
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """Delay (1,) or (n,) [s] and biases (n,) [rad, m] at x = (d, b); what is known is given."""
@@ -186,7 +188,7 @@ def identify_drive(
     settings: Settings,
     request: DriveRequest,
     *,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Progress = SILENT,
 ) -> Identification:
     """Identify a robot together with the delay of its torque and its encoder biases."""
     _require(settings, recording)
@@ -213,11 +215,7 @@ def identify_drive(
         without = identify_drive(
             recording, lib, settings, replace(request, bias=False), progress=progress
         )
-        note = (
-            "encoder biases were not estimated, which need accelerations; use --regressor "
-            "acceleration"
-        )
-        return replace(without, notes=(note, *without.notes))
+        return replace(without, notes=(NO_BIAS, *without.notes))
     given = np.asarray(preparation.torque_delay_s or 0.0, dtype=float)
     delay = np.atleast_1d(given) * sign_of_delay(recording)
     problem = DriveProblem(recording, lib, settings, request, preparation, delay, progress)
@@ -275,7 +273,6 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         delay_sigma=step.sigma[:delays],
         bias=bias if request.bias else empty,
         bias_sigma=step.sigma[delays:] if request.bias else empty,
-        bias_prior=BIAS_PRIOR,
         phi_sigma=step.phi_sigma,
         phi_covariance=step.phi_covariance,
     )

@@ -41,7 +41,7 @@ from runtime.estimators.regression.posterior import (
 )
 from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.drive.result import DriveRequest
+from runtime.identification.drive.result import BIAS_PRIOR, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording import Friction
@@ -53,9 +53,6 @@ ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
 MOST_ROWS, STRETCHES = 6000, 8
 """Rows above which only as many, in contiguous stretches, are used."""
-BIAS_PRIOR = 0.02
-"""Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
-hand, a degree."""
 _H = 1e-6
 """Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."

@@ -1,5 +1,6 @@
 """Estimate of the drives of a robot: delay, encoder bias, armature and friction of every joint."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,9 @@ COLUMNS = {
 }
 """Key of a drive in result.json → friction column; one of them is fitted. Both columns of dry
 friction are ±1 in steady motion."""
+BIAS_PRIOR = 0.02
+"""Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
+hand, a degree."""
 DETERMINED = 0.5
 """σ of an encoder bias over that of its prior below which the motion counts as informative."""
 
@@ -37,13 +41,11 @@ class DriveRequest:
         delay: whether a delay is estimated.
         per_joint: one delay per joint instead of one for the log.
         bias: whether the encoder biases are estimated.
-        tied: "left:right" parts of names of joints whose drives are tied, see `tied_drives`.
     """
 
     delay: bool = False
     per_joint: bool = False
     bias: bool = False
-    tied: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +57,8 @@ class DriveFit:
         delay_sigma: of the same shape [s].
         bias: b of q_true = q + b, (n,) [rad, m]; NaN where it was not estimated.
         bias_sigma: (n,) [rad, m].
-        bias_prior: standard deviation of the prior of b [rad, m].
-        phi_sigma: standard deviations of φ, (n, k).
+        phi_sigma: standard deviations of φ, (n, k); None where the posterior of the links, to which
+            delay and biases are known, has them.
         phi_covariance: of the coefficients of every joint, (n, k, k).
     """
 
@@ -64,9 +66,23 @@ class DriveFit:
     delay_sigma: Array
     bias: Array
     bias_sigma: Array
-    bias_prior: float
-    phi_sigma: Array
-    phi_covariance: Array
+    phi_sigma: Array | None = None
+    phi_covariance: Array | None = None
+
+    @classmethod
+    def unknown(cls, joints: int) -> "DriveFit":
+        """Neither delay nor biases."""
+        gaps = np.full(joints, np.nan)
+        return cls(np.zeros(0), np.zeros(0), gaps, gaps)
+
+    @classmethod
+    def of_all(cls, logs: "Sequence[DriveFit]") -> "DriveFit":
+        """The delay of a single log, and the biases by all of them."""
+        known = np.array([each.bias_sigma**-2.0 for each in logs])
+        precision = known.sum(axis=0) - (len(logs) - 1) * BIAS_PRIOR**-2.0
+        mean = np.sum([each.bias for each in logs] * known, axis=0) / precision
+        first = logs[0] if len(logs) == 1 else cls.unknown(len(mean))
+        return cls(first.delay, first.delay_sigma, mean, precision**-0.5)
 
     def verdicts(self) -> tuple[str, ...]:
         """Per joint: whether gravity and motion determine the encoder bias."""
@@ -74,7 +90,7 @@ class DriveFit:
             "not estimated"
             if not np.isfinite(sigma)
             else "identified"
-            if sigma < DETERMINED * self.bias_prior
+            if sigma < DETERMINED * BIAS_PRIOR
             else "not identifiable from this motion"
             for sigma in self.bias_sigma
         )
@@ -87,16 +103,22 @@ class DriveFit:
         )
         return each[0] if len(each) == 1 else each or None
 
+    def delay_of_log(self, name: str) -> Delay:
+        """The delay as that of one of several logs."""
+        known = self.delay.tolist(), self.delay_sigma.tolist()
+        value, sigma = (each if len(each) > 1 else each[0] if each else None for each in known)
+        return Delay(name=name, value=value, sigma=sigma)
+
     def parts(
-        self, joints: tuple[str, ...], phi: Array, columns: tuple[str, ...]
+        self, joints: tuple[str, ...], phi: Array, spread: Array | None, columns: tuple[str, ...]
     ) -> tuple[DrivePart, ...]:
-        """`drive` of result.json."""
+        """`drive` of result.json; φ and its standard deviations, (n, k)."""
+        spread = np.full(phi.shape, np.nan) if spread is None else spread
         place, verdicts = places_of(columns), self.verdicts()
         drives = []
         for j, joint in enumerate(joints):
             sigma = {
-                key: _number(self.phi_sigma[j, place[key]]) if key in place else None
-                for key in COLUMNS
+                key: _number(spread[j, place[key]]) if key in place else None for key in COLUMNS
             }
             values = {
                 key: None if sigma[key] is None else _number(phi[j, place[key]]) for key in COLUMNS

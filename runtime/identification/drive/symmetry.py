@@ -24,7 +24,7 @@ friction depends on the assembly and stays apart.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -33,8 +33,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import ConstraintRow
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
-from runtime.identification.drive.estimate import identify_drive
-from runtime.identification.drive.result import DriveFit, DriveRequest, places_of
+from runtime.identification.drive.result import places_of
+from runtime.identification.friction_intervals import friction_covariance
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_record import MirroredPair
@@ -48,7 +48,6 @@ from runtime.library.parameters import (
     inertia_entries,
     inertia_matrix,
 )
-from runtime.recording import Recording
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05
@@ -62,65 +61,6 @@ TIED = ("viscous", "armature")
 """Keys of a drive that are tied."""
 SPREAD = 0.1
 """ρ: motors and gears of one type differ by a tenth, mostly by wear and temperature."""
-
-
-@dataclass(frozen=True, slots=True)
-class MirroredDrive:
-    """One quantity of two mirrored joints.
-
-    Attributes:
-        left: name of the left joint.
-        right: name of the right joint.
-        quantity: "armature" or "friction".
-        values: left and right, (2, m).
-        sigmas: of them, (2, m).
-        distance: z.
-        agrees: whether z is within the 95 % interval of no difference.
-        rise: error of the held-out torque of both joints with the drive of the other side over that
-            with their drives; None where the sides agree.
-    """
-
-    left: str
-    right: str
-    quantity: str
-    values: Array
-    sigmas: Array
-    distance: float
-    agrees: bool
-    rise: float | None = None
-
-    def sentence(self) -> str:
-        """Sentence on joints whose two sides differ, with the reason."""
-        sizes = [
-            " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
-            for each in zip(self.values, self.sigmas, strict=True)
-        ]
-        why = (
-            "the error is hardly larger with the drive of the other side, so that the motion does "
-            "not show which is right, and the intervals are too narrow"
-            if self.rise is not None and self.rise < RISES
-            else f"with the drive of the other side the error of the held-out rows is "
-            f"{self.rise or np.nan:.2f} times as large: the two drives differ"
-        )
-        return (
-            f"{self.quantity} of {self.left} ({sizes[0]}) and {self.right} ({sizes[1]}) differ by "
-            f"{self.distance:.1f} standard deviations; {why}"
-        )
-
-    def part(self) -> MirroredPair:
-        """Entry of `symmetric` in result.json."""
-        values, sigma = self.values.tolist(), self.sigmas.tolist()
-        return MirroredPair(
-            left=self.left,
-            right=self.right,
-            quantity=self.quantity,
-            values=(tuple(values[0]), tuple(values[1])),
-            sigma=(tuple(sigma[0]), tuple(sigma[1])),
-            distance=self.distance,
-            agrees=self.agrees,
-            exchanged_error_ratio=self.rise,
-            sentence=None if self.agrees else self.sentence(),
-        )
 
 
 def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
@@ -149,11 +89,11 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
 def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification:
     """The result with its sides compared, and a note per pair that disagrees."""
     places = mirrored_joints(result.lib.joint_names, pairs)
-    drive = result.drive
-    if drive is None:
+    covariance = friction_covariance(result)
+    if covariance is None:
         raise IdentificationError(
             "--symmetric compares drives with their standard deviations, which this identification "
-            "does not have; give --delay auto, or a log with a commanded torque"
+            "does not have; give friction columns, and a method with a posterior"
         )
     places_of_keys = places_of(result.friction.columns)
     sets = {"armature": ("armature",), "friction": FRICTION}
@@ -165,34 +105,60 @@ def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification
         each
         for pair in places
         for name, taken in kept.items()
-        if taken and (each := _compared(result, drive, pair, name, taken)) is not None
+        if taken and (each := _compared(result, covariance, pair, name, taken)) is not None
     )
-    differ = [each for each in compared if not each.agrees]
+    differ = [each.sentence for each in compared if each.sentence is not None]
     note = (
         f"left and right agree within their 95 % intervals in {len(compared) - len(differ)} of "
         f"{len(compared)} pairs of armature and friction"
     )
-    notes = (note, *(each.sentence() for each in differ), *result.notes)
-    return replace(result, symmetric=compared, notes=notes)
+    return replace(result, symmetric=compared, notes=(note, *differ, *result.notes))
 
 
 def _compared(
-    result: Identification, drive: DriveFit, pair: tuple[int, int], name: str, taken: list[int]
-) -> MirroredDrive | None:
-    """The comparison; None where a value is not determined."""
-    values = result.phi[np.ix_(pair, taken)]
-    sigmas = drive.phi_sigma[np.ix_(pair, taken)]
+    result: Identification, covariance: Array, pair: tuple[int, int], name: str, taken: list[int]
+) -> MirroredPair | None:
+    """One quantity of two mirrored joints; None where a value is not determined."""
+    values = result.usual_phi[np.ix_(pair, taken)]
+    sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[np.ix_(pair, taken)])
     if not np.isfinite(sigmas).all():
         return None
-    spread = sum(drive.phi_covariance[j][np.ix_(taken, taken)] for j in pair)
+    spread = sum(covariance[j][np.ix_(taken, taken)] for j in pair)
     difference = values[0] - values[1]
     squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
     agrees = bool(squared <= chdtri(len(taken), 0.05))
-    names = result.lib.joint_names
+    left, right = (result.lib.joint_names[j] for j in pair)
     rise = None if agrees else _rise(result, pair, taken)
-    return MirroredDrive(
-        names[pair[0]], names[pair[1]], name, values, sigmas, squared**0.5, agrees, rise
+    sizes = [
+        " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
+        for each in zip(values, sigmas, strict=True)
+    ]
+    why = (
+        "the error is hardly larger with the drive of the other side, so that the motion does not "
+        "show which is right, and the intervals are too narrow"
+        if rise is not None and rise < RISES
+        else "with the drive of the other side the error of the held-out rows is "
+        f"{rise or np.nan:.2f} times as large: the two drives differ"
     )
+    return MirroredPair(
+        left=left,
+        right=right,
+        quantity=name,
+        values=_pair(values),
+        sigma=_pair(sigmas),
+        distance=squared**0.5,
+        agrees=agrees,
+        exchanged_error_ratio=rise,
+        sentence=None
+        if agrees
+        else f"{name} of {left} ({sizes[0]}) and {right} ({sizes[1]}) differ by "
+        f"{squared**0.5:.1f} standard deviations; {why}",
+    )
+
+
+def _pair(values: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    left, right = values.tolist()
+    return tuple(left), tuple(right)
 
 
 def _rise(result: Identification, pair: tuple[int, int], taken: list[int]) -> float:
@@ -283,22 +249,13 @@ def _not_mirrored(left: str, right: str) -> IdentificationError:
     )
 
 
-def identify_drives(
-    recording: Recording,
-    lib: Library,
-    settings: Settings,
-    request: DriveRequest,
-    *,
-    progress: Callable[[int, float], None] | None = None,
+def identify_tied(
+    fit: Callable[[Settings], Identification], settings: Settings, pairs: tuple[str, ...]
 ) -> Identification:
-    """Identify a robot and its drives, first apart and then with those that are tied."""
-    pairs, apart = request.tied, replace(request, tied=())
-    if not pairs:
-        return identify_drive(recording, lib, settings, apart, progress=progress)
-    first = identify_drive(recording, lib, replace(settings, certify=False), apart)
+    """Identify a robot and its drives by a fit of any log, first apart and then tied."""
+    first = fit(replace(settings, certify=False))
     prior, names = tied_prior(first, settings, pairs)
-    usual = replace(settings, friction_prior=prior, friction=first.friction)
-    result = identify_drive(recording, lib, usual, apart, progress=progress)
+    result = fit(replace(settings, friction_prior=prior, friction=first.friction))
     note = (
         f"{' and '.join(names)} of the joints that --symmetric pairs are tied to their mean within "
         f"{100 * SPREAD:.0f} %, and the standard deviations count it; compare the sides without "
@@ -313,7 +270,8 @@ def tied_prior(
 ) -> tuple[FrictionPrior, tuple[str, ...]]:
     """Prior of friction that ties mirrored joints."""
     columns, phi = result.friction.columns, result.phi
-    known = known_friction(settings, columns, result.friction)
+    # Several logs have offsets of their own behind the columns that they share.
+    known = known_friction(settings, result.train.column_names or columns, result.friction)
     mean = np.zeros_like(phi) if known is None else known.mean.copy()
     sigma = np.full_like(phi, np.inf) if known is None else known.sigma.copy()
     group = np.arange(len(phi))

@@ -25,11 +25,6 @@ from runtime.estimators.uncertainty import (
     LogInformation,
     vague_posterior,
 )
-from runtime.identification.free_base.contact_conventions import (
-    require_contact_conventions,
-    require_torque_sign,
-)
-from runtime.identification.free_base.contact_states import with_contact_states
 from runtime.identification.free_base.drives import COLUMNS, LATEST_S, drives_of, problem_of
 from runtime.identification.free_base.noise import (
     RowNoise,
@@ -41,9 +36,11 @@ from runtime.identification.free_base.noise import (
 from runtime.identification.free_base.plausibility import (
     notes_on_errors,
     require_clock,
+    require_contact_conventions,
     require_forces_on_robot,
     require_joint_units,
     require_prior_of_bodies,
+    require_torque_sign,
 )
 from runtime.identification.free_base.rows import (
     DELAY,
@@ -52,6 +49,7 @@ from runtime.identification.free_base.rows import (
     error_names,
     rows_of,
     sensor_prior,
+    with_contact_states,
 )
 from runtime.library import Array, Library
 from runtime.library.parameters import (

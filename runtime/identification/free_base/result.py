@@ -4,7 +4,7 @@ Friction and armature of commanded torques are the friction of the record, their
 Coefficients of sensors, and the delay, are eliminated from the posterior.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,14 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.identification.free_base.identify import FreeBaseIdentification
-from runtime.identification.free_base.rows import DELAY
+from runtime.identification.free_base.noise import rms
+from runtime.identification.free_base.rows import (
+    DELAY,
+    Drives,
+    error_names,
+    rows_of,
+    with_contact_states,
+)
 from runtime.identification.posterior_file import store_posterior
 from runtime.identification.result_file import (
     require_size,
@@ -41,10 +48,12 @@ from runtime.identification.result_record import (
     link_uncertainties,
     plain,
 )
-from runtime.identification.saved_result import model_part
-from runtime.library import Array
+from runtime.identification.saved_result import SavedResult, model_part
+from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, links, mass
+from runtime.recording.free_base import FreeBaseRecording
+from runtime.recording.preprocessing.free_base_motion import motion_of
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.settings import Friction
 
@@ -220,4 +229,53 @@ def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> Uncertai
         model_band=(),
         white_lag_share=(),
         detectable_gain_error=(),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowErrors:
+    """RMS of the right side of k rows, and of their errors, (k,) each.
+
+    Attributes:
+        names: of the rows.
+        size: RMS of the measured forces and torques.
+        before: RMS errors of the URDF.
+        after: RMS errors of the result, its friction, delay and errors of sensors included.
+    """
+
+    names: tuple[str, ...]
+    size: Array
+    before: Array
+    after: Array
+
+
+def free_base_errors(
+    recording: FreeBaseRecording, lib: Library, saved: SavedResult, cutoff_hz: float | None
+) -> RowErrors:
+    """Errors of a result on another log of the robot, low-passed at the cut-off [Hz]."""
+    record, drives, late = saved.record, None, 0.0
+    if recording.is_commanded:
+        recording, _ = with_contact_states(recording, lib)
+        delays = () if record is None else record.delays
+        late = next((each.value for each in delays if isinstance(each.value, float)), 0.0)
+        drives = Drives(saved.friction, delay_s=late)
+    terms = None if drives is None else saved.friction
+    motion = motion_of(recording, lib.joint_names, cutoff_hz, late, terms)
+    # At the ends the low-pass and the shift by the delay lack samples.
+    ends = max(late, 0.0 if cutoff_hz is None or drives is None else 1.0 / cutoff_hz)
+    inside = (motion.t >= motion.t[0] + ends) & (motion.t <= motion.t[-1] - ends)
+    motion = motion.rows(np.flatnonzero(inside))
+    choice = "all" if record is None or not record.rows else record.rows
+    rows = rows_of(lib, motion, choice, drives)
+    known = (None if record is None else record.sensors) or {}
+    sensors = [known[n].value if n in known else 0.0 for n in error_names(motion.contacts)]
+    phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
+    measured = rows.samples.tau
+    after = rows.samples.rigid(lib, saved.pi) + rows.samples.columns @ phi
+    names, shown = rows.shown(drives is not None)
+    return RowErrors(
+        names,
+        rms(shown(measured)),
+        rms(shown(rows.samples.rigid(lib, lib.pi0) - measured)),
+        rms(shown(after - measured)),
     )

@@ -1,4 +1,4 @@
-"""Joining of prepared logs to one recording whose offset columns belong to one log each.
+"""Several logs in one fit: one recording of prepared rows, whose offset columns belong to one log.
 
     τ_s = Y π + F φ + o_s + Y π_s:   π, φ are those of the arm; o_s of log s, π_s its known payload
 
@@ -8,44 +8,32 @@ hole in time, so that no derivative or filter crosses it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
+from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import Identification
 from runtime.identification.payload.known import read_payload_facts
+from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
+from runtime.identification.progress import SILENT, Progress
+from runtime.identification.settings import Settings, shares_of, terms_of
+from runtime.identification.several_logs.agreement import OFFSET, NamedLog, agreement_of, joined
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET as OFFSET_COLUMN
+from runtime.recording.friction import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts
-from runtime.recording.recording import SIGNALS
 
-OFFSET = OFFSET_COLUMN.name
-PAUSE = 10.0
-"""Time between two logs on the common clock [s]; longer than any gap that is interpolated."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NamedLog:
-    """One log as read.
-
-    Attributes:
-        name: name in a report; unique among the logs.
-        recording: as read.
-        preparation: steps of its preparation; None is that of its recipe.
-        carried: π of a known payload, added to that of the links, (10 n,); None for none.
-    """
-
-    name: str
-    recording: Recording
-    preparation: Preparation | None = None
-    carried: Array | None = None
+ONE_LOG_ONLY = ("preparation", "validation", "test", "inputs")
+"""Fields of `Settings` that belong to one log."""
 
 
 def read_carried(path: Path, lib: Library) -> Array:
@@ -72,15 +60,97 @@ def read_carried(path: Path, lib: Library) -> Array:
     return carried
 
 
-def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
-    """Prepare a log and subtract the torque of its known payload."""
-    bare, preparation = _bare(log, lib)
-    return _prepared(bare, preparation, log, lib, terms)
+def assemble_logs(
+    logs: Sequence[NamedLog],
+    lib: Library,
+    settings: Settings,
+    *,
+    progress: Progress = SILENT,
+    is_joined: bool = False,
+) -> Assembly:
+    """Assemble the problem of several logs, each split like a single one."""
+    settings.require_default(ONE_LOG_ONLY, "a fit of several logs")
+    names = _names(logs, chosen_method(settings.method, settings.preset, settings.prior))
+    first = logs[0].recording
+    terms = geared(terms_of(first, settings), first, lib)
+    shared = tuple(name for name in terms.columns if name != OFFSET)
+    shares = shares_of(first, settings)
+    cut = [_parts_of(log, lib, terms, shares, is_joined) for log in logs]
+    regressor = (cut[0][0].prepared or Preparation()).regressor
+    fitted_terms = replace(terms, columns=shared)
+
+    def assembly_of(parts: Parts) -> Assembly:
+        width = parts[0].required("columns").shape[2] if parts[0].columns is not None else 0
+        prior = _of_shared(settings.friction_prior, len(shared), width)
+        return assembled(
+            *(parts, lib, replace(settings, friction_prior=prior), fitted_terms, regressor),
+            progress=progress,
+            is_joined=is_joined,
+        )
+
+    def finish(result: Identification, fitted: FitOfAssembly) -> Identification:
+        offsets = None
+        if OFFSET in terms.columns:
+            offsets = result.phi[:, -len(names) :].T
+            usual = replace(terms, columns=(*shared, OFFSET))
+            result = replace(result, friction=usual, log_names=names)
+        if not settings.certify:
+            return result
+
+        def fit(log: Recording, certify: bool) -> Identification:
+            return fitted(assembly_of((log, log, log)), certify)
+
+        whole = [_prepared(*_bare(log, lib), log, lib, terms) for log in logs]
+        rows = tuple(len(each[0]) for each in cut)
+        agreement, notes = agreement_of(logs, whole, offsets, rows, fit, lib)
+        return replace(result, agreement=agreement, notes=(*notes, *result.notes))
+
+    train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
+    assembly = assembly_of((train, validation, test))
+    notes = (*assembly.notes, *_unlike([each[0] for each in cut], names))
+    return replace(assembly, logs=names, notes=notes, finish=finish)
 
 
-def parts_of(
+def _of_shared(prior: FrictionPrior | None, shared: int, width: int) -> FrictionPrior | None:
+    """The prior of the columns that the logs share, which are first, and none of their offsets."""
+    if prior is None:
+        return None
+    mean, sigma = np.zeros((len(prior.mean), width)), np.full((len(prior.mean), width), np.inf)
+    mean[:, :shared], sigma[:, :shared] = prior.mean[:, :shared], prior.sigma[:, :shared]
+    return FrictionPrior(mean, sigma)
+
+
+def _names(logs: Sequence[NamedLog], method: str) -> tuple[str, ...]:
+    """Names of the logs, after the check that there are two or more and the method suits them."""
+    names = tuple(log.name for log in logs)
+    if len(set(names)) < max(len(names), 2):
+        raise IdentificationError(
+            f"expected two logs or more with different names, got {', '.join(names)}; rename or "
+            "add one"
+        )
+    if not require_method(method).from_statistics:
+        raise IdentificationError(
+            f"'{method}' needs the samples of one run and cannot join several logs; use one of "
+            f"{', '.join(methods_from_statistics())}"
+        )
+    return names
+
+
+def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, ...]:
+    """Sentence on logs that are prepared in another way than the first; each has its delay."""
+    steps = [replace(log.prepared or Preparation(), torque_delay_s=None) for log in prepared]
+    others = [name for each, name in zip(steps, names, strict=True) if each != steps[0]]
+    if not others:
+        return ()
+    return (
+        f"prepared in another way than {names[0]}: {', '.join(others)}; the result states the "
+        f"preparation of {names[0]}; give one recipe, or --cutoff and --rate, for all logs",
+    )
+
+
+def _parts_of(
     log: NamedLog, lib: Library, terms: Friction, shares: Split, is_joined: bool
-) -> tuple[Recording, Recording, Recording]:
+) -> Parts:
     """Split a log, prepare its parts and subtract the torque of its known payload."""
     bare, preparation = _bare(log, lib)
 
@@ -115,52 +185,4 @@ def _prepared(
     total = mass(links(log.carried)).sum()
     return data.replace(tau=data.required("tau") - extra).noted(
         f"Subtracted the torque of a known payload of {total:.4g} kg from the measured one."
-    )
-
-
-def shared_terms(terms: Friction) -> tuple[str, ...]:
-    """Names of the columns whose coefficients all logs share."""
-    return tuple(name for name in terms.columns if name != OFFSET)
-
-
-def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence[str]) -> Recording:
-    """Join prepared logs, with an offset column for each of `all_names`."""
-    first = parts[0]
-    if any((part.rows is None) != (first.rows is None) for part in parts):
-        raise IdentificationError(
-            "some of the logs are prepared with accelerations and some without; give all of them "
-            "one regressor"
-        )
-    shared = [k for k, name in enumerate(first.column_names) if name != OFFSET]
-    has_offsets = len(shared) < len(first.column_names)
-    columns, t, start = [], [], 0.0
-    for part, name in zip(parts, names, strict=True):
-        t.append(part.t - part.t[0] + start)
-        start = float(t[-1][-1]) + PAUSE
-        if part.columns is not None:
-            offsets = np.zeros((*part.q.shape, len(all_names) if has_offsets else 0))
-            if has_offsets:
-                place = first.column_names.index(OFFSET)
-                offsets[..., all_names.index(name)] = part.columns[..., place]
-            columns.append(np.concatenate([part.columns[..., shared], offsets], axis=2))
-    signals = {
-        key: np.concatenate([getattr(part, key) for part in parts])
-        for key in (*SIGNALS, "rows")
-        if getattr(first, key) is not None
-    }
-    titles = [first.column_names[k] for k in shared]
-    titles += [f"{OFFSET} {name}" for name in all_names] if has_offsets else []
-    history = tuple(
-        f"{name}: {sentence}"
-        for part, name in zip(parts, names, strict=True)
-        for sentence in part.history
-    )
-    return first.replace(
-        t=np.concatenate(t),
-        **signals,
-        columns=np.concatenate(columns) if columns else None,
-        column_names=tuple(titles) if columns else (),
-        name=" + ".join(names),
-        source={f: digest for part in parts for f, digest in part.source.items()},
-        history=history,
     )

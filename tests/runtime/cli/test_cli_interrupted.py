@@ -24,8 +24,9 @@ runtime.estimators.descent.adam.CHUNK = 50  # a look at Ctrl-C every 50 iteratio
 original = room.{function}
 
 def waiting(*args, progress, **options):
+    shown = getattr(progress, "iteration", progress)
     def report(done, *rest):
-        progress(done, *rest)
+        shown(done, *rest)
         if done == {stop}:
             print("waiting", flush=True)
             time.sleep(100)

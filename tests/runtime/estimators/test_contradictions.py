@@ -13,7 +13,7 @@ from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
-from runtime.identification.comparison.advice import advise
+from runtime.identification.comparison.output import advise
 from runtime.identification.comparison.run import compare
 from runtime.identification.problem_setup import assemble
 from runtime.identification.single_log import identify_recording

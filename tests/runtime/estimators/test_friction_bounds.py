@@ -13,8 +13,7 @@ from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, wit
 from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
@@ -108,7 +107,7 @@ def test_several_logs_take_offset_and_rotor(lib, clean, method):
         NamedLog(name, clean.take(rows, name))
         for name, rows in (("a", slice(0, 500)), ("b", slice(500, 1001)))
     ]
-    result = identify_logs(halves, lib, method, friction=ROTOR)
+    result = identify_recording(halves, lib, method, friction=ROTOR)
     # 0.2 N·m·s/rad and 0.3 N·m; the friction models differ by ε and 0.05 N·m of noise.
     assert result.usual_phi[:, 0] == pytest.approx(0.2, abs=0.05)
     assert result.usual_phi[:, 1] == pytest.approx(0.3, abs=0.05)

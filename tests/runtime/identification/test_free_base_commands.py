@@ -8,9 +8,15 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
-from runtime.identification.free_base.contact_states import CLEARANCE, lifted_feet
 from runtime.identification.free_base.identify import identify_free_base
-from runtime.identification.free_base.rows import DELAY, Drives, contact_jacobian, rows_of
+from runtime.identification.free_base.rows import (
+    CLEARANCE,
+    DELAY,
+    Drives,
+    contact_jacobian,
+    lifted_feet,
+    rows_of,
+)
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of

@@ -10,8 +10,8 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
-from runtime.identification.free_base.contact_conventions import require_contact_conventions
 from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.plausibility import require_contact_conventions
 from runtime.identification.free_base.result import record_of
 from runtime.identification.result_record import FORMAT
 from runtime.library import Library

@@ -11,9 +11,7 @@ from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs.identify import identify_streamed
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library
@@ -90,7 +88,7 @@ def test_a_filter_has_not_seen_the_test_rows(
 def test_several_logs_have_not_seen_their_test_rows(lib: Library, noisy: Recording) -> None:
     """Property: the joint model of two logs is equal to the bit."""
     clean, dirty = (
-        identify_logs([NamedLog("a", log, SLOW), NamedLog("b", other, SLOW)], lib, split=PARTS)
+        identify_recording([NamedLog("a", log, SLOW), NamedLog("b", other, SLOW)], lib, split=PARTS)
         for log, other in ((noisy, noisy), (poisoned(noisy), poisoned(noisy)))
     )
     assert_equal_models(clean, dirty)
@@ -104,7 +102,7 @@ def test_a_streamed_log_has_not_seen_its_test_rows(
     for name, log in (("clean", noisy), ("dirty", poisoned(noisy))):
         write_recording(log, tmp_path / f"{name}.npz")
         streamed = open_streamed(tmp_path / f"{name}.npz")
-        results.append(identify_streamed(streamed, lib, preparation=SLOW, split=PARTS))
+        results.append(identify_recording(streamed, lib, preparation=SLOW, split=PARTS))
     assert_equal_models(*results)
 
 

@@ -54,7 +54,7 @@ def test_several_runs(command: Command, robot: Callable[[str], Library], tmp_pat
     assert result.pi.tolist() == facts["pi"]
     assert list(result.friction.columns) == facts["columns"]
     assert result.agreement is not None
-    assert len(result.agreement.left_out) == 2
+    assert len(result.agreement.leave_one_out) == 2
 
 
 def test_a_commanded_torque(

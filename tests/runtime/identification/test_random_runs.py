@@ -13,12 +13,10 @@ from runtime import Identification, Library, Recording, load, write_recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.long_logs.identify import identify_streamed
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.outputs.model_files.formats.urdf import urdf_text
 from runtime.outputs.model_files.model import make_model
@@ -83,10 +81,10 @@ def run(
     """One identification from one log, from two, or from a file that is streamed."""
     if form == "two":
         named = [NamedLog(name, log) for name, log in zip("ab", logs, strict=True)]
-        return identify_logs(named, lib, **chosen)
+        return identify_recording(named, lib, **chosen)
     if form == "streamed":
         write_recording(logs[0], folder / "log.npz")
-        return identify_streamed(open_streamed(folder / "log.npz"), lib, **chosen)
+        return identify_recording(open_streamed(folder / "log.npz"), lib, **chosen)
     return identify_recording(logs[0], lib, **chosen)
 
 

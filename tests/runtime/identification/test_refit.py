@@ -21,8 +21,7 @@ from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import retraced
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, read_recording
@@ -92,7 +91,7 @@ def test_methods_that_stop_by_validation_keep_the_training_fit(
         result = identify_recording(noisy, lib, refit=True, certify=False, **settings)
         assert result.trained is None
     logs = [NamedLog(name, noisy, Preparation()) for name in ("one", "two")]
-    result = identify_logs(logs, lib, refit=True, preset="real")
+    result = identify_recording(logs, lib, refit=True, preset="real")
     assert result.trained is None
 
 

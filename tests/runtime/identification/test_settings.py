@@ -5,12 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import runtime
 from runtime.errors import IdentificationError
-from runtime.identification.long_logs.identify import identify_streamed
-from runtime.identification.settings import NAMES, Settings, settings_from
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.settings import NAMES, SettingKeywords, Settings, settings_from
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import (
@@ -39,10 +36,10 @@ def test_settings_and_keywords_give_the_same_answer(lib: Library, noisy: Recordi
 
 
 def test_every_setting_is_documented() -> None:
-    """Property: the fields stand in the class's docstring, and in that of identify."""
+    """Property: the fields stand in the class's docstring, and are keywords of identify."""
     for name in NAMES:
         assert f"        {name}: " in str(Settings.__doc__)
-        assert name in str(runtime.identify.__doc__)
+        assert name in SettingKeywords.__annotations__
 
 
 @pytest.mark.parametrize(
@@ -63,12 +60,12 @@ def test_settings_that_a_task_cannot_honour_are_refused(
     """Property: a streamed log and several logs name the settings to leave out."""
     write_recording(noisy, tmp_path / "log.npz")
     log = open_streamed(tmp_path / "log.npz")
-    with pytest.raises(IdentificationError, match="a streamed log takes no lam0; leave it out"):
-        identify_streamed(log, lib, lam0=lib.lam0)
+    with pytest.raises(IdentificationError, match="a streamed log takes no robust; leave it out"):
+        identify_recording(log, lib, robust=True)
     twice = [NamedLog(name, noisy) for name in ("a", "b")]
     match = "several logs takes no validation, test; leave them out"
     with pytest.raises(IdentificationError, match=match):
-        identify_logs(twice, lib, Settings(validation=noisy, test=noisy, split=Split()))
+        identify_recording(twice, lib, Settings(validation=noisy, test=noisy, split=Split()))
 
 
 def test_a_preparation_excludes_its_steps() -> None:

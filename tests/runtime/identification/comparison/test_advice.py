@@ -1,12 +1,12 @@
-"""runtime.identification.comparison.advice: every rule is seen to speak and to be silent."""
+"""runtime.identification.comparison.output: every rule is seen to speak and to be silent."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from runtime.identification.comparison.advice import Advice, advise, better_beyond_chance
-from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, MethodRow
+from runtime.identification.comparison.output import Advice, advise, better_beyond_chance
+from runtime.identification.comparison.run import FAILED, NOT_RUN, RAN, Figures, MethodRow
 
 RNG = np.random.default_rng(0)
 NOISE = RNG.chisquare(7, 400)

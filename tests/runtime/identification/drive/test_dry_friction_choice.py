@@ -65,7 +65,7 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     drive = result.drive
     assert drive is not None
     assert abs(drive.delay[0]) < 5e-4
-    facts = drive.parts(lib.joint_names, result.phi, result.friction.columns)
+    facts = drive.parts(lib.joint_names, result.phi, drive.phi_sigma, result.friction.columns)
     assert facts[0].coulomb == result.phi[0, 1]
     assert facts[0].sigma.coulomb == drive.phi_sigma[0, 1]
 

@@ -62,9 +62,9 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     assert compared["2", "friction"].agrees
     worn = compared["1", "friction"]
     assert not worn.agrees
-    assert worn.rise is not None
-    assert worn.rise > RISES
-    assert "the two drives differ" in worn.sentence()
+    assert worn.exchanged_error_ratio is not None
+    assert worn.exchanged_error_ratio > RISES
+    assert "the two drives differ" in worn.sentence
     words = ("identify", str(log), "--robot", lib.folder, "--cutoff", "10", "--no-encoder-bias")
     pairs = ("--symmetric", PAIRS[0], "--symmetric", PAIRS[1])
     ran = command(*words, *pairs, "--delay", "auto", "--out", "out")

@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 
 from runtime.estimators.problem import FrictionPrior
-from runtime.identification.drive import symmetry
-from runtime.identification.drive.result import DriveRequest
-from runtime.identification.drive.symmetry import SPREAD, identify_drives, tied_prior
+from runtime.identification.drive.symmetry import SPREAD, identify_tied, tied_prior
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
-from runtime.library import Library
-from runtime.recording import Friction, Recording
+from runtime.recording import Friction
 
 NAMES = ("FL_hip", "FR_hip", "RL_hip", "RR_hip", "FL_knee", "FR_knee", "head")
 TERMS = Friction(("viscous", "dahl", "offset", "rotor"))
@@ -27,6 +24,7 @@ class Result:
     phi: np.ndarray
     notes: tuple[str, ...] = ("dry friction has a memory", "of both")
     friction: Friction = TERMS
+    train: Any = field(default_factory=lambda: SimpleNamespace(column_names=TERMS.columns))
     lib: Any = field(default_factory=lambda: SimpleNamespace(joint_names=NAMES))
 
 
@@ -62,29 +60,22 @@ def test_a_stated_prior_stays_where_nothing_is_tied() -> None:
     assert prior.sigma[0, 0] != known.sigma[0, 0]
 
 
-def test_drives_are_identified_apart_and_then_tied(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drives_are_identified_apart_and_then_tied() -> None:
     """Property: the second identification has the prior and the friction model of the first."""
-    calls: list[tuple[Settings, DriveRequest]] = []
+    calls: list[Settings] = []
 
-    def identify_drive(
-        _: Any, __: Any, settings: Settings, request: DriveRequest, **___: Any
-    ) -> Any:
-        calls.append((settings, request))
+    def fit(settings: Settings) -> Identification:
+        calls.append(settings)
         other = result_of(2)
         return other if len(calls) % 2 else replace(cast(Any, other), notes=("of both",))
 
-    monkeypatch.setattr(symmetry, "identify_drive", identify_drive)
-    nothing = cast(Recording, None), cast(Library, None), Settings()
-    request = DriveRequest(delay=True, tied=("FL:FR",))
-    result = identify_drives(*nothing, request)
-    (first, alone), (second, again) = calls
-    assert alone == again == replace(request, tied=())
+    result = identify_tied(fit, Settings(), ("FL:FR",))
+    first, second = calls
     assert first.friction_prior is None
     assert not first.certify
+    assert second.certify
     assert second.friction == TERMS
     assert second.friction_prior is not None
     assert np.isfinite(second.friction_prior.sigma[:2, 0]).all()
     assert "tied to their mean within 10 %" in result.notes[0]
     assert result.notes[1:] == ("dry friction has a memory", "of both")
-    assert identify_drives(*nothing, replace(request, tied=())).notes == result_of(2).notes
-    assert len(calls) == 3

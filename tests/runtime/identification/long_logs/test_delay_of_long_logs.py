@@ -43,6 +43,10 @@ def test_a_streamed_log_has_a_delay(
     assert held.code == 0, held.err
     whole = json.loads((tmp_path / "held/result.json").read_text())
     assert facts[error]["after_overall"] == pytest.approx(whole[error]["after_overall"], rel=0.05)
-    refused = command(*words, "--stream", "--encoder-bias", "--out", "refused")
-    assert refused.code == 2
-    assert "give --no-stream" in refused.err
+    words = (*words, "--stream", "--delay", late["value"])
+    ran = command(*words, "--encoder-bias", "--out", "biased")
+    assert ran.code == 0, ran.err
+    biased = json.loads((tmp_path / "biased/result.json").read_text())
+    for drive, bias in zip(biased["drive"], servo.bias, strict=True):
+        assert abs(drive["encoder_bias"] - bias) < 4 * drive["sigma"]["encoder_bias"]
+        assert drive["sigma"]["viscous"] > 0

@@ -19,9 +19,9 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import identify as passes
+from runtime.identification.long_logs import rows as passes
 from runtime.identification.long_logs.blocks import blocks_of
-from runtime.identification.long_logs.identify import identify_streamed, parts_of_log
+from runtime.identification.long_logs.rows import parts_of_log
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
@@ -83,7 +83,7 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     """
     write_recording(log, tmp_path / "x.parquet")
     whole = identify_recording(log, lib, preparation=PREPARATION, friction=FRICTION)
-    result = identify_streamed(
+    result = identify_recording(
         open_streamed(tmp_path / "x.parquet"),
         lib,
         preparation=PREPARATION,
@@ -109,8 +109,8 @@ def test_the_second_fit_is_that_of_the_whole_log(lib, log, tmp_path):
     same = {"preparation": PREPARATION, "friction": FRICTION}
     whole = identify_recording(log, lib, "ols", refit=True, certify=False, **same)
     file = open_streamed(tmp_path / "x.npz")
-    result = identify_streamed(file, lib, "ols", refit=True, **same)
-    alone = identify_streamed(file, lib, "ols", certify=False, **same)
+    result = identify_recording(file, lib, "ols", refit=True, **same)
+    alone = identify_recording(file, lib, "ols", certify=False, **same)
     assert result.beta == pytest.approx(whole.beta, rel=1e-6, abs=1e-8)
     assert result.phi == pytest.approx(whole.phi, rel=1e-6, abs=1e-8)
     assert np.array_equal(result.trained.pi, alone.pi)
@@ -184,7 +184,7 @@ def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
     for rows in (12_000, 48_000):
         write_recording(moving(lib, rows), tmp_path / "x.npz")
         tracemalloc.start()
-        identify_streamed(
+        identify_recording(
             open_streamed(tmp_path / "x.npz"),
             lib,
             preparation=PREPARATION,

@@ -11,10 +11,10 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
+from runtime.identification import problem_setup
 from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.identify import identify_streamed
+from runtime.identification.long_logs import rows as passes
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
@@ -62,9 +62,9 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     options = {"preparation": PREPARATION, "friction": FRICTION}
     whole = identify_recording(log, lib, method, **options)
     weights = thesis_weights(whole.train.tau)
-    monkeypatch.setattr(passes, "thesis_weights", lambda *_: weights)
+    monkeypatch.setattr(problem_setup, "thesis_weights", lambda *_: weights)
     write_recording(log, tmp_path / "x.npz")
-    result = identify_streamed(open_streamed(tmp_path / "x.npz"), lib, method, **options)
+    result = identify_recording(open_streamed(tmp_path / "x.npz"), lib, method, **options)
     assert len(result.train) < 0.8 * len(whole.train)
     far, more = BARS[method]
     shift = (result.beta - whole.beta) / whole.uncertainty.beta_sigma

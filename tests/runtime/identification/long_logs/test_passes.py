@@ -13,8 +13,9 @@ from runtime.estimators.regression import compression
 from runtime.estimators.regression.compression import compress, compress_all
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import identify as passes
-from runtime.identification.long_logs.identify import first_row, identify_streamed
+from runtime.identification.long_logs import rows as passes
+from runtime.identification.long_logs.rows import first_row
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import parquet_format
 from runtime.recording.formats.tables import Spool
@@ -46,7 +47,7 @@ def test_row_groups_are_decoded_once(lib, tmp_path, monkeypatch):
     monkeypatch.setattr(parquet_format.ParquetLog, "batches", counted)
     log = open_streamed(tmp_path / "x.parquet")
     decoded.clear()
-    identify_streamed(log, lib, preparation=PREPARATION, friction=Friction())
+    identify_recording(log, lib, preparation=PREPARATION, friction=Friction())
     assert sum(decoded) < 1.6 * values.size
 
 

@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from runtime.identification.drive.requested import with_drives
+from runtime.identification.identify import identify
 from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import Settings
-from runtime.identification.several_logs.drives import with_drives
 from runtime.library import load
-from runtime.recording import Friction, Preparation
+from runtime.recording import Friction, Preparation, read_recording
 from runtime.recording.friction import DRIVE
-from tests.runtime.servo_logs import dry_servo_log
+from tests.runtime.servo_logs import dry_servo_log, random_servo, servo_arrays
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0)
 
@@ -30,6 +33,25 @@ def test_friction_is_chosen_on_the_first_log(tiny_built: Path, tmp_path: Path) -
     assert with_drives([usual, usual], lib, named)[0].friction == Friction(DRIVE)
     for left in (replace(usual, is_at_rest=True), replace(usual, recording=measured(log))):
         assert with_drives([left, left], lib, Settings()) == [left, left]
+
+
+def test_all_logs_tell_the_encoder_biases(tiny_built: Path, tmp_path: Path) -> None:
+    """Oracle: biases of two logs of one arm, with intervals below those of each log alone."""
+    lib, rng = load(tiny_built), np.random.default_rng(4)
+    servo, logs = random_servo(lib, rng), []
+    for name in ("one", "two"):
+        arrays = servo_arrays(lib, servo, rng)
+        del arrays["tau_true"]
+        np.savez(tmp_path / f"{name}.npz", **arrays)  # type: ignore[arg-type]
+        logs.append(read_recording(tmp_path / f"{name}.npz"))
+    settings = Settings(
+        cutoff=10.0, delay=float(servo.delay[0]), encoder_bias=True, friction=DRIVE, certify=False
+    )
+    alone, both = (identify(each, lib, settings).drive for each in (logs[0], logs))
+    assert alone is not None
+    assert both is not None
+    assert (np.abs(both.bias - servo.bias) < 4 * both.bias_sigma).all()
+    assert (both.bias_sigma < alone.bias_sigma).all()
 
 
 def measured(log):

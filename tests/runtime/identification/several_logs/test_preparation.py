@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from runtime import read_recording, write_recording
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.single_log import identify_recording
 from runtime.recording import Preparation
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving
@@ -101,7 +101,7 @@ def test_logs_that_are_prepared_unlike_are_named(lib):
         for k, hz in enumerate((20.0, 10.0))
         for prepared in [Preparation(filter="butterworth", cutoff_hz=hz)]
     ]
-    result = identify_logs(logs, lib, "ols")
+    result = identify_recording(logs, lib, "ols")
     assert result.train.prepared == logs[0].preparation
     assert any("another way than log 20: log 10;" in note for note in result.notes)
     assert np.isfinite(result.beta).all()

@@ -8,8 +8,8 @@ import pytest
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.result_file import write_result
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog, joined, read_carried
+from runtime.identification.several_logs.agreement import NamedLog, joined
+from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.outputs.report.report import write_report
@@ -48,7 +48,7 @@ def sessions(lib: Library) -> list[NamedLog]:
 
 @pytest.fixture(scope="module")
 def answer(lib: Library, sessions: list[NamedLog]):
-    result = identify_logs(sessions, lib, friction=FRICTION)
+    result = identify_recording(sessions, lib, friction=FRICTION)
     return result, result.agreement
 
 
@@ -77,7 +77,7 @@ def test_parameters_come_from_all_rows(lib, sessions, answer, tmp_path):
     without the second fit both are the same.
     """
     first, _ = answer
-    result = identify_logs(sessions, lib, friction=FRICTION, refit=True)
+    result = identify_recording(sessions, lib, friction=FRICTION, refit=True)
     assert first.trained is None
     assert result.trained is not None
     assert any("are fitted to all" in note for note in result.notes)
@@ -92,23 +92,23 @@ def test_parameters_come_from_all_rows(lib, sessions, answer, tmp_path):
 def test_a_payload_that_is_not_given_shows(lib, sessions):
     """Property: without its payload the odd log stands out in both tables."""
     unknown = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]
-    agreement = identify_logs(unknown, lib, friction=FRICTION).agreement
-    single = [log.with_offset.overall for log in agreement.left_out]
+    agreement = identify_recording(unknown, lib, friction=FRICTION).agreement
+    single = [log.log_offset_overall for log in agreement.leave_one_out]
     assert single[1] > 10.0
-    assert agreement.ratio > 5.0
-    assert "differ by more than noise" in agreement.sentence()
+    assert agreement.repeatability.ratio > 5.0
+    assert "differ by more than noise" in agreement.repeatability.sentence
 
 
 def test_logs_predict_each_other(answer):
     """Oracle: with its own offset a log left out is explained to the noise, as by its own fit."""
     _, agreement = answer
-    for log in agreement.left_out:
-        assert log.with_offset.overall == pytest.approx(log.alone, rel=0.1)
-        assert log.after.overall > 3 * log.with_offset.overall
-        assert log.before.overall > log.after.overall
-    assert 0.5 < agreement.ratio < 2.0
-    assert "agree" in agreement.sentence()
-    assert agreement.carried == pytest.approx((0.0, 1.5, 0.0))
+    for log in agreement.leave_one_out:
+        assert log.log_offset_overall == pytest.approx(log.single_log_overall, rel=0.1)
+        assert log.after_overall > 3 * log.log_offset_overall
+        assert log.before_overall > log.after_overall
+    assert 0.5 < agreement.repeatability.ratio < 2.0
+    assert "agree" in agreement.repeatability.sentence
+    assert agreement.payload_kg == pytest.approx((0.0, 1.5, 0.0))
 
 
 def test_one_log_twice_without_offsets_is_one_log(lib, sessions):
@@ -116,7 +116,7 @@ def test_one_log_twice_without_offsets_is_one_log(lib, sessions):
     terms = Friction(("viscous", "coulomb"))
     bare = [NamedLog(s.name, s.recording, s.preparation) for s in sessions[:1]]
     twice = [*bare, NamedLog("again", bare[0].recording, bare[0].preparation)]
-    result = identify_logs(twice, lib, "ols", friction=terms)
+    result = identify_recording(twice, lib, "ols", friction=terms)
     agreement = result.agreement
     alone = identify_recording(
         bare[0].recording, lib, "ols", preparation=PREPARATION, friction=terms
@@ -124,7 +124,7 @@ def test_one_log_twice_without_offsets_is_one_log(lib, sessions):
     # The same rows twice: least squares does not notice, to rounding times the condition number.
     assert result.beta == pytest.approx(alone.beta, abs=1e-8)
     assert agreement.offsets is None
-    assert agreement.spread == pytest.approx(0.0, abs=1e-12)
+    assert np.array(agreement.repeatability.beta_spread) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
@@ -200,6 +200,6 @@ def test_wrong_payloads_and_names(lib, sessions, tmp_path):
         with pytest.raises(RecordingError, match="has the format 2, expected 1; update symgen"):
             reader()
     with pytest.raises(IdentificationError, match="two logs or more with different names"):
-        identify_logs([sessions[0], sessions[0]], lib)
+        identify_recording([sessions[0], sessions[0]], lib)
     with pytest.raises(IdentificationError, match="two logs or more"):
-        identify_logs(sessions[:1], lib)
+        identify_recording(sessions[:1], lib)

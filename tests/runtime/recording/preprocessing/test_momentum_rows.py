@@ -13,9 +13,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification import metrics
 from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs.blocks import blocks_of
-from runtime.identification.long_logs.identify import identify_streamed
-from runtime.identification.several_logs.identify import identify_logs
-from runtime.identification.several_logs.joint_fit import NamedLog
+from runtime.identification.several_logs.agreement import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
@@ -235,18 +233,18 @@ def test_several_logs_with_a_payload(lib):
         NamedLog(name, log, usual, carried)
         for name, log, carried in zip("ab", logs, (None, ball.ravel()), strict=True)
     ]
-    found = identify_logs(sessions, lib, friction=Friction())
+    found = identify_recording(sessions, lib, friction=Friction())
     agreement = found.agreement
-    assert max(log.after.overall for log in agreement.left_out) < 1.0
+    assert max(log.after_overall for log in agreement.leave_one_out) < 1.0
     assert found.test.ddq is None  # nothing was differentiated after all
     beta = lib.base_matrix @ lib.pi0
     assert np.linalg.norm(found.beta - beta) < 0.01 * np.linalg.norm(beta)
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]
     with pytest.raises(IdentificationError, match="use --regressor momentum"):
-        identify_logs(wrong, lib, friction=Friction())
+        identify_recording(wrong, lib, friction=Friction())
     mixed = [sessions[0], replace(sessions[1], preparation=at(5.0, "acceleration"))]
     with pytest.raises(IdentificationError, match="give all of them one regressor"):
-        identify_logs(mixed, lib, friction=Friction())
+        identify_recording(mixed, lib, friction=Friction())
 
 
 def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):
@@ -265,11 +263,11 @@ def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):
         expected = getattr(whole, key)
         assert np.abs(together - expected).max() < 1e-9 * np.abs(expected).max()
     # The fit reads stored blocks again; both fits see the same rows but for the edges of windows.
-    found = identify_streamed(streamed, lib, preparation=usual, friction=PLAIN)
+    found = identify_recording(streamed, lib, preparation=usual, friction=PLAIN)
     same = identify_recording(log, lib, preparation=usual, friction=PLAIN)
     np.testing.assert_allclose(found.beta, same.beta, atol=1e-3 * np.abs(same.beta).max())
     with pytest.raises(IdentificationError, match="--no-stream"):
-        identify_streamed(streamed, lib, preparation=replace(usual, regressor="energy"))
+        identify_recording(streamed, lib, preparation=replace(usual, regressor="energy"))
 
 
 def test_a_recipe_may_ask_for_them(lib, made):

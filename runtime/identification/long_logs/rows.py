@@ -1,4 +1,4 @@
-"""Identification of a log that stays in its file, in memory that does not grow with its length.
+"""Rows of a log that stays in its file, in memory that does not grow with its length.
 
     pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.estimators.regression`)
@@ -23,32 +23,22 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.methods import (
-    METHODS,
     chosen_method,
     methods_from_statistics,
     require_method,
 )
-from runtime.estimators.problem import Problem, mass_unit
-from runtime.estimators.regression.samples import (
-    Samples,
-    residuals,
-    samples_of,
-    thesis_weights,
-)
+from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, WholeLog
 from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of, head_of
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import (
     PARTS,
     Assembly,
-    known_friction,
-    known_noise,
-    require_enough,
-    rounding_of,
-    settings_for,
+    FitOfAssembly,
+    assembled,
 )
+from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
-from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording import (
     Friction,
@@ -59,13 +49,13 @@ from runtime.recording import (
     check_consistency,
 )
 from runtime.recording.consistency import require_plausible
-from runtime.recording.friction import geared, left_out_note, without_columns
+from runtime.recording.friction import geared
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ARRAYS
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
-WHOLE_ONLY = ("validation", "test", "lam0", "inputs", "robust", "friction_prior")
+WHOLE_ONLY = ("validation", "test", "inputs", "robust")
 """Fields of `Settings` that need a log held in memory."""
 
 
@@ -172,70 +162,21 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class StreamedAssembly:
-    """The problem of a streamed log, and access to all of its rows.
-
-    Attributes:
-        assembly: problem whose parts are windows of the log.
-        log: rows in their file.
-        parts: name of a part → its rows in blocks.
-        report: called with a phrase that names the present step.
-    """
-
-    assembly: Assembly
-    log: StreamedRecording
-    parts: dict[str, StreamedPart]
-    report: Callable[[str], None]
-
-    def counts(self) -> dict[str, int]:
-        """Prepared rows of every part, by its name."""
-        return {name: self.parts[name].count() for name in PARTS}
-
-    def errors(self, result: Identification) -> tuple[TorqueError, ...]:
-        """Torque errors over the whole test part: first guess, result, URDF with friction."""
-        lib = self.assembly.problem.lib
-        self.report("predicting the test part")
-        fit = result.trained or result
-        models = [(lib.pi0, np.zeros(0)), (fit.pi, fit.phi)]
-        if result.urdf_phi is not None:
-            models.append((lib.pi0, result.urdf_phi))
-        scale, rests = np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
-        count = 0
-        for part in self.assembly.recordings("test"):
-            samples = samples_of(part, lib)
-            count += len(samples)
-            scale += np.sum(samples.tau**2, axis=0)
-            for k, (pi, phi) in enumerate(models):
-                rests[k] += np.sum(residuals(lib, samples, pi, phi) ** 2, axis=0)
-        size = np.sqrt(scale)
-        return tuple(torque_error_of(np.sqrt(rest), size, count) for rest in rests)
-
-    def note(self, counts: dict[str, int]) -> str:
-        """Sentence on which figures come from all rows and which from windows."""
-        blocks = {id(part.blocks): len(part.blocks) for part in self.parts.values()}
-        return (
-            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the first fit uses "
-            f"all {counts['train']} training samples, the torque error all {counts['test']} test "
-            "samples; the first weights and the residual correlations come from up to "
-            f"{WINDOWS} windows of {LENGTH} samples"
-        )
-
-
 @one_blas_thread
 def assemble_streamed(
     log: StreamedRecording,
     lib: Library,
     settings: Settings | str | None = None,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = SILENT,
     is_joined: bool = False,
     **keywords: Any,
-) -> StreamedAssembly:
+) -> Assembly:
     """Assemble the problem of a log that stays in its file."""
-    chosen = settings_for(lib, bare_settings(settings, keywords))
+    chosen = bare_settings(settings, keywords)
     chosen.require_default(WHOLE_ONLY, "a streamed log")
-    report = progress or (lambda _: None)
+    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    require_streamable(method, chosen.preset)
     recipe = log.recipe
     preparation = chosen.preparation or (recipe.preparation if recipe else Preparation())
     if preparation.regressor == "energy":
@@ -243,76 +184,61 @@ def assemble_streamed(
             "rows of energy need the whole log in memory, but this one is streamed; use "
             "--regressor momentum or --no-stream"
         )
-    head = _head(log, lib)
+    head = check_consistency(head_of(log))
+    require_plausible(head, lib)
     terms = geared(terms_of(head, chosen), head, lib)
     shares = shares_of(log, chosen)
     whole = parts_of_log(log, lib, preparation, terms, shares, is_joined, head.rate_hz)
-    report("windows of the parts")
-    parts = {name: _windows(part, name) for name, part in whole.items()}
-    rounding = rounding_of(parts["train"], lib)
-    parts = {name: without_columns(part, rounding) for name, part in parts.items()}
-    train, validation = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
+    progress.step("windows of the parts")
 
-    train_names = parts["train"].column_names
+    def pieces(name: str) -> Iterator[Recording]:
+        progress.step(f"passing over the {name} part")
+        return whole[name].recordings()
 
-    def recordings(name: str) -> Iterator[Recording]:
-        report(f"passing over the {name} part")
-        return (without_columns(part, rounding) for part in whole[name].recordings())
-
-    def samples(name: str) -> Iterator[Samples]:
-        return (samples_of(part, lib) for part in recordings(name))
-
-    problem = Problem(
-        lib=lib,
-        train=train,
-        validation=validation,
-        weights=thesis_weights(train.tau, mass_unit(lib, lib.pi0)),
-        start=lib.lam0,
-        seed=chosen.seed,
-        pieces=samples,
-        terms=terms,
-        column_names=train_names,
-        left_out=rounding.ravel(),
-        friction_prior=known_friction(chosen, train_names, terms),
-        noise_floor=known_noise(chosen, preparation.regressor),
+    train, validation, test = (_windows(whole[name], name) for name in PARTS)
+    assembly = assembled(
+        (train, validation, test),
+        lib,
+        chosen,
+        terms,
+        preparation.regressor,
+        is_joined=is_joined,
+        pieces=pieces,
     )
-    require_enough(train, lib)
-    windows = (parts["train"], parts["validation"], parts["test"])
-    notes = left_out_note(rounding, lib.joint_names, train_names)
-    assembly = Assembly(
-        problem, windows, terms, one_run=True, pieces=recordings, notes=notes, is_joined=is_joined
+    counts = {name: part.count() for name, part in whole.items()}
+    spans = {name: part.span for name, part in whole.items()}
+    blocks = {id(part.blocks): len(part.blocks) for part in whole.values()}
+    note = (
+        f"streamed {log.rows} rows in {sum(blocks.values())} blocks: the first fit uses all "
+        f"{counts['train']} training samples, the torque error all {counts['test']} test samples; "
+        "the first weights and the residual correlations come from up to "
+        f"{WINDOWS} windows of {LENGTH} samples"
     )
-    return StreamedAssembly(assembly, log, whole, report)
+
+    def finish(result: Identification, _: FitOfAssembly) -> Identification:
+        errors = _errors(assembly, result)
+        streamed = WholeLog(counts, spans, *errors)
+        return replace(result, streamed=streamed, notes=(*result.notes, note))
+
+    return replace(assembly, source_note=note, finish=finish)
 
 
-@one_blas_thread
-def identify_streamed(
-    log: StreamedRecording,
-    lib: Library,
-    settings: Settings | str | None = None,
-    *,
-    progress: Callable[[str], None] | None = None,
-    **keywords: Any,
-) -> Identification:
-    """Identify π from a log that stays in its file."""
-    chosen = settings_for(lib, bare_settings(settings, keywords))
-    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
-    require_streamable(method, chosen.preset)
-    joins = not METHODS[method].uses_validation
-    whole = assemble_streamed(log, lib, chosen, progress=progress, is_joined=joins)
-    result = identify_assembled(whole.assembly, chosen)
-    errors = whole.errors(result)
-    counts = whole.counts()
-    spans = {name: part.span for name, part in whole.parts.items()}
-    streamed = WholeLog(counts, spans, *errors)
-    return replace(result, streamed=streamed, notes=(*result.notes, whole.note(counts)))
-
-
-def _head(log: StreamedRecording, lib: Library) -> Recording:
-    """The first rows, checked for units, signs and the number of joints."""
-    head = check_consistency(head_of(log))
-    require_plausible(head, lib)
-    return head
+def _errors(assembly: Assembly, result: Identification) -> tuple[TorqueError, ...]:
+    """Torque errors over the whole test part: first guess, result, URDF with friction."""
+    lib, fit = result.lib, result.trained or result
+    models = [(lib.pi0, np.zeros(0)), (fit.pi, fit.phi)]
+    if result.urdf_phi is not None:
+        models.append((lib.pi0, result.urdf_phi))
+    scale, rests = np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
+    count = 0
+    for part in assembly.recordings("test"):
+        samples = samples_of(part, lib)
+        count += len(samples)
+        scale += np.sum(samples.tau**2, axis=0)
+        for k, (pi, phi) in enumerate(models):
+            rests[k] += np.sum(residuals(lib, samples, pi, phi) ** 2, axis=0)
+    size = np.sqrt(scale)
+    return tuple(torque_error_of(np.sqrt(rest), size, count) for rest in rests)
 
 
 def _windows(part: StreamedPart, name: str) -> Recording:

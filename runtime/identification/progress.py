@@ -1,10 +1,12 @@
 """What a caller sees of an identification while it runs."""
 
+from collections.abc import Callable
+
 from runtime.estimators.choice.cutoff_choice import CutoffChoice
 from runtime.estimators.choice.friction_choice import FrictionChoice
 
 
-class Watch:
+class Progress:
     """Steps, choices and iterations of an identification; this one shows nothing."""
 
     def step(self, sentence: str) -> None:
@@ -30,4 +32,22 @@ class Watch:
         """
 
 
-SILENT = Watch()
+SILENT = Progress()
+
+
+class Iterations(Progress):
+    """A callable that is shown the iterations alone."""
+
+    def __init__(self, call: Callable[[int, float], None]) -> None:
+        self._call = call
+
+    def iteration(self, done: int, best: float) -> None:
+        """Call it."""
+        self._call(done, best)
+
+
+def progress_of(given: Callable[[int, float], None] | Progress | None) -> Progress:
+    """The progress that a caller gives: a callable, all steps, or None."""
+    if given is None:
+        return SILENT
+    return given if isinstance(given, Progress) else Iterations(given)

@@ -22,7 +22,7 @@ from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
-from runtime.identification.several_logs.agreement import joined
+from runtime.identification.several_logs import joined
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording

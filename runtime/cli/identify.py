@@ -63,8 +63,7 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.several_logs.agreement import NamedLog
-from runtime.identification.several_logs.joint_fit import read_carried
+from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
 from runtime.recording import StreamedRecording, is_large, open_log, read_recording
 

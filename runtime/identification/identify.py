@@ -44,7 +44,7 @@ from runtime.identification.settings import (
     Settings,
     settings_from,
 )
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import FittedSource, identify_recording
 from runtime.library import Library, require_library
 from runtime.recording import Recording, Split, StreamedRecording

@@ -36,8 +36,7 @@ from runtime.identification.long_logs.rows import assemble_streamed
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
 from runtime.identification.progress import Progress, progress_of
 from runtime.identification.settings import Settings, bare_settings
-from runtime.identification.several_logs.agreement import NamedLog
-from runtime.identification.several_logs.joint_fit import assemble_logs
+from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.identification.torque_columns import with_modelled_torque
 from runtime.library import Array, Library
 from runtime.recording import Recording, StreamedRecording

@@ -35,7 +35,7 @@ from runtime.identification.kept_links import identify_friction
 from runtime.identification.payload.arm import read_arm_model
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.saved_result import read_result
-from runtime.identification.several_logs.joint_fit import read_carried
+from runtime.identification.several_logs import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe
 from runtime.library.manifest import read_manifest

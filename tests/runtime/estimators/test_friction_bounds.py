@@ -13,7 +13,7 @@ from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, wit
 from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction

@@ -11,7 +11,7 @@ from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.identification.identified import Identification
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library

@@ -16,7 +16,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.outputs.model_files.formats.urdf import urdf_text
 from runtime.outputs.model_files.model import make_model

@@ -7,7 +7,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.identification.settings import NAMES, SettingKeywords, Settings, settings_from
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import (

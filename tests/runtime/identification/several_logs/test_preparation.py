@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime import read_recording, write_recording
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.recording import Preparation
 from tests.runtime.conftest import Command

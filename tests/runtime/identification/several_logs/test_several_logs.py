@@ -8,8 +8,7 @@ import pytest
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.result_file import write_result
-from runtime.identification.several_logs.agreement import NamedLog, joined
-from runtime.identification.several_logs.joint_fit import read_carried
+from runtime.identification.several_logs import NamedLog, joined, read_carried
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.outputs.report.report import write_report

@@ -13,7 +13,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification import metrics
 from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs.blocks import blocks_of
-from runtime.identification.several_logs.agreement import NamedLog
+from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording

@@ -1,1 +1,0 @@
-"""Several logs in one fit: offsets per log, known payloads, validation by leaving a log out."""

@@ -1,8 +1,10 @@
 """Contradictions between data, prior and result, in sentences that say which of them is wrong.
 
-Before any statement of trust: do the torques fit the inertial prior (`convex.prior_agreement`), do
-the torques of the joints fit each other, does their clock fit that of the motion, does the friction
-fit its columns (`regression.deviation_tests`), and does the result fit the torques?
+Before any statement of trust: is the torque that of the columns (`column_faults`), which cause
+explains what the fit leaves (`regression.causes`), do the torques fit the inertial prior
+(`convex.prior_agreement`), does the friction fit its columns, and does the result fit the torques?
+At most one of the answers is a doubt; a URDF that is off is none, because the result follows the
+data.
 """
 
 from dataclasses import dataclass, field
@@ -13,24 +15,28 @@ from runtime.estimators.column_faults import column_faults
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.prior_agreement import LEAST_DENSITY, PriorTest, prior_test
-from runtime.estimators.regression.deviation_tests import (
-    DelayTest,
-    FrictionTest,
-    GainTest,
-    delay_column,
-    delay_test,
-    friction_columns,
-    friction_test,
-    gain_test_of,
+from runtime.estimators.regression.causes import (
+    DELAY,
+    GAIN,
+    OFFSET,
+    TILT,
+    ZERO,
+    Cause,
+    Causes,
+    causes_of,
 )
-from runtime.estimators.regression.omitted_columns import FreeFit, with_columns
+from runtime.estimators.regression.deviation_tests import FrictionTest, friction_test
+from runtime.estimators.regression.omitted_columns import FreeFit
 from runtime.library import Array, Library
+from runtime.library.manifest import torque_units
 
 SCALE = 3.0
 """Factor between measured torque and that of the URDF beyond which the unit of the torque is the
 likeliest fault: a load of twice the own weight of an arm stays below it."""
 VISIBLE = 0.10
 """Deviation of a torque gain that a log should show; joints whose limit is higher are named."""
+LARGEST = np.radians(10.0)
+"""Limit of an encoder zero or tilt from which on a log is said not to show it."""
 UNFITTED = 2.0
 """Misfit of a result over the threshold of the test of the prior above which the method, and not
 the prior, is the cause."""
@@ -40,11 +46,11 @@ the prior, is the cause."""
 class ModelTests:
     """Results of all tests."""
 
-    # sentences on priors, joints and results that the data contradict
+    # sentence that doubts the result; empty where there is none
     contradictions: tuple[str, ...] = ()
-    # sentences on assumptions of the intervals that the residuals contradict
+    # sentences on what the data contradict while the result holds: its intervals, the URDF
     model_errors: tuple[str, ...] = ()
-    # sentence on joints whose gain may be wrong without a trace; empty where there is none
+    # sentences on gains, encoder zeros and tilts that may be wrong without a trace
     limits: tuple[str, ...] = ()
     # deviation of every torque gain that such a log shows in 95 of 100 cases, (n,); empty where it
     # was not tested
@@ -63,99 +69,139 @@ def model_tests(
     is_of_type: bool = False,
 ) -> ModelTests:
     """Test data, prior and result against each other."""
-    gains = None if fit is None else gain_test_of(fit)
-    delay = None if fit is None else delay_test(fit)
+    causes = Causes() if fit is None else causes_of(lib, fit, pi)
     friction = None if fit is None else friction_test(fit)
-    sentences: list[str] = []
-    errors: list[str] = []
-    if delay is not None and delay.is_contradicted:
-        (errors if delay.is_usable else sentences).append(_of_delay(delay))
-    if gains is not None and gains.is_contradicted:
-        sentences.append(_of_gains(lib, gains))
-    elif gains is not None and gains.is_significant:
-        beside = gains if gains.is_beyond_margin else _beside(gains, fit, delay, friction)
-        if beside is not None and beside.is_significant:
-            errors.append(_of_small_gain(lib, beside))
+    test = prior_test(lib, data, prior, kappa, density)
+    rest = data.factor @ pi - data.target
+    misfit = float(rest @ rest) / max(density, LEAST_DENSITY) / test.threshold
+    named = causes.named
+    doubt, errors = "", []
+    if test.is_contradicted or not all(each.is_plausible for each in named):
+        doubt = _of_columns(lib, fit)
+    if not doubt and test.is_contradicted and not 1 / SCALE < test.scale < SCALE:
+        doubt = _of_unit(test, is_of_type)
+    if named and named[0].is_usable:
+        errors.append(
+            f"{sentence_of(lib, named)}: the parameters take up a part of it, and their intervals "
+            f"are too narrow; {remedy_of(lib, named[0])}"
+        )
+    elif named:
+        doubt = doubt or _of_cause(lib, named)
+    if test.is_contradicted and not doubt:
+        if test.is_of_another:
+            doubt = _of_prior(test, is_of_type)
+        else:
+            errors.insert(0, _of_urdf(test, is_of_type))
     if friction is not None and friction.is_contradicted:
         errors.append(_of_friction(lib, friction))
-    test = prior_test(lib, data, prior, kappa, density)
-    if test.is_contradicted or (gains is not None and not gains.is_plausible):
-        sentences = [*_of_columns(lib, fit), *sentences]
-    if test.is_contradicted:
-        sentences.append(_of_prior(test, bool(sentences), is_of_type))
-    rest = data.factor @ pi - data.target
-    misfit = float(rest @ rest) / max(density, LEAST_DENSITY)
-    if not test.is_contradicted and misfit > UNFITTED * test.threshold:
-        sentences.append(
-            f"the result leaves {misfit / test.threshold:.2g} times as much of the training torque "
-            "unexplained as its noise and the prior allow, so the method stopped short of the "
-            "data; use map"
+    if not (doubt or test.is_contradicted) and misfit > UNFITTED:
+        doubt = (
+            f"the result leaves {misfit:.2g} times as much of the training torque unexplained as "
+            "its noise and the prior allow, so the method stopped short of the data; use map"
         )
-    limits = np.zeros(0) if gains is None else gains.limits
-    return ModelTests(tuple(sentences), tuple(errors), _of_limits(lib, limits), limits)
+    doubts = (doubt,) if doubt else ()
+    return ModelTests(doubts, tuple(errors), _of_limits(lib, causes), causes.limits(GAIN))
 
 
-def _of_columns(lib: Library, fit: FreeFit | None) -> list[str]:
-    """Sentences on signs and orders of columns, compared as `inspect` does."""
+def sentence_of(lib: Library, named: tuple[Cause, ...]) -> str:
+    """The cause in words, and those that explain nearly as much."""
+    others = " or ".join(_words(lib, each) for each in named[1:])
+    beside = f" ({others} explains nearly as much)" if others else ""
+    of = "the torques of the joints contradict each other, mostly by"
+    if named[0].kind != GAIN:
+        of = "the residuals are those of"
+    return f"{of} {_words(lib, named[0])}{beside}"
+
+
+def _words(lib: Library, cause: Cause) -> str:
+    """Kind, joint, size and σ of a cause."""
+    name = lib.joint_names[cause.joint]
+    unit, size = torque_units(lib.manifest)[cause.joint], cause.size
+    angle, scale = ("mm", 1e3) if unit == "N" else ("°", 180 / np.pi)
+    side = "late" if size > 0 else "early"
+    return {
+        GAIN: f"a torque gain of {1 + size:.3f} ± {cause.sigma:.1g} at {name}, relative to the "
+        "other joints",
+        DELAY: f"a torque that is stamped {1e3 * abs(size):.2g} ± {1e3 * cause.sigma:.1g} ms too "
+        f"{side} for the motion",
+        ZERO: f"an encoder of {name} that reads {scale * size:.2g} ± {scale * cause.sigma:.1g} "
+        f"{angle} too much",
+        TILT: f"a base that is tilted by {np.degrees(size):.2g} ± {np.degrees(cause.sigma):.1g}°",
+        OFFSET: f"a constant torque of {size:.2g} ± {cause.sigma:.1g} {unit} at {name}",
+    }[cause.kind]
+
+
+def remedy_of(lib: Library, cause: Cause) -> str:
+    """What to do about a cause."""
+    name = lib.joint_names[cause.joint]
+    if cause.kind == TILT:
+        gravity = ",".join(f"{x:.3f}" for x in lib.gravity + cause.vector)
+        return f"measure its angles, or build the robot with --gravity={gravity}"
+    return {
+        GAIN: f"check the torque constant of {name}, or calibrate with: python -m runtime gains",
+        DELAY: "correct it with --delay auto",
+        ZERO: f"calibrate the zero of {name}, or state it as offset under [position] of a recipe",
+        OFFSET: "add offset to the columns of --friction",
+    }[cause.kind]
+
+
+def _of_columns(lib: Library, fit: FreeFit | None) -> str:
+    """Sentence on signs and orders of columns, compared as `inspect` does; "" where they hold."""
     if fit is None or fit.samples.acceleration is None or fit.samples.equations != lib.n_joints:
-        return []
+        return ""
     named = column_faults(lib, fit.samples).named
-    return [
-        f"{fault.sentence(lib.joint_names)}: the log is wrong rather than the URDF; inspect "
-        "proposes a recipe that corrects it"
-        for fault in named
-    ]
+    if not named:
+        return ""
+    return (
+        f"{' and '.join(fault.sentence(lib.joint_names) for fault in named)}, and no torque gain "
+        "explains it: the log is wrong rather than the URDF; inspect proposes a recipe that "
+        "corrects it"
+    )
 
 
-def _beside(
-    gains: GainTest, fit: FreeFit | None, delay: DelayTest | None, friction: FrictionTest | None
-) -> GainTest | None:
-    """Test of the gains beside a delay and friction that are contradicted: they look like gains."""
-    if fit is None:
-        return None
-    column = delay_column(fit) if delay is not None and delay.is_contradicted else None
-    beside = fit if column is None else with_columns(fit, column)
-    if friction is not None and friction.is_contradicted:
-        beside = with_columns(beside, friction_columns(beside)[0])
-    return gains if beside is fit else gain_test_of(beside)
+def _of_cause(lib: Library, named: tuple[Cause, ...]) -> str:
+    """Sentence on a cause without which the result predicts other torques."""
+    best = named[0]
+    if not best.is_plausible:
+        name = lib.joint_names[best.joint]
+        return (
+            f"the torques of the joints contradict each other, most at {name}, and no torque gain "
+            "explains it: the torque is wrong rather than the URDF; check order and sign of the "
+            f"signals and the friction of {name} with: python -m runtime inspect LOG"
+        )
+    wrong = {GAIN: "torque", DELAY: "clock of the torque", ZERO: "position"}.get(best.kind, "mount")
+    return (
+        f"{sentence_of(lib, named)}: the {wrong} is wrong rather than the URDF; "
+        f"{remedy_of(lib, best)}"
+    )
 
 
-def _of_limits(lib: Library, limits: Array) -> tuple[str, ...]:
-    """Sentence on gains that may be wrong by more than `VISIBLE` without a trace."""
+def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
+    """Sentence on gains, encoder zeros and tilts that may be wrong without a trace."""
     hidden = [
         f"{name} ({f'up to {100 * limit:.2g} %' if limit < 1 else 'of any size'})"
-        for name, limit in zip(lib.joint_names, limits, strict=False)
+        for name, limit in zip(lib.joint_names, causes.limits(GAIN), strict=False)
         if limit > VISIBLE
     ]
-    if not hidden:
-        return ()
-    return (
-        "this log may not show a wrong torque gain of "
-        f"{', '.join(hidden)}, because friction and inertia take it up; "
-        "python -m runtime gains determines it",
-    )
-
-
-def _of_delay(test: DelayTest) -> str:
-    side = "late" if test.delay > 0 else "early"
-    effect = (
-        "the parameters take up a part of it, and their intervals are too narrow"
-        if test.is_usable
-        else "the clock of the torque is wrong rather than the URDF"
-    )
-    return (
-        f"the torque is stamped {1e3 * abs(test.delay):.2g} ± {1e3 * test.sigma:.1g} ms too {side} "
-        f"for the motion: {effect}; correct it with --delay auto"
-    )
-
-
-def _of_small_gain(lib: Library, test: GainTest) -> str:
-    return (
-        f"the torques of the joints contradict each other, mostly by a torque gain of "
-        f"{test.gain:.3f} ± {test.sigma:.1g} at {lib.joint_names[test.joint]}, relative to the "
-        "other joints: the parameters take up a part of it, and their intervals are too narrow; "
-        "calibrate the gains with: python -m runtime gains"
-    )
+    said = []
+    if hidden:
+        said.append(
+            f"this log may not show a wrong torque gain of {', '.join(hidden)}, because friction "
+            "and inertia take it up; python -m runtime gains determines it"
+        )
+    zeros, tilts = causes.limits(ZERO), causes.limits(TILT)
+    turns = [unit != "N" for unit in torque_units(lib.manifest)]
+    shown = np.array([x for x, turn in zip(zeros, turns, strict=False) if turn and x < LARGEST])
+    if shown.size or (tilts < LARGEST).any():
+        parts = [f"a tilt of the base from {np.degrees(tilts[0]):.2g}°"] if tilts.size else []
+        if shown.size:
+            low, high = np.degrees([shown.min(), shown.max()])
+            where = f"{low:.2g} to {high:.2g}°" if shown.size > 1 else f"{low:.2g}°"
+            parts.append(
+                f"a wrong encoder zero of {shown.size} of {len(zeros)} joints from {where}"
+            )
+        said.append(f"this log shows {' and '.join(parts)} on")
+    return tuple(said)
 
 
 def _of_friction(lib: Library, test: FrictionTest) -> str:
@@ -167,50 +213,65 @@ def _of_friction(lib: Library, test: FrictionTest) -> str:
     )
 
 
-def _of_gains(lib: Library, test: GainTest) -> str:
-    name = lib.joint_names[test.joint]
-    if not test.is_plausible:
-        return (
-            f"the torques of the joints contradict each other, most at {name}, and no torque gain "
-            "explains it: the torque is wrong rather than the URDF; check order and sign of the "
-            f"signals and the friction of {name} with: python -m runtime inspect LOG"
-        )
+def _of_unit(test: PriorTest, is_of_type: bool) -> str:
+    source = _source(is_of_type)
     return (
-        f"the torques of the joints contradict each other, and a torque gain of {test.gain:.2f} "
-        f"± {test.sigma:.2g} at {name}, relative to the other joints, explains most of it: the "
-        f"torque is wrong rather than the URDF; check the torque constant of {name}, or calibrate "
-        "with: python -m runtime gains"
+        f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of the "
+        f"torque is wrong rather than {source}; state them in a recipe (torque in N·m)"
     )
 
 
-def _of_prior(test: PriorTest, is_torque_wrong: bool, is_of_type: bool) -> str:
-    source = "the prior of the fleet" if is_of_type else "the URDF"
-    size = f"{test.excess:.2g} times the threshold"
-    if not 1 / SCALE < test.scale < SCALE:
+def _source(is_of_type: bool) -> str:
+    return "the prior of the fleet" if is_of_type else "the URDF"
+
+
+def _bodies(test: PriorTest, is_of_type: bool) -> str:
+    """Links whose release explains the contradiction, with their masses."""
+    return " or ".join(
+        f"{name} ({before:.3g} kg in {_source(is_of_type)}, about {after:.3g} kg from the data)"
+        for name, (before, after) in zip(test.links, test.masses, strict=True)
+    )
+
+
+def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
+    """Sentence on a prior that is off, while the result follows the data."""
+    source, size = _source(is_of_type), f"{test.excess:.2g} times the threshold"
+    missed = f"{100 * test.mismatch:.2g} % of the torque of its links"
+    if not test.links:
         return (
-            f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of "
-            f"the torque is wrong rather than {source}; state them in a recipe (torque in N·m)"
+            f"{source} is off by {missed}: the data contradict its inertias ({size}), while the "
+            "joints agree with each other; the result follows the data"
         )
-    if is_torque_wrong:
-        return f"the data contradict {source} as well ({size}); correct the torque first"
+    before, after = test.masses[0]
+    return (
+        f"{source} is off by {missed}, {after - before:+.2g} kg at {test.links[0]}: the data "
+        f"contradict the inertia of {_bodies(test, is_of_type)}, or of what it carries ({size}), "
+        f"while the joints agree with each other: {_wrong(is_of_type)}; the result follows the data"
+    )
+
+
+def _wrong(is_of_type: bool) -> str:
+    if is_of_type:
+        return (
+            "this unit differs from its fleet, or carries a load that the others did not; leave "
+            "out --prior, or add its statistics to the fleet"
+        )
+    return (
+        "the URDF is wrong rather than the log, or the arm carries a load that it does not contain"
+    )
+
+
+def _of_prior(test: PriorTest, is_of_type: bool) -> str:
+    """Sentence on a prior that is further off than that of the same robot."""
+    source, size = _source(is_of_type), f"{test.excess:.2g} times the threshold"
     if not test.links:
         return (
             f"the data contradict the inertias of {source} ({size}), and no single link explains "
             f"it: {source} is of another robot, or order, unit or sign of the signals are wrong; "
             "check them with: python -m runtime inspect LOG"
         )
-    bodies = " or ".join(
-        f"{name} ({before:.3g} kg in {source}, about {after:.3g} kg from the data)"
-        for name, (before, after) in zip(test.links, test.masses, strict=True)
-    )
-    if is_of_type:
-        return (
-            f"the data contradict the inertia of {bodies}, or of what it carries ({size}), while "
-            "the joints agree with each other: this unit differs from its fleet, or carries a load "
-            "that the others did not; leave out --prior, or add its statistics to the fleet"
-        )
+    remedy = "" if is_of_type else '; correct the URDF, or use --prior with trust = "none"'
     return (
-        f"the data contradict the inertia of {bodies}, or of what it carries ({size}), while the "
-        "joints agree with each other: the URDF is wrong rather than the log, or the arm carries a "
-        'load that it does not contain; correct the URDF, or use --prior with trust = "none"'
+        f"the data contradict the inertia of {_bodies(test, is_of_type)}, or of what it carries "
+        f"({size}), while the joints agree with each other: {_wrong(is_of_type)}{remedy}"
     )

@@ -111,12 +111,12 @@ class Uncertainty:
 
     @property
     def contradictions(self) -> tuple[str, ...]:
-        """Sentences on priors, joints and results that the data contradict."""
+        """Sentence that doubts the result; empty where there is none."""
         return self.tests.contradictions
 
     @property
     def model_errors(self) -> tuple[str, ...]:
-        """Sentences on assumptions of the intervals that the residuals contradict."""
+        """Sentences on what the data contradict while the result holds."""
         return self.tests.model_errors
 
     @property
@@ -166,10 +166,7 @@ class Uncertainty:
     def advice(self) -> str:
         """Advice on the trust in the result, the limits of the log and the next recording."""
         if self.contradictions:
-            doubts = "; ".join((*self.contradictions, *self.model_errors))
-            return f"do not trust the result or its intervals yet: {doubts}"
-        if self.model_errors:  # gains that a better model shows are no limit of the log
-            return self._trust()
+            return f"do not trust the result or its intervals yet: {self.contradictions[0]}"
         return "; ".join((self._trust(), *self.tests.limits))
 
     def first_advice(self) -> str:

@@ -204,7 +204,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     matrix = model_fit.fit_rows(torque_rows)
     tau = checks.recording.required("tau")
     computed = model_fit.not_measured(torque_rows, matrix, tau)
-    gain = [] if computed or not checks.has_gains else model_fit.joint_gain(torque_rows, matrix)
+    gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, matrix)
     late = (
         []
         if computed or gain

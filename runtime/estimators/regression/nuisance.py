@@ -80,7 +80,7 @@ def nuisance_slopes(
     for j in range(lib.n_joints):
         gram = inner[j] - turned[:, j].T @ both @ turned[:, j]
         z = along[j] - turned[:, j].T @ (fit.root.T @ left)
-        sizes = _sizes(gram, z, density)
+        sizes = likely_sizes(gram, z, density)
         if sizes.any():
             kept.append(across[:, j] * sizes)
     return np.hstack(kept) if kept else none
@@ -94,7 +94,7 @@ def _weights(x: Array, statistics: Statistics) -> Array:
     return np.maximum(posterior_of(share, np.ones(len(share))).mean, 0.0)
 
 
-def _sizes(gram: Array, z: Array, density: float) -> Array:
+def likely_sizes(gram: Array, z: Array, density: float) -> Array:
     """λ of every shape by the largest marginal likelihood; 0 where it is not significant."""
     unit = density / max(float(np.mean(np.diag(gram))), 1e-300)
     power, axes = np.linalg.eigh(gram)

@@ -143,8 +143,7 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
 def _doubts(f: Figures) -> str:
     """Assumptions of the recommended result that the data contradict, as `identify` states them."""
     if f.contradictions:
-        doubts = "; ".join((*f.contradictions, *f.model_errors))
-        return f"do not trust it or its intervals yet: {doubts}"
+        return f"do not trust it or its intervals yet: {f.contradictions[0]}"
     return "; ".join(f.model_errors)
 
 

@@ -1,8 +1,7 @@
 """Direction of gravity in the base frame, fitted to the torque.
 
 An arm on a wall: gravity loads joint 1, which no sign explains. The gravity torque of any direction
-g comes from the poses of the tip with the outer joints at zero, with unit masses in a frame of each
-link:
+g comes from the poses of the links, with unit masses in a frame of each:
 
     τ_g = Σ_d g_d A_d θ,   A_d = ∂/∂q [e_d · (R_k, p_k)],   d = x, y, z
 
@@ -16,6 +15,7 @@ import shlex
 import numpy as np
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.regression.causes import potential_rows
 from runtime.estimators.regression.posterior import least_squares, orthonormal
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding
@@ -33,7 +33,6 @@ AXIS = np.cos(np.radians(12.0))
 some degrees."""
 G = 9.81
 """m/s², for a model without gravity."""
-_STEP = 1e-5
 _SMALLEST = np.radians(1.0)
 """Resolution of the direction."""
 
@@ -44,7 +43,7 @@ def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
     few = s.rows(slice(None, None, max(1, len(s) // FEW)))
     still = np.zeros_like(few.q)
     try:
-        turns = _potential_rows(lib, few.q)
+        turns = list(potential_rows(lib, few.q).reshape(3, len(few) * lib.n_joints, -1))
         inertial = lib.regressor(few.q, few.dq, few.ddq) - lib.regressor(few.q, still, still)
     except RuntimeFault:
         return []
@@ -158,21 +157,3 @@ _HALF_SPHERE = [
     *((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1)),
     *((0, 1, -1), (1, 1, 1), (1, 1, -1), (1, -1, 1), (-1, 1, 1)),
 ]
-
-
-def _potential_rows(lib: Library, q: Array) -> list[Array]:
-    """∂/∂q of the three coordinates of a frame fixed to each link, 3 × (N n, 4 n); gravity
-    torque is minus that along g.
-    """
-    n = lib.n_joints
-    rows = np.zeros((3, len(q), n, n, 4))
-    for k in range(n):
-        inner = q.copy()
-        inner[:, k + 1 :] = 0.0
-        for i in range(k + 1):
-            step = np.zeros(n)
-            step[i] = _STEP
-            ahead, behind = lib.end_effector(inner + step), lib.end_effector(inner - step)
-            slope = (ahead - behind)[:, :3] / (2.0 * _STEP)  # (N, 3, 4): R and p
-            rows[:, :, i, k] = -np.moveaxis(slope, 1, 0)
-    return [each.reshape(len(q) * n, 4 * n) for each in rows]

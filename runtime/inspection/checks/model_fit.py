@@ -7,8 +7,10 @@ joint, another robot, and a torque that no sensor has measured.
 
 import numpy as np
 
+from runtime.estimators.contradictions import remedy_of, sentence_of
+from runtime.estimators.convex.prior_agreement import OTHER
+from runtime.estimators.regression.causes import GAIN, TILT, ZERO, causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.deviation_tests import gain_test
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.signals import LITTLE
 from runtime.inspection.checks.torque_rows import TorqueRows
@@ -31,9 +33,6 @@ COUPLED, INDEPENDENT = 0.35, 30.0
 directions, and the effective sample size that this check needs."""
 ALONE = 0.5
 """Largest share of any joint beside the two, over that of the pair."""
-OTHER = 0.35
-"""Mismatch from which on the log is of another robot: 0.03 to 0.13 for the URDFs of real logs, 0.26
-for a tool of 1.5 kg that one of them lacks."""
 OFF = 1.4
 """Factor between gains that is reported; the bodies of a URDF err by less."""
 PERFECT = 5e-4
@@ -235,26 +234,35 @@ def _drive(dq: Array, ddq: Array) -> Array:
     return np.column_stack([dq, np.tanh(dq / 0.05), ddq])
 
 
-def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
-    """Torque of one joint whose scale contradicts that of the others.
+def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+    """Gain of a joint, tilt of the base or encoder zero that explains what the fit leaves.
 
-    Measured: test of the gains against each other, which needs no URDF, and the slope of τ on the
-    torque of the URDF.
+    The comparison of all causes needs no URDF; a gain must be that of the slope of τ on the torque
+    of the URDF, too.
     """
     lib, s = torque_rows.lib, torque_rows.samples
     _, rest = least_squares(matrix, s.tau.ravel())
     power = rest.reshape(-1, lib.n_joints).var(axis=0)
-    test = gain_test(lib, s, 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300))
-    if test is None or not test.is_contradicted:
+    weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
+    named = causes_of_rows(lib, s, weights, lib.pi0).named
+    if not named or named[0].is_usable:
+        return []
+    best = named[0]
+    facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}
+    if best.kind in {TILT, ZERO}:
+        kind = "base_tilt" if best.kind == TILT else "encoder_zero"
+        sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
+        return [Finding(kind, WARNING, sentence, facts)]
+    if best.kind != GAIN:
         return []
     slopes, is_used = slopes_to_model(torque_rows)
-    others = is_used & (np.arange(lib.n_joints) != test.joint)
-    if not is_used[test.joint] or not others.any():
+    others = is_used & (np.arange(lib.n_joints) != best.joint)
+    if not is_used[best.joint] or not others.any():
         return []
-    gain = float(slopes[test.joint] / np.median(slopes[others]))
-    if gain <= 0 or (not (gain > OFF and test.gain > 1) and not (gain < 1 / OFF and test.gain < 1)):
+    gain, size = float(slopes[best.joint] / np.median(slopes[others])), best.size
+    if gain <= 0 or (not (gain > OFF and size > 0) and not (gain < 1 / OFF and size < 0)):
         return []
-    name = lib.joint_names[test.joint]
+    name = lib.joint_names[best.joint]
     return [
         Finding(
             "torque_gain",
@@ -263,7 +271,7 @@ def joint_gain(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
             "joints: no bodies explain them together, and the slope on the torque of the URDF "
             f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
             f"to {1 / gain:.2g} times the present one under [torque]",
-            {"joint": test.joint, "gain": gain, "statistic": test.statistic},
+            facts | {"gain": gain},
         )
     ]
 

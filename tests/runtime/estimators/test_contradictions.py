@@ -4,6 +4,7 @@ Oracle: simulated logs whose fault is known; clean ones have none.
 """
 
 import numpy as np
+import pinocchio
 import pytest
 
 from runtime.estimators import uncertainty
@@ -221,6 +222,37 @@ def test_a_contradiction_that_no_gain_explains_is_no_gain(lib, trajectories):
     assert "a torque gain of" not in words
     assert "no torque gain explains it" in words
     assert "the torques of fr3_joint2, fr3_joint4 are exchanged" in words
+
+
+def test_a_tilt_of_the_base_is_named_with_its_gravity(lib, trajectories):
+    """Oracle: Pinocchio's torque of gravity that is turned by 2°; σ of the tilt is 0.05°."""
+    log = logged(lib, trajectories[0], 0)
+    model = pinocchio.buildModelFromUrdf(str(lib.folder / "fr3.urdf"))
+    level = torque_of_gravity(model, log.q)
+    model.gravity.linear = pinocchio.exp3(np.radians([2.0, 0, 0])) @ model.gravity.linear
+    words = advice(log.replace(tau=log.tau + torque_of_gravity(model, log.q) - level), lib)
+    assert TRUST not in words
+    tilt = float(words.split("a base that is tilted by ")[1].split()[0])
+    assert tilt == pytest.approx(2.0, abs=0.3)
+    gravity = [float(x) for x in words.split("--gravity=")[1].split(",")[:3]]
+    assert gravity == pytest.approx(list(model.gravity.linear), abs=0.05)
+
+
+def torque_of_gravity(model, q: np.ndarray) -> np.ndarray:
+    """Gravity torque of poses (N, n) by Pinocchio."""
+    data = model.createData()
+    return np.array([pinocchio.computeGeneralizedGravity(model, data, row) for row in q])
+
+
+@pytest.mark.parametrize("joint", [1, 3])
+def test_an_encoder_zero_is_named_with_its_size(lib, trajectories, joint):
+    """Oracle: a joint that reads 1° too much; a clean log states from which size on it is seen."""
+    log = logged(lib, trajectories[0], 0)
+    assert "this log shows a tilt of the base from 0.1" in advice(log, lib)
+    words = advice(log.replace(q=log.q + np.radians(1.0) * np.eye(7)[joint]), lib)
+    assert TRUST not in words
+    size = float(words.split(f"encoder of fr3_joint{joint + 1} that reads ")[1].split()[0])
+    assert size == pytest.approx(1.0, abs=0.3)
 
 
 @pytest.mark.parametrize("delay", [0.003, -0.002])

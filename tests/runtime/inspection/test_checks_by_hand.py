@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.choice.cutoff_choice import CutoffCandidate, CutoffChoice
+from runtime.estimators.regression.causes import Cause, Causes
 from runtime.inspection import torque_checks as proposal
 from runtime.inspection.checks import model_fit, torque_delay
 from runtime.inspection.checks.clock import _gaps, lost_rows
@@ -128,13 +129,13 @@ def test_currents_without_gains_keep_the_other_findings() -> None:
 )
 def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
     """Oracle: reported where the slope differs by 1.4 or more, on the side of the test."""
-    result = SimpleNamespace(is_contradicted=True, joint=1, gain=tested, statistic=9.0)
-    monkeypatch.setattr(model_fit, "gain_test", lambda *_: result)
+    best = Cause("gain", 1, tested - 1, 0.01, 0.2, 99.0, 15.0)
+    monkeypatch.setattr(model_fit, "causes_of_rows", lambda *_: Causes((best,)))
     slopes = np.array([2.0, 2.0 * slope, 2.0]), np.ones(3, dtype=bool)
     monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: slopes)
-    robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"))
+    robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"), pi0=np.zeros(30))
     rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
-    findings = model_fit.joint_gain(rows, np.zeros((12, 1)))
+    findings = model_fit.explained(rows, np.zeros((12, 1)))
     assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
 
 

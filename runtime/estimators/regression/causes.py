@@ -1,0 +1,245 @@
+"""Causes of what a fit leaves, compared by how much each explains.
+
+    r = H_c a_c + N s + e,     T_c = max over a_c of 2 log p(z | a_c) − 2 log p(z | 0),   z = Qᵀ r
+
+H are the columns of every cause beside β and φ, Q is orthonormal, and z has one covariance for all,
+
+    V = ½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1) + Qᵀ N Λ Nᵀ Q + U
+
+of noise, of scores g_k of K blocks, of nuisance shapes N and of usual errors U of torque gains. The
+columns of the causes, each relative to what the fit or the model π predicts:
+
+    gain of one joint      τ̂_j                    offset of one joint    1
+    late torque            −d/dt τ̂                encoder zero           −∂τ/∂q_j (π)
+    tilt of the base       −A_d(q) π across gravity, A_d = ∂/∂q [e_d · (R_k, p_k)]
+
+The common factor of all gains is not identifiable and drops out. Rows of momenta or power have no
+columns of poses. Source: Breusch & Pagan 1980 for score tests, Cameron & Miller 2015 for blocks.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import chdtri
+
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
+from runtime.estimators.regression.nuisance import likely_sizes, nuisance_columns
+from runtime.estimators.regression.omitted_columns import SIGNIFICANCE, FreeFit, free_fit
+from runtime.estimators.regression.posterior import APART, posterior_of
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+from runtime.library.parameters import first_moment, links, mass
+
+GAIN, DELAY, ZERO, TILT, OFFSET = "gain", "delay", "zero", "tilt", "offset"
+USABLE = 0.03
+"""Share of the torque that a cause makes, up to which a model predicts torques though its
+parameters took up a part of it: 3 % at the joint that carries the arm, 11 % at a wrist, 10 ms."""
+LEAST_S = 0.5e-3
+"""Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
+parameter hold, and the bias is proportional to the delay."""
+USUAL_GAIN = 0.003
+"""Usual error of a torque gain: sessions of one arm differ by as much."""
+SCALE = 3.0
+"""Factor beyond which, or below its inverse, a gain is not that of a torque constant."""
+NOTICED = 1.645
+"""95 % quantile of the normal distribution: an error so many σ above the threshold is seen in 95 of
+100 logs."""
+GROWTH = 1.4
+"""Factor by which an error at the limit raises its own σ, measured 1.2 to 1.42: the weights follow
+the residuals, which contain a part of it."""
+ALIKE = 4.0
+"""T below that of the best cause up to which another one is named beside it."""
+BLOCK_S, FEWEST, ROBUST = 2.0, 3, 0.5
+"""Length of a block [s], blocks from which on their scatter counts, and its share in V."""
+_STEP = 1e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cause:
+    """One cause, with its most probable size."""
+
+    kind: str
+    joint: int  # index; −1 where it is of all
+    size: float  # relative, s, rad or m, rad, N·m
+    sigma: float
+    share: float  # RMS of the torque that it makes over that of the whole torque, in N·m and N
+    statistic: float  # T
+    threshold: float  # value that T seldom exceeds where the cause is absent
+    # of a tilt, change of gravity [m/s²], (3,)
+    vector: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether it explains more than noise and nuisance torque do by chance."""
+        least = LEAST_S if self.kind == DELAY else 0.0
+        return self.statistic > self.threshold and abs(self.size) > least
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether a result with this cause predicts torques, though its intervals do not hold."""
+        return self.share <= USABLE
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether a gain may be that of a wrong torque constant."""
+        return self.kind != GAIN or 1 / SCALE < 1 + self.size < SCALE
+
+    @property
+    def limit(self) -> float:
+        """Size that 95 of 100 such logs show; infinite where β and φ take up all of it."""
+        return GROWTH * (float(np.sqrt(self.threshold)) + NOTICED) * self.sigma
+
+
+@dataclass(frozen=True, slots=True)
+class Causes:
+    """All causes, that which explains most first."""
+
+    ranked: tuple[Cause, ...] = ()
+
+    @property
+    def named(self) -> tuple[Cause, ...]:
+        """The best significant cause, and those that explain nearly as much; often empty."""
+        best = [each for each in self.ranked if each.is_significant][:1]
+        return tuple(c for b in best for c in self.ranked if c.statistic > b.statistic - ALIKE)
+
+    def limits(self, kind: str) -> Array:
+        """Sizes of one kind that such a log shows, joint after joint."""
+        those = sorted((c for c in self.ranked if c.kind == kind), key=lambda c: c.joint)
+        return np.array([each.limit for each in those])
+
+
+def causes_of_rows(lib: Library, samples: Samples, weights: Array, pi: Array) -> Causes:
+    """Compare the causes of what base parameters and friction leave of samples.
+
+    weights (n,) [1/(N·m)²], pi (10 n,).
+    """
+    fit = free_fit(lib, samples, weights)
+    return Causes() if fit is None else causes_of(lib, fit, pi)
+
+
+def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
+    """Compare the causes of what a fit leaves."""
+    if fit.samples.equations != lib.n_joints:
+        return Causes()
+    count, n = len(fit.samples), fit.scale.size
+    kinds, parts = zip(*_columns(lib, fit, pi), strict=True)
+    groups = np.repeat(np.arange(len(kinds)), [each.shape[2] for each in parts])
+    columns = np.concatenate(parts, axis=2).reshape(count * n, -1)
+    lengths = np.linalg.norm(columns, axis=0)
+    columns = columns - fit.basis @ (fit.basis.T @ columns)
+    # A column that lies in those of β and φ leaves rounding only.
+    seen = np.linalg.norm(columns, axis=0) > APART * np.maximum(lengths, 1e-300)
+    q = columns[:, seen] @ posterior_of(columns[:, seen], rank=APART).root
+    if not q.shape[1]:
+        return Causes()
+    z = q.T @ fit.rest
+    rest = fit.rest - q @ z
+    shares, unknowns = fit.shares_with(q), fit.basis.shape[1] + q.shape[1]
+    density = coloured_noise_of_shares(shares, rest.reshape(count, n), unknowns).density
+    if not density > 0:
+        return Causes()
+    spread = _noise(fit, q, rest, density)
+    shapes = _nuisance(lib, fit, pi, q, rest, density)
+    usual = np.array([USUAL_GAIN if kinds[k][0] == GAIN else 0.0 for k in groups])
+    taken = q.T @ columns
+    spread += shapes @ shapes.T + (taken * usual) @ (taken * usual).T
+    root = np.linalg.cholesky(spread)
+    z, taken = np.linalg.solve(root, z), np.linalg.solve(root, taken)
+    ranked, whole = [], np.linalg.norm(fit.predicted.reshape(count, n) / fit.scale)
+    for k, (kind, joint, across) in enumerate(kinds):
+        chosen = (groups == k) & seen
+        threshold = float(chdtri(max(int(chosen.sum()), 1), SIGNIFICANCE))
+        if not chosen.any():
+            ranked.append(Cause(kind, joint, 0.0, np.inf, 0.0, 0.0, threshold))
+            continue
+        of_cause = posterior_of(taken[:, chosen], z)
+        explained = float(np.sum((taken[:, chosen] @ of_cause.mean) ** 2))
+        made = parts[k][..., seen[groups == k]] @ of_cause.mean / fit.scale
+        share = float(np.linalg.norm(made) / whole)
+        size, sigma, vector = float(of_cause.mean[0]), float(of_cause.sigma.max()), np.zeros(3)
+        if kind == TILT:
+            vector, strength = (
+                across[:, seen[groups == k]] @ of_cause.mean,
+                float(np.linalg.norm(lib.gravity)),
+            )
+            size, sigma = float(np.linalg.norm(vector)) / strength, sigma / strength
+        ranked.append(Cause(kind, joint, size, sigma, share, explained, threshold, vector))
+    return Causes(tuple(sorted(ranked, key=lambda each: each.threshold - each.statistic)))
+
+
+def potential_rows(lib: Library, q: Array) -> Array:
+    """A, slopes ∂/∂q of the coordinates of the links' frames, (3, N, n, 4 links).
+
+    Gravity torque along g is −Σ_d g_d A_d θ with θ = (m·c, m) of all links.
+    """
+    n = lib.n_joints
+    rows = np.zeros((3, *q.shape, 4 * lib.n_links))
+    for i, step in enumerate(_STEP * np.eye(n)):
+        slope = (lib.link_poses(q + step) - lib.link_poses(q - step))[:, :, :3] / (2 * _STEP)
+        rows[:, :, i] = np.moveaxis(slope, 2, 0).reshape(3, len(q), -1)
+    return rows
+
+
+def time_step(samples: Samples) -> float:
+    """Mean time step [s]: 2 h = ⟨q_(i+1) − q_(i−1), dq_i⟩ / ⟨dq_i, dq_i⟩; 0 at rest."""
+    moved, speed = (samples.q[2:] - samples.q[:-2]).ravel(), samples.dq[1:-1].ravel()
+    return max(float(moved @ speed) / max(float(speed @ speed), 1e-300) / 2, 0.0)
+
+
+def _columns(
+    lib: Library, fit: FreeFit, pi: Array
+) -> Iterator[tuple[tuple[str, int, Array], Array]]:
+    """Kind, joint and axes of every cause, and its weighted columns, (N, n, k)."""
+    s, n = fit.samples, fit.scale.size
+    predicted, none = fit.predicted.reshape(-1, n), np.zeros((3, 0))
+    for j, only in enumerate(np.eye(n)):
+        yield (GAIN, j, none), (predicted * only)[..., None]
+        yield (OFFSET, j, none), np.broadcast_to(fit.scale * only, predicted.shape)[..., None]
+    if (step := time_step(s)) and len(predicted) > 2:
+        rate = np.asarray(np.gradient(predicted, step, axis=0))
+        yield (DELAY, -1, none), -rate[..., None]
+    if s.acceleration is None:
+        return
+    for j, move in enumerate(_STEP * np.eye(n)):
+        ahead, behind = (lib.inverse_dynamics(s.q + d, s.dq, s.ddq, pi) for d in (move, -move))
+        yield (ZERO, j, none), (-fit.scale * (ahead - behind) / (2 * _STEP))[..., None]
+    if lib.gravity.any():
+        across = np.linalg.svd(lib.gravity[None])[2][1:].T
+        bodies = links(pi)
+        theta = np.column_stack([first_moment(bodies), mass(bodies)]).ravel()
+        turned = np.moveaxis(potential_rows(lib, s.q) @ theta, 0, 2)
+        yield (TILT, -1, across), -(turned @ across) * fit.scale[:, None]
+
+
+def _noise(fit: FreeFit, q: Array, rest: Array, density: float) -> Array:
+    """½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1); c 1 of logs with few blocks."""
+    count, n = len(fit.samples), fit.scale.size
+    blocks = np.arange(count) * time_step(fit.samples) // BLOCK_S
+    starts = np.flatnonzero(np.diff(blocks, prepend=-1.0))
+    k = len(starts)
+    if k < FEWEST:
+        return density * np.eye(q.shape[1])
+    scores = np.einsum("ijk,ij->ik", q.reshape(count, n, -1), rest.reshape(count, n))
+    g = np.add.reduceat(scores, starts, axis=0)
+    meat = g.T @ g * (k / (k - 1))
+    level = max(density, float(np.trace(meat)) / len(meat))
+    return (1 - ROBUST) * level * np.eye(len(meat)) + ROBUST * meat
+
+
+def _nuisance(
+    lib: Library, fit: FreeFit, pi: Array, q: Array, rest: Array, density: float
+) -> Array:
+    """Qᵀ N Λ^½ of nuisance shapes, whose sizes are those of what the causes leave."""
+    samples, n = fit.samples, fit.scale.size
+    if samples.base is not None:
+        return np.zeros((q.shape[1], 0))
+    shapes = nuisance_columns(lib, pi, samples) * fit.scale[:, None]
+    basis = np.hstack([fit.basis, q]).reshape(len(samples), n, -1)
+    rest = rest.reshape(len(samples), n)
+    known, kept = fit.basis.shape[1], []
+    for j in range(n):
+        taken = basis[:, j].T @ shapes[:, j]
+        gram = shapes[:, j].T @ shapes[:, j] - taken.T @ taken
+        kept.append(taken[known:] * likely_sizes(gram, shapes[:, j].T @ rest[:, j], density))
+    return np.hstack(kept)

@@ -193,7 +193,7 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
     turns = [unit != "N" for unit in torque_units(lib.manifest)]
     shown = np.array([x for x, turn in zip(zeros, turns, strict=False) if turn and x < LARGEST])
     if shown.size or (tilts < LARGEST).any():
-        parts = [f"a tilt of the base from {np.degrees(tilts[0]):.2g}°"] if tilts.size else []
+        parts = [f"a tilt of the base from {np.degrees(x):.2g}°" for x in tilts if x < LARGEST]
         if shown.size:
             low, high = np.degrees([shown.min(), shown.max()])
             where = f"{low:.2g} to {high:.2g}°" if shown.size > 1 else f"{low:.2g}°"

@@ -207,7 +207,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, matrix)
     late = (
         []
-        if computed or gain
+        if computed or any(f.level == WARNING for f in gain)
         else torque_delay.delay(torque_rows, matrix, checks.plan, has_gains=checks.has_gains)
     )
     if any(finding.kind == "time_shift" for finding in late):
@@ -228,9 +228,10 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         checks.findings += gain
         if checks.has_gains and not lib.placeholders:
             checks.findings += model_fit.hidden_gains(torque_rows)
-        no_tool = bool(gain or lib.placeholders)
+        accused = any(f.level == WARNING for f in gain)
+        no_tool = bool(accused or lib.placeholders)
         tool = [] if no_tool else model_fit.tool(torque_rows)
-        coupled = [] if gain else model_fit.coupling(torque_rows, matrix, terms)
+        coupled = [] if accused else model_fit.coupling(torque_rows, matrix, terms)
         other = [] if no_tool or tool else model_fit.other_robot(torque_rows, matrix)
         checks.findings += tool + coupled + other
     checks.findings.append(model_fit.one_run(torque_rows.whole.duration))

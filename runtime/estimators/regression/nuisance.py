@@ -12,7 +12,7 @@ Source: Kennedy & O'Hagan 2001 for the discrepancy of a model; empirical Bayes f
 import numpy as np
 
 from runtime.estimators.regression.compression import Statistics
-from runtime.estimators.regression.posterior import posterior_of
+from runtime.estimators.regression.posterior import ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -80,7 +80,7 @@ def nuisance_slopes(
     for j in range(lib.n_joints):
         gram = inner[j] - turned[:, j].T @ both @ turned[:, j]
         z = along[j] - turned[:, j].T @ (fit.root.T @ left)
-        sizes = likely_sizes(gram, z, density)
+        sizes = likely_sizes(gram, z, density, float(np.trace(inner[j])))
         if sizes.any():
             kept.append(across[:, j] * sizes)
     return np.hstack(kept) if kept else none
@@ -94,8 +94,13 @@ def _weights(x: Array, statistics: Statistics) -> Array:
     return np.maximum(posterior_of(share, np.ones(len(share))).mean, 0.0)
 
 
-def likely_sizes(gram: Array, z: Array, density: float) -> Array:
-    """λ of every shape by the largest marginal likelihood; 0 where it is not significant."""
+def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:
+    """λ of every shape by the largest marginal likelihood; 0 where it is not significant.
+
+    whole: trace of NᵀN; shapes of which the fit leaves rounding alone have no λ.
+    """
+    if not np.trace(gram) > ROUNDING * whole:
+        return np.zeros(SHAPES)
     unit = density / max(float(np.mean(np.diag(gram))), 1e-300)
     power, axes = np.linalg.eigh(gram)
     is_known = power > 1e-9 * max(float(power[-1]), 1e-300)

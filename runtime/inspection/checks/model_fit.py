@@ -245,15 +245,15 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     power = rest.reshape(-1, lib.n_joints).var(axis=0)
     weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
     named = causes_of_rows(lib, s, weights, lib.pi0).named
-    if not named or named[0].is_usable:
+    if not named:
         return []
     best = named[0]
     facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}
     if best.kind in {TILT, ZERO}:
         kind = "base_tilt" if best.kind == TILT else "encoder_zero"
         sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
-        return [Finding(kind, WARNING, sentence, facts)]
-    if best.kind != GAIN:
+        return [Finding(kind, INFO if best.is_usable else WARNING, sentence, facts)]
+    if best.kind != GAIN or best.is_usable:
         return []
     slopes, is_used = slopes_to_model(torque_rows)
     others = is_used & (np.arange(lib.n_joints) != best.joint)

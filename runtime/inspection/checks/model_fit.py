@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.estimators.contradictions import remedy_of, sentence_of
 from runtime.estimators.convex.prior_agreement import OTHER
-from runtime.estimators.regression.causes import GAIN, TILT, ZERO, causes_of_rows
+from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.signals import LITTLE
@@ -244,17 +244,23 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     _, rest = least_squares(matrix, s.tau.ravel())
     power = rest.reshape(-1, lib.n_joints).var(axis=0)
     weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
-    named = causes_of_rows(lib, s, weights, lib.pi0).named
-    if not named:
-        return []
+    causes = causes_of_rows(lib, s, weights, lib.pi0)
+    # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
+    gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]
+    found = [each for best in gains[:1] for each in _gain(torque_rows, best)]
+    named = causes.named
+    if found or not named or named[0].kind not in {TILT, ZERO}:
+        return found
     best = named[0]
+    kind = "base_tilt" if best.kind == TILT else "encoder_zero"
     facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}
-    if best.kind in {TILT, ZERO}:
-        kind = "base_tilt" if best.kind == TILT else "encoder_zero"
-        sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
-        return [Finding(kind, INFO if best.is_usable else WARNING, sentence, facts)]
-    if best.kind != GAIN or best.is_usable:
-        return []
+    sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
+    return [Finding(kind, INFO if best.is_usable else WARNING, sentence, facts)]
+
+
+def _gain(torque_rows: TorqueRows, best: Cause) -> list[Finding]:
+    """Gain of a joint where the slope on the torque of the URDF differs by as much."""
+    lib = torque_rows.lib
     slopes, is_used = slopes_to_model(torque_rows)
     others = is_used & (np.arange(lib.n_joints) != best.joint)
     if not is_used[best.joint] or not others.any():
@@ -271,7 +277,7 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
             "joints: no bodies explain them together, and the slope on the torque of the URDF "
             f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
             f"to {1 / gain:.2g} times the present one under [torque]",
-            facts | {"gain": gain},
+            {"joint": best.joint, "gain": gain, "statistic": best.statistic},
         )
     ]
 

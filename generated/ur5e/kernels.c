@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 2f33e7add2bec5ffcd786feb05e9ac8ddc08da7bcfd4b4964353d2e89006420a.
+ * Model ce28a28f5d0c277be73f354f06d46ff2b57270d33e75be542f1238f09d292448.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -14,7 +14,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "2f33e7add2bec5ffcd786feb05e9ac8ddc08da7bcfd4b4964353d2e89006420a";
+    return "ce28a28f5d0c277be73f354f06d46ff2b57270d33e75be542f1238f09d292448";
 }
 
 #if defined(__x86_64__)
@@ -8718,9 +8718,9 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
     const double t231 = 0.16250000000000001 - t136;
     const double t233 = ((t156 * t225) - (t144 * t228)) + (t129 * t231);
     const double t239 = ((t217 * t225) - (t213 * t228)) + ((-0.0057000000000000002) * t231);
-    const double t247 = ((t222 * t233) - (0.15066474000000005 * t239)) / (fmax((2.9201839906800008e-05 - (t222 * t222)), 2.920183990680001e-17));
+    const double t247 = ((t222 * t233) - (0.15066474000000005 * t239)) / (fmax((2.9201839906800014e-05 - (t222 * t222)), 2.9201839906800016e-17));
     const double t254 = fmin((fmax((((t222 * (fmin((fmax(t247, 0.0)), 1.0))) + t233) / 0.15066474000000005), 0.0)), 1.0);
-    const double t260 = fmin((fmax((((t222 * t254) - t239) / 0.00019381999999999998), 0.0)), 1.0);
+    const double t260 = fmin((fmax((((t222 * t254) - t239) / 0.00019382000000000004), 0.0)), 1.0);
     const double t261 = t260 * t213;
     const double t264 = (t261 - t228) - (t254 * t144);
     const double t266 = t260 * t217;
@@ -8763,9 +8763,9 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
     const double t398 = t224 - t326;
     const double t401 = (t333 * t394) - ((t330 * t396) + (t315 * t398));
     const double t407 = ((t217 * t398) - (t213 * t396)) + ((-0.0057000000000000002) * t394);
-    const double t415 = ((t393 * t401) - (0.00043969999999999995 * t407)) / (fmax((8.5222653999999984e-08 - (t393 * t393)), 8.5222653999999988e-20));
+    const double t415 = ((t393 * t401) - (0.00043969999999999995 * t407)) / (fmax((8.522265400000001e-08 - (t393 * t393)), 8.5222654000000012e-20));
     const double t422 = fmin((fmax((((t393 * (fmin((fmax(t415, 0.0)), 1.0))) + t401) / 0.00043969999999999995), 0.0)), 1.0);
-    const double t427 = fmin((fmax((((t393 * t422) - t407) / 0.00019381999999999998), 0.0)), 1.0);
+    const double t427 = fmin((fmax((((t393 * t422) - t407) / 0.00019382000000000004), 0.0)), 1.0);
     const double t428 = t427 * t213;
     const double t431 = (t428 - t396) - (t422 * t330);
     const double t433 = t427 * t217;
@@ -8828,9 +8828,9 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
     const double t627 = 0.16250000000000001 - t546;
     const double t629 = ((t564 * t622) - (t552 * t624)) + (t538 * t627);
     const double t635 = ((t217 * t622) - (t213 * t624)) + ((-0.0057000000000000002) * t627);
-    const double t643 = ((t621 * t629) - (0.00026384999999999999 * t635)) / (fmax((5.1139406999999993e-08 - (t621 * t621)), 5.1139406999999993e-20));
+    const double t643 = ((t621 * t629) - (0.00026384999999999999 * t635)) / (fmax((5.1139407000000006e-08 - (t621 * t621)), 5.1139407000000005e-20));
     const double t650 = fmin((fmax((((t621 * (fmin((fmax(t643, 0.0)), 1.0))) + t629) / 0.00026384999999999999), 0.0)), 1.0);
-    const double t655 = fmin((fmax((((t621 * t650) - t635) / 0.00019381999999999998), 0.0)), 1.0);
+    const double t655 = fmin((fmax((((t621 * t650) - t635) / 0.00019382000000000004), 0.0)), 1.0);
     const double t656 = t655 * t213;
     const double t659 = (t656 - t624) - (t650 * t552);
     const double t661 = t655 * t217;
@@ -8910,9 +8910,9 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
     const double t922 = 0.16250000000000001 - t839;
     const double t924 = ((t858 * t917) - (t846 * t919)) + (t830 * t922);
     const double t930 = ((t217 * t917) - (t213 * t919)) + ((-0.0057000000000000002) * t922);
-    const double t938 = ((t916 * t924) - (6.929999999999998e-06 * t930)) / (fmax((1.3431725999999994e-09 - (t916 * t916)), 1.3431725999999994e-21));
+    const double t938 = ((t916 * t924) - (6.929999999999998e-06 * t930)) / (fmax((1.3431725999999998e-09 - (t916 * t916)), 1.3431725999999998e-21));
     const double t945 = fmin((fmax((((t916 * (fmin((fmax(t938, 0.0)), 1.0))) + t924) / 6.929999999999998e-06), 0.0)), 1.0);
-    const double t950 = fmin((fmax((((t916 * t945) - t930) / 0.00019381999999999998), 0.0)), 1.0);
+    const double t950 = fmin((fmax((((t916 * t945) - t930) / 0.00019382000000000004), 0.0)), 1.0);
     const double t951 = t950 * t213;
     const double t954 = (t951 - t919) - (t945 * t846);
     const double t956 = t950 * t217;

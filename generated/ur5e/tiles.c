@@ -12445,8 +12445,8 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t240 = 0.15066474000000005 * t239;
     const vd t241 = t234 - t240;
     const vd t243 = t222 * t222;
-    const vd t244 = 2.9201839906800008e-05 - t243;
-    const vd t246 = vd_max(t244, vd_all(2.920183990680001e-17));
+    const vd t244 = 2.9201839906800014e-05 - t243;
+    const vd t246 = vd_max(t244, vd_all(2.9201839906800016e-17));
     const vd inv247 = 1.0 / t246;
     const vd t247 = t241 * inv247;
     const vd t248 = vd_max(t247, vd_all(0.0));
@@ -12458,7 +12458,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t254 = vd_min(t253, vd_all(1.0));
     const vd t255 = t222 * t254;
     const vd t256 = t255 - t239;
-    const vd t258 = t256 * 5159.4262717985766;
+    const vd t258 = t256 * 5159.4262717985748;
     const vd t259 = vd_max(t258, vd_all(0.0));
     const vd t260 = vd_min(t259, vd_all(1.0));
     const vd t261 = t260 * t213;
@@ -12596,8 +12596,8 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t408 = 0.00043969999999999995 * t407;
     const vd t409 = t402 - t408;
     const vd t411 = t393 * t393;
-    const vd t412 = 8.5222653999999984e-08 - t411;
-    const vd t414 = vd_max(t412, vd_all(8.5222653999999988e-20));
+    const vd t412 = 8.522265400000001e-08 - t411;
+    const vd t414 = vd_max(t412, vd_all(8.5222654000000012e-20));
     const vd inv415 = 1.0 / t414;
     const vd t415 = t409 * inv415;
     const vd t416 = vd_max(t415, vd_all(0.0));
@@ -12609,7 +12609,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t422 = vd_min(t421, vd_all(1.0));
     const vd t423 = t393 * t422;
     const vd t424 = t423 - t407;
-    const vd t425 = t424 * 5159.4262717985766;
+    const vd t425 = t424 * 5159.4262717985748;
     const vd t426 = vd_max(t425, vd_all(0.0));
     const vd t427 = vd_min(t426, vd_all(1.0));
     const vd t428 = t427 * t213;
@@ -12809,8 +12809,8 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t636 = 0.00026384999999999999 * t635;
     const vd t637 = t630 - t636;
     const vd t639 = t621 * t621;
-    const vd t640 = 5.1139406999999993e-08 - t639;
-    const vd t642 = vd_max(t640, vd_all(5.1139406999999993e-20));
+    const vd t640 = 5.1139407000000006e-08 - t639;
+    const vd t642 = vd_max(t640, vd_all(5.1139407000000005e-20));
     const vd inv643 = 1.0 / t642;
     const vd t643 = t637 * inv643;
     const vd t644 = vd_max(t643, vd_all(0.0));
@@ -12822,7 +12822,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t650 = vd_min(t649, vd_all(1.0));
     const vd t651 = t621 * t650;
     const vd t652 = t651 - t635;
-    const vd t653 = t652 * 5159.4262717985766;
+    const vd t653 = t652 * 5159.4262717985748;
     const vd t654 = vd_max(t653, vd_all(0.0));
     const vd t655 = vd_min(t654, vd_all(1.0));
     const vd t656 = t655 * t213;
@@ -13088,8 +13088,8 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t931 = 6.929999999999998e-06 * t930;
     const vd t932 = t925 - t931;
     const vd t934 = t916 * t916;
-    const vd t935 = 1.3431725999999994e-09 - t934;
-    const vd t937 = vd_max(t935, vd_all(1.3431725999999994e-21));
+    const vd t935 = 1.3431725999999998e-09 - t934;
+    const vd t937 = vd_max(t935, vd_all(1.3431725999999998e-21));
     const vd inv938 = 1.0 / t937;
     const vd t938 = t932 * inv938;
     const vd t939 = vd_max(t938, vd_all(0.0));
@@ -13101,7 +13101,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t945 = vd_min(t944, vd_all(1.0));
     const vd t946 = t916 * t945;
     const vd t947 = t946 - t930;
-    const vd t948 = t947 * 5159.4262717985766;
+    const vd t948 = t947 * 5159.4262717985748;
     const vd t949 = vd_max(t948, vd_all(0.0));
     const vd t950 = vd_min(t949, vd_all(1.0));
     const vd t951 = t950 * t213;

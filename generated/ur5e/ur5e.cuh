@@ -1,5 +1,5 @@
 /* ur5e: kernels for GPUs, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 2f33e7add2bec5ffcd786feb05e9ac8ddc08da7bcfd4b4964353d2e89006420a.
+ * Model ce28a28f5d0c277be73f354f06d46ff2b57270d33e75be542f1238f09d292448.
  * C++11, no dependency: for nvcc, NVRTC and clang, and for the host, where a loop takes the place of
  * the threads. T is float or double. Do not edit: run symgen build.
  *

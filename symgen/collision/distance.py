@@ -109,7 +109,7 @@ def _segment(chain: Chain, model: CollisionModel, frames: list[_Frame], proxy: P
         start = frame.origin + ca.mtimes(frame.rotation, start)
         direction = ca.mtimes(frame.rotation, direction)
         movers = frame.movers
-    return _Segment(start, direction, proxy.length**2, movers)
+    return _Segment(start, direction, proxy.length * proxy.length, movers)
 
 
 def _pair(

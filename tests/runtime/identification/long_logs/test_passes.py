@@ -14,9 +14,9 @@ from runtime.estimators.regression.compression import compress, compress_all
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.long_logs import blocks
 from runtime.identification.long_logs import rows as passes
-from runtime.identification.long_logs.rows import first_row
+from runtime.identification.long_logs.rows import first_row, parts_of_log
 from runtime.identification.single_log import identify_recording
-from runtime.recording import Friction, Preparation, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import parquet_format
 from runtime.recording.formats.tables import Spool
 from tests.runtime.motions import moving
@@ -87,10 +87,8 @@ def test_samples_are_not_read_again_to_be_counted(lib, tmp_path, monkeypatch):
     monkeypatch.setattr(blocks, "BLOCK", 1024)
     write_recording(moving(lib, 12_000), tmp_path / "x.npz")
     log = open_streamed(tmp_path / "x.npz")
-    whole = passes.assemble_streamed(
-        log, lib, preparation=PREPARATION, friction=Friction(), is_joined=True
-    )
-    held = {name: sum(map(len, whole.assembly.recordings(name))) for name in whole.parts}
+    whole = parts_of_log(log, lib, PREPARATION, Friction(), Split(), is_joined=True)
+    held = {name: sum(map(len, part.recordings())) for name, part in whole.items()}
     read, numbers = Spool.read, []
 
     def counted(spool, start, count):
@@ -98,7 +96,7 @@ def test_samples_are_not_read_again_to_be_counted(lib, tmp_path, monkeypatch):
         return read(spool, start, count)
 
     monkeypatch.setattr(Spool, "read", counted)
-    assert whole.counts() == held
+    assert {name: part.count() for name, part in whole.items()} == held
     assert 0 < held["validation"] < held["train"]
     assert sum(numbers) <= held["train"]
 

@@ -154,6 +154,8 @@ def evaluation_of(
     if preparation is None and recording.preparation == Preparation() != saved.preparation:
         preparation = saved.preparation
         notes.append(ALIKE)
+    elif preparation is None and recording.recipe is not None and recording.recipe is saved.recipe:
+        notes.append(ALIKE)
     prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)
     after = torque_of(lib, samples, saved.pi, saved.phi, saved.learned)

@@ -247,10 +247,10 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     causes = causes_of_rows(lib, s, weights, lib.pi0)
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]
-    found = [each for best in gains[:1] for each in _gain(torque_rows, best)]
+    of_gain = [each for best in gains[:1] for each in _gain(torque_rows, best)]
     named = causes.named
-    if found or not named or named[0].kind not in {TILT, ZERO}:
-        return found
+    if of_gain or not named or named[0].kind not in {TILT, ZERO}:
+        return of_gain
     best = named[0]
     kind = "base_tilt" if best.kind == TILT else "encoder_zero"
     facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from runtime.cli.drive import delay_lines, drive_table
 from runtime.common.terminal import VERBOSE, command_line, say, show
+from runtime.estimators.optimizers import Status
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
@@ -19,6 +20,11 @@ from runtime.outputs.report.several_logs import left_out_table
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 """Name of the file of `--save-statistics`."""
+
+UNFINISHED = frozenset(
+    end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)
+)
+"""Ends of a method that the summary states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +56,8 @@ def _summary(result: Identification, record: ResultRecord) -> Iterator[str]:
     doubts = doubts_of(result, record)
     if doubts:
         yield f"warning: {doubts[0]}"
+    if result.status in UNFINISHED:
+        yield f"status: {result.status}"
     before, after = shares.before_overall or 0.0, shares.after_overall or 0.0
     yield f"torque error on {tested_on(record)} data: {before:.3f} → {after:.3f} %"
     if (between := shares.urdf_friction_overall) is not None:

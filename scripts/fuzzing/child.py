@@ -115,7 +115,7 @@ def main() -> None:
             seconds, grown = time.process_time() - start, peak_memory() - held
             if grown > RESIDENT and outcome in {"read", "refused"}:
                 outcome = f"takes {grown / 1e6:.0f} MB"
-            left = sorted(_files(folder, door) ^ before) + _remains(root, folder, outcome)
+            left = sorted(_files(folder, door) ^ before) + _remains(root, folder, outcome, door)
             if left:
                 outcome, before = f"left or removed {left}", _files(folder, door)
             if outcome not in {"read", "refused"} and job.get("keep"):
@@ -210,13 +210,14 @@ def _files(folder: Path, door: Door) -> set[str]:
     return {name for name in names if name != door.file and name.split("/")[0] != OUT}
 
 
-def _remains(root: Path, folder: Path, outcome: str) -> list[str]:
+def _remains(root: Path, folder: Path, outcome: str, door: Door) -> list[str]:
     """Files left in the temporary folder, and files written by a command that refused."""
     left = list((root / "tmp").iterdir())
     for path in left:
         clear(path)
     if outcome == "refused":
-        left += [path for path in (folder / OUT).rglob("*") if path.is_file()]
+        written = [path for path in (folder / OUT).rglob("*") if path.is_file()]
+        left += [path for path in written if path.name not in door.offered]
     return [str(path.relative_to(root)) for path in left]
 
 

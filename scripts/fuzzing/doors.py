@@ -71,6 +71,7 @@ class Door:
     read: Reader
     seal: Callable[[Path], None] | None = None  # renews digests of a folder
     programs: tuple[str, ...] = ()  # that the reader may start
+    offered: tuple[str, ...] = ()  # names of files that a refusal may leave, to be filled in
 
 
 def _alone(read: Callable[[Any], Any]) -> Reader:
@@ -284,8 +285,12 @@ DOORS: dict[str, Door] = {
         f"stream-{kind}": Door(f"log.{kind}", goods.log(f"log.{kind}"), _streamed)
         for kind in ("csv", "npz", "parquet")
     },
-    "doctor-csv": Door("log.csv", goods.log("log.csv", 300), _inspected_log),
-    "doctor-npz": Door("log.npz", goods.log("log.npz", 300), _inspected_log),
+    "doctor-csv": Door(
+        "log.csv", goods.log("log.csv", 300), _inspected_log, offered=("recipe.toml",)
+    ),
+    "doctor-npz": Door(
+        "log.npz", goods.log("log.npz", 300), _inspected_log, offered=("recipe.toml",)
+    ),
     "headless": Door("log.csv", goods.headless, _headless),
     "recipe": Door("recipe.toml", goods.recipe, _alone(load_recipe)),
     # Models.

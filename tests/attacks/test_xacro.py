@@ -64,7 +64,8 @@ def test_no_expression_runs_code(tmp_path: Path) -> None:
     """Property: nineteen ways to the interpreter are refused, by the names that xacro offers."""
     program = (
         "import json, sys, xacro, xacro.substitution_args as s; from pathlib import Path\n"
-        "from symgen.ros import Packages; from symgen.ros.xacro_child import Files, confine\n"
+        "from symgen.ros.packages import Packages\n"
+        "from symgen.ros.xacro_child import Files, confine\n"
         "confine(xacro, s, Files(Path('x/robot.xacro'), Packages()))\n"
         "answers = []\n"
         "for text in json.load(sys.stdin):\n"

@@ -5,18 +5,20 @@ argument without N, such as π, is used for all samples.
 """
 
 from runtime.library.binding import Array
-from runtime.library.compiled_closed_loop import (
+from runtime.library.compiled_descent import (
+    AdamProblem,
+    CompiledAdam,
+    CompiledConvex,
+    CompiledLevenberg,
+    ConvexAnswer,
+    ConvexTask,
+    LeastSquares,
+)
+from runtime.library.compiled_programs import (
     NOT_POSITIVE,
     ClosedLoopController,
     ClosedLoopPlant,
     CompiledClosedLoop,
-)
-from runtime.library.compiled_convex import CompiledConvex, ConvexAnswer, ConvexTask
-from runtime.library.compiled_descent import (
-    AdamProblem,
-    CompiledAdam,
-    CompiledLevenberg,
-    LeastSquares,
 )
 from runtime.library.free_base import BaseMotion
 from runtime.library.library import Library, load, require_library

@@ -1,4 +1,4 @@
-"""Compiled descents in λ: the jobs of `<robot>_<level>_adam` and `…_levenberg` as NumPy arrays.
+"""Compiled descents and convex estimators: jobs of `<robot>_<level>_adam` and others as arrays.
 
 A call works off any number of jobs, each a problem of its own; `run` may spread them over threads,
 and since jobs share nothing the answers do not depend on how many.
@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.binding import LANES, padded, padded_size, zeros
-
-Array = NDArray[np.float64]
+from runtime.library.binding import LANES, Array, padded, padded_size, zeros
+from runtime.library.parameters import N_PARAMETERS
 
 PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
 _GROWTH = 2.0
 
-_POINTER = ctypes.POINTER(ctypes.c_double)
+_POINTER, _LONGS = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +71,7 @@ class _AdamJob(ctypes.Structure):
         *((name, ctypes.c_long) for name in ("step", "improved_at", "finished", "traced")),
         *((name, _POINTER) for name in ("training_trace", "held_trace")),
         *((name, ctypes.c_long) for name in ("batch", "columns_per_joint")),
-        ("rows", ctypes.POINTER(ctypes.c_long)),
+        ("rows", _LONGS),
         *((name, _POINTER) for name in ("samples", "weight", "work")),
     ]
 
@@ -137,15 +136,7 @@ class Jobs:
 
 
 class CompiledAdam(Jobs):
-    """Descents by Adam; `run` goes on where the last call stopped.
-
-    Args:
-        function: of the library.
-        problems: one per job.
-        options: rate, beta1, beta2, epsilon, threshold, validate_every, patience.
-        traces: room for validations per job.
-        batch: samples per mini-batch; 0 descends on the compressed training data.
-    """
+    """Descents by Adam of `Library.adam`; `run` goes on where the last call stopped."""
 
     def __init__(
         self,
@@ -203,7 +194,7 @@ class CompiledAdam(Jobs):
         """
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
         for job, named in zip(self._jobs, kept, strict=False):
-            job.rows = named.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
+            job.rows = named.ctypes.data_as(_LONGS)
         self._run(threads, iterations)
 
     def x(self, index: int) -> Array:
@@ -216,16 +207,7 @@ class CompiledAdam(Jobs):
 
 
 class CompiledLevenberg(Jobs):
-    """Descents by Levenberg–Marquardt; `run` goes on where the last call stopped.
-
-    Args:
-        function: of the library.
-        starts: x per job.
-        problems: per job.
-        options: first_damping, step_tolerance, decrease_tolerance.
-        traces: room for accepted steps per job.
-        cholesky: x begins with log-Cholesky coordinates instead of λ.
-    """
+    """Descents of `Library.levenberg`; `run` goes on where the last call stopped."""
 
     def __init__(
         self,
@@ -276,3 +258,119 @@ def _padded(array: Array, size: int) -> Array:
     whole = zeros(*(size for _ in array.shape))
     whole[tuple(slice(n) for n in array.shape)] = array
     return whole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexTask:
+    """(‖A π − b‖² + ρ)/2N + γ Σ share_k (slope_k·π_k − log det P_k), for each γ in turn.
+
+    Attributes:
+        factor, target, rest, count: A (m, 10 n), b (m,), ρ and N.
+        slope: (10 n,).
+        share: (n,), above 0.
+        gammas: one or more.
+        start: π, strictly inside.
+    """
+
+    factor: Array
+    target: Array
+    rest: float
+    count: float
+    slope: Array
+    share: Array
+    gammas: Array
+    start: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConvexAnswer:
+    """Minimiser, loss, decrement and steps for each γ up to the first that failed."""
+
+    points: Array
+    losses: Array
+    decrements: Array
+    steps: NDArray[np.int64]
+    converged: bool
+
+
+class _ConvexJob(ctypes.Structure):
+    """Field by field the struct of the generated header."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("links", "width", "rows")),
+        *((name, _POINTER) for name in ("factor", "target")),
+        *((name, ctypes.c_double) for name in ("rest", "count")),
+        *((name, _POINTER) for name in ("slope", "share", "gamma")),
+        *((name, ctypes.c_long) for name in ("gammas", "most_steps")),
+        ("tolerance", ctypes.c_double),
+        *((name, _POINTER) for name in ("pi", "points", "losses", "decrements")),
+        ("steps", _LONGS),
+        ("converged", ctypes.c_long),
+        ("work", _POINTER),
+    ]
+
+
+class CompiledConvex(Jobs):
+    """Estimators of `Library.convex`; every call of `run` solves them all anew."""
+
+    def __init__(
+        self,
+        function: Callable[..., None],
+        tasks: Sequence[ConvexTask],
+        tolerance: float,
+        most_steps: int,
+    ) -> None:
+        super().__init__(function, _ConvexJob, len(tasks))
+        self._starts: list[Array] = []
+        self._answers: list[tuple[Array, Array, Array, NDArray[np.int64]]] = []
+        self._pi: list[Array] = []
+        for job, task in zip(self._jobs, tasks, strict=True):
+            self._fill(job, task)
+            job.tolerance, job.most_steps = tolerance, most_steps
+
+    def run(self, threads: int = 1) -> list[ConvexAnswer]:
+        """Solve all from their starts."""
+        for pi, start in zip(self._pi, self._starts, strict=True):
+            pi[:] = start
+        if self._jobs:
+            self._run(threads)
+        return [
+            ConvexAnswer(
+                points[: _reached(job), : start.size - _spare(job)].copy(),
+                losses[: _reached(job)].copy(),
+                decrements[: _reached(job)].copy(),
+                steps[: _reached(job)].astype(np.int64),
+                bool(job.converged == job.gammas),
+            )
+            for job, start, (points, losses, decrements, steps) in zip(
+                self._jobs, self._starts, self._answers, strict=True
+            )
+        ]
+
+    def _fill(self, job: _ConvexJob, task: ConvexTask) -> None:
+        rows, size = task.factor.shape
+        width, gammas = padded_size(size), len(task.gammas)
+        job.links, job.width, job.rows, job.gammas = len(task.share), width, rows, gammas
+        job.rest, job.count = task.rest, task.count
+        job.factor = self._pointer(padded(task.factor, width))
+        job.target = self._pointer(task.target)
+        job.slope, job.share = self._pointer(task.slope), self._pointer(task.share)
+        job.gamma = self._pointer(task.gammas)
+        self._starts.append(padded(np.asarray(task.start, dtype=float), width))
+        self._pi.append(self._starts[-1].copy())
+        answer = (np.zeros((gammas, width)), np.zeros(gammas), np.zeros(gammas))
+        steps = np.zeros(gammas, dtype=ctypes.c_long)
+        self._answers.append((*answer, steps))
+        job.pi = self._pointer(self._pi[-1])
+        job.points, job.losses, job.decrements = (self._pointer(a) for a in answer)
+        job.steps = steps.ctypes.data_as(_LONGS)
+        job.work = self._pointer(zeros(2 * width * width + 5 * width + 2 * rows))
+
+
+def _reached(job: _ConvexJob) -> int:
+    """γs that were tried: the converged ones and the first that was not."""
+    return int(min(job.converged + 1, job.gammas))
+
+
+def _spare(job: _ConvexJob) -> int:
+    return int(job.width - N_PARAMETERS * job.links)

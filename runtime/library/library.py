@@ -13,25 +13,24 @@ from runtime.common.files import sha256_of
 from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
-from runtime.library.body_kernels import BodyKernels
-from runtime.library.compiled_closed_loop import (
-    ClosedLoopController,
-    ClosedLoopPlant,
-    CompiledClosedLoop,
-)
-from runtime.library.compiled_convex import CompiledConvex, ConvexTask
 from runtime.library.compiled_descent import (
     AdamProblem,
     CompiledAdam,
+    CompiledConvex,
     CompiledLevenberg,
+    ConvexTask,
     LeastSquares,
 )
-from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
-from runtime.library.compiled_statistics import CompiledStatistics
-from runtime.library.control_kernels import ControlKernels
-from runtime.library.fixed_base_kernels import FixedBaseKernels
+from runtime.library.compiled_programs import (
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+    CompiledExcitation,
+    CompiledStatistics,
+    ExcitationFunctions,
+)
 from runtime.library.free_base import FREEDOM, ROWS
-from runtime.library.joint_kernels import JointKernels
+from runtime.library.joint_kernels import BodyKernels, JointKernels
 from runtime.library.manifest import KernelFacts, read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import ProofKernels, SafetyKernels
@@ -40,11 +39,9 @@ from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 class Library(
     JointKernels,
     MotionKernels,
-    FixedBaseKernels,
     SafetyKernels,
     ProofKernels,
     BodyKernels,
-    ControlKernels,
 ):
     """Compiled physics of one robot; every method takes one sample or N.
 

@@ -1,18 +1,25 @@
-"""Typed methods of the kernels of a motion: q, dq, ddq are (N, n) or (n,)."""
+"""Typed methods of the kernels of a motion: q, dq, ddq are (N, n) or (n,).
+
+Momentum, energy, springs and trajectories are those of robots with a fixed base; the library of one
+with a free base answers with the name of what to use instead.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.free_base import FREEDOM, BaseMotion, stacked, with_base
 from runtime.library.manifest import Manifest
 
 
 class MotionKernels:
-    """Dynamics, regressors and bases of trajectories of one robot."""
+    """Dynamics, regressors, equations of controllers and bases of trajectories of one robot."""
 
+    name: str
     n_joints: int
     n_links: int
+    link_names: tuple[str, ...]
     manifest: Manifest
     base_matrix: Array
     _binding: Binding
@@ -266,3 +273,215 @@ class MotionKernels:
         answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
         loss, gradient, residual = answer
         return float(loss[0]), gradient @ self.base_matrix, residual
+
+    # --- model-based controllers ----------------------------------------------------------
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike) -> Array:
+        """Matrix C(q, dq) of Christoffel symbols: h = C dq − τ_grav, and dM/dt − 2 C is skew.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+
+        Returns:
+            (N, n, n).
+        """
+        return self._binding.call("coriolis_matrix", q, dq, pi)[0]
+
+    def slotine_li_regressor(
+        self, q: ArrayLike, dq: ArrayLike, dq_r: ArrayLike, ddq_r: ArrayLike
+    ) -> Array:
+        """Regressor Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q). Source: Slotine & Li 1987.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            dq_r: reference velocities, shape of q [rad/s, m/s].
+            ddq_r: reference accelerations, shape of q [rad/s², m/s²].
+
+        Returns:
+            (N, n, 10 L).
+        """
+        return self._binding.call("slotine_li_regressor", q, dq, dq_r, ddq_r)[0]
+
+    def inverse_dynamics_derivatives(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
+    ) -> tuple[Array, Array, Array]:
+        """Derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q), without the torque itself.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+
+        Returns:
+            (N, n, n) each.
+        """
+        _, by_q, by_dq, mass = self._binding.call("torque_derivatives", q, dq, ddq, pi)
+        return by_q, by_dq, mass
+
+    def frame_jacobian(
+        self, q: ArrayLike, link: str | None = None, *, base: BaseMotion | None = None
+    ) -> Array:
+        """Jacobian J of a frame: linear, then angular velocity J dq, in axes of the base.
+
+        With a free base dq begins with its twist, and the axes are those of the world.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            link: name of a moving link; None: the tip.
+            base: pose of a free base; None where it is fixed.
+
+        Returns:
+            (N, 6, n) [m, 1].
+
+        Raises:
+            LibraryError: the robot has no moving link of that name.
+        """
+        if link not in (None, self.manifest.tip, *self.link_names):
+            raise LibraryError(
+                f"expected a moving link of '{self.name}' ({', '.join(self.link_names)}) or the "
+                f"tip '{self.manifest.tip}', got '{link}'"
+            )
+        place = self.n_links if link not in self.link_names else self.link_names.index(link)
+        (q,) = with_base(self.manifest, base, q)
+        jacobians = self._binding.call("frame_jacobians", q)[0]
+        return jacobians[..., 6 * place : 6 * (place + 1), :]
+
+    def least_inertia(self, pi: ArrayLike, rotor: ArrayLike = 0.0) -> float:
+        """Proven lower bound of the eigenvalues of M(q) + diag(J) at every q.
+
+        M(q)⁻¹ ⪯ S for every q, S of the kernel `mobility_bound`; with coupled joints
+        M = Aᵀ M_all A ⪰ Aᵀ S⁻¹ A, with closed loops M ⪰ S_qq⁻¹, the least over all rates of the
+        dependent joints.
+
+        Args:
+            pi: (10 L,) inertial parameters of the links.
+            rotor: J (n,) or one number, inertia of the rotors [kg·m², kg].
+
+        Returns:
+            Bound [kg·m², kg], above 0; NaN where the pseudo-inertia P of a link is not positive
+            definite, so that nothing follows.
+        """
+        bodies = np.reshape(np.asarray(pi, dtype=float), (self.n_links, -1))
+        pseudo = self._binding.call("pseudo_inertia", bodies)[0]
+        if not (np.isfinite(bodies).all() and np.linalg.eigvalsh(pseudo).min() > 0):
+            return float("nan")
+        s = self._binding.call("mobility_bound", pi)[0]
+        coupling = self.manifest.coupling
+        rotors = np.broadcast_to(np.asarray(rotor, dtype=float), self.n_joints)
+        if self.manifest.loops:
+            names = [joint.name for joint in self.manifest.all_joints]
+            places = [names.index(joint.name) for joint in self.manifest.joints]
+            below = np.linalg.inv(s[np.ix_(places, places)])
+        else:
+            matrix = np.eye(self.n_links) if coupling is None else np.asarray(coupling.matrix)
+            below = matrix.T @ np.linalg.solve(s, matrix)
+        below = below + np.diag(rotors)
+        return float(np.linalg.eigvalsh((below + below.T) / 2)[0])
+
+    # --- robots with a fixed base ---------------------------------------------------------
+
+    def momentum_regressor(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
+        """Regressors of the momentum p = M dq = P_b β and of ∂(T − U)/∂q = R_b β, τ = dp/dt − R_b
+        β.
+
+        Source: Slotine & Li 1987.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+
+        Returns:
+            P_b and R_b, (N, n, n_b) each.
+        """
+        momentum, force = self._binding.call("momentum_regressor", q, dq)
+        return momentum, force
+
+    def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """Regressor E_b of the energy T + U = E_b β + const. Source: Gautier & Khalil 1988.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+
+        Returns:
+            (N, n_b).
+        """
+        return self._binding.call("energy_regressor", q, dq)[0]
+
+    def spring_columns(self, q: ArrayLike) -> Array:
+        """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+
+        Returns:
+            (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
+        """
+        if "spring_columns" not in self.manifest.kernels:
+            return np.zeros((*np.shape(q), 0))
+        return self._binding.call("spring_columns", q)[0]
+
+    def known_torque(self, q: ArrayLike) -> Array:
+        """Torques of torque curves and of springs of known stiffness, which Y π lacks.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+
+        Returns:
+            Shape of q [N·m, N]; zeros without such.
+        """
+        if "known_torque" not in self.manifest.kernels:
+            return np.zeros(np.shape(q))
+        return self._binding.call("known_torque", q)[0]
+
+    def regressor_adjoint(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
+    ) -> Array:
+        """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq).
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            seed: (N, n, n_b).
+
+        Returns:
+            (N, 3, n).
+        """
+        return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
+
+    # --- trajectories: one row per point ----------------------------------------------------
+
+    def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
+        """Fourier + quintic basis φ_m(t) and three derivatives. Source: Eqs. 3.24–3.27.
+
+        Args:
+            m: harmonic, one number or (N,).
+            t: times, one number or (N,) [s].
+            t_f: duration [s].
+
+        Returns:
+            (N, 4).
+        """
+        orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
+        return self._binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
+
+    def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
+        """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
+
+        Args:
+            t: times, one number or (N,) [s].
+            t_f: duration [s].
+
+        Returns:
+            (N, 4).
+        """
+        return self._binding.call("transfer_basis", _column(t), t_f)[0]
+
+
+def _column(value: ArrayLike) -> Array:
+    return np.reshape(np.asarray(value, dtype=float), (-1, 1))

@@ -37,7 +37,7 @@ from runtime.identification.payload.known import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.identification.several_logs import read_carried
 from runtime.library import Library, load
-from runtime.library.compile_recipe import read_recipe
+from runtime.library.compile_cache import read_recipe
 from runtime.library.manifest import read_manifest
 from runtime.outputs.report.report import write_report
 from runtime.outputs.viewer.player import read_motion

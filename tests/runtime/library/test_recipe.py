@@ -3,7 +3,7 @@
 import sys
 
 from runtime.common.compiler import spelled
-from runtime.library.compile_recipe import read_recipe
+from runtime.library.compile_cache import read_recipe
 from tests.conftest import REPOSITORY
 
 

@@ -1,0 +1,283 @@
+"""Compiled programs of a level on NumPy arrays: statistics, cost of a trajectory, closed loop.
+
+`<robot>_<level>_statistics` and `_join`, `<robot>_<level>_excitation_cost`, `<robot>_closed_loop`.
+"""
+
+import ctypes
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.library.binding import LANES, Array, padded_size, zeros
+
+_ADDRESS, _LONG = ctypes.c_void_p, ctypes.c_long
+
+
+class CompiledStatistics:
+    """Triangles R of samples, and of triangles; columns are [F; Y_b; τ], friction joint by joint.
+
+    The calls leave Python's lock, so that several threads may run them at once.
+    """
+
+    def __init__(self, of_level: Callable[[str], Any], update: Any, joints: int, base: int) -> None:
+        self._joints, self._base = joints, base
+        pointers = (_ADDRESS,) * 5
+        self._update = _typed(update, None, _ADDRESS, ctypes.c_double, *pointers)
+        self._work = _typed(of_level("statistics_work"), _LONG, _LONG)
+        self._join_work = _typed(of_level("statistics_join_work"), _LONG, _LONG, _LONG)
+        state = (_ADDRESS,) * 4
+        ends = (*(_ADDRESS,) * 5, _LONG)
+        self._run = _typed(of_level("statistics"), _LONG, _LONG, *state, _LONG, *ends)
+        self._join = _typed(of_level("statistics_join"), None, _LONG, _LONG, *(_ADDRESS,) * 3)
+
+    def triangle(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        columns: Array,
+        weights: Array,
+        sample_weights: Array | None,
+        products: bool = True,
+    ) -> tuple[Array, int]:
+        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ] and a diagonal ≥ 0, of contiguous
+        arrays.
+
+        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], ddq (N, n) [rad/s², m/s²], tau (N, n) [N·m, N],
+        columns (N, n, k), weights (n,), sample_weights (N,).
+        """
+        k = columns.shape[2]
+        size = self._joints * k + self._base + 1
+        work, triangle = np.empty(self._work(k)), np.empty((size, size))
+        state = (a.ctypes.data for a in (q, dq, ddq, tau))
+        extra = None if sample_weights is None else sample_weights.ctypes.data
+        ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
+        multiplied = self._run(len(q), *state, k, columns.ctypes.data, *ends, int(products))
+        return triangle, int(multiplied)
+
+    def update(
+        self,
+        triangle: Array,
+        forgetting: float,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        weights: Array,
+    ) -> None:
+        """Add one sample to a triangle over [β; τ], in place.
+
+        triangle (n_b + 1, n_b + 1), q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²],
+        tau (n,) [N·m, N], weights (n,).
+        """
+        state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
+        self._update(triangle.ctypes.data, forgetting, *state)
+
+    def join(self, triangles: Array) -> Array:
+        """One triangle (p, p) for the rows of several, (count, p, p) and contiguous."""
+        count, size = triangles.shape[:2]
+        work, triangle = np.empty(self._join_work(size, count)), np.empty((size, size))
+        ends = (triangles.ctypes.data, work.ctypes.data, triangle.ctypes.data)
+        self._join(size, count, *ends)
+        return triangle
+
+
+def _typed(function: Any, result: Any, *arguments: Any) -> Any:
+    function.restype, function.argtypes = result, arguments
+    return function
+
+
+_POINTER = ctypes.POINTER(ctypes.c_double)
+
+
+class _CostJob(ctypes.Structure):
+    """Field by field the struct of the generated header."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("samples", "harmonics")),
+        *((name, _POINTER) for name in ("basis", "home", "work")),
+        *((name, ctypes.c_double) for name in ("value", "lowest", "highest")),
+        ("deficient", ctypes.c_long),
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExcitationFunctions:
+    """`excitation_cost` and `excitation_work` of one level."""
+
+    cost: Callable[..., float]
+    work: Callable[..., int]
+
+
+class CompiledExcitation:
+    """log cond W̄_b and its gradient in a; threads may share it, each has its own work."""
+
+    def __init__(self, functions: ExcitationFunctions, home: Array, basis: Array) -> None:
+        """Take home (n,) [rad, m] and basis (N, M, 3), φ, φ', φ'' at the samples."""
+        self._functions = functions
+        self._home = np.array(home, dtype=float)
+        self._samples, self._harmonics, _ = basis.shape
+        self._basis = tiled(basis)
+        self._local = threading.local()
+
+    def value(self, coefficients: Array) -> float:
+        """The cost alone; coefficients (n, M)."""
+        return self._workplace(coefficients).run(False)
+
+    def value_gradient(self, coefficients: Array) -> tuple[float, Array]:
+        """The cost and ∂cost/∂a, (n, M)."""
+        place = self._workplace(coefficients)
+        return place.run(True), place.gradient.copy()
+
+    def deficient(self) -> bool:
+        """Whether the last regressor of this thread was rank-deficient to rounding."""
+        return bool(self._local.place.job.deficient)
+
+    def _workplace(self, coefficients: Array) -> "_Workplace":
+        place = getattr(self._local, "place", None)
+        if place is None:
+            place = self._local.place = _Workplace(self._functions, self._job())
+            place.keep(np.zeros((len(self._home), self._harmonics)))
+        place.coefficients[...] = coefficients
+        return place
+
+    def _job(self) -> _CostJob:
+        job = _CostJob(samples=self._samples, harmonics=self._harmonics)
+        job.basis, job.home = _pointer(self._basis), _pointer(self._home)
+        return job
+
+
+class _Workplace:
+    """Arrays that one thread writes to; their addresses are looked up once."""
+
+    def __init__(self, functions: ExcitationFunctions, job: _CostJob) -> None:
+        self.job, self._cost = job, functions.cost
+        self._work = zeros(functions.work(ctypes.byref(job)))
+        job.work = _pointer(self._work)
+
+    def keep(self, like: Array) -> None:
+        """Arrays for a and the gradient."""
+        self.coefficients, self.gradient = like, np.zeros_like(like)
+        self._arguments = (
+            ctypes.byref(self.job),
+            self.coefficients.ctypes.data,
+            self.gradient.ctypes.data,
+        )
+
+    def run(self, slope: bool) -> float:
+        job, a, gradient = self._arguments
+        return self._cost(job, a, gradient if slope else None)
+
+
+def tiled(basis: Array) -> Array:
+    """(N, M, 3) as tiles of 8 samples, (tiles, 3, M, 8), zero beyond the last sample."""
+    samples, harmonics, orders = basis.shape
+    tiles = padded_size(samples) // LANES
+    result = zeros(tiles, orders, harmonics, LANES)
+    padded = np.zeros((padded_size(samples), harmonics, orders))
+    padded[:samples] = basis
+    result[...] = padded.reshape(tiles, LANES, harmonics, orders).transpose(0, 3, 2, 1)
+    return result
+
+
+def _pointer(array: Array) -> object:
+    return array.ctypes.data_as(_POINTER)
+
+
+NOT_POSITIVE, RAN_AWAY = 1, 2
+"""Reasons of an early stop: M + J is not positive definite; the motion diverged."""
+
+_POINTER = ctypes.POINTER(ctypes.c_double)
+
+
+class _LoopJob(ctypes.Structure):
+    """Field by field the struct of the generated header."""
+
+    _fields_ = [
+        ("substeps", ctypes.c_long),
+        *((name, ctypes.c_double) for name in ("period", "coulomb_speed")),
+        *((name, _POINTER) for name in ("reference", "noise")),
+        *((name, _POINTER) for name in ("pi", "rotor", "viscous", "coulomb", "offset")),
+        *((name, _POINTER) for name in ("model", "model_rotor", "stiffness", "damping")),
+        *((name, _POINTER) for name in ("state", "log")),
+        *((name, ctypes.c_long) for name in ("done", "status")),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoopPlant:
+    """The plant: (M(π) + J) ddq + h + viscous dq + coulomb tanh(dq/ε) + offset = τ; (n,) each."""
+
+    pi: Array
+    rotor: Array
+    viscous: Array
+    coulomb: Array
+    offset: Array
+    coulomb_speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoopController:
+    """The controller: τ = ID(q, dq, u; model) + J_c u, u of computed torque; gains (n,)."""
+
+    model: Array
+    model_rotor: Array
+    stiffness: Array
+    damping: Array
+
+
+class CompiledClosedLoop:
+    """A simulation of `Library.closed_loop`; `run` goes on where the last call stopped."""
+
+    def __init__(
+        self,
+        function: Callable[..., None],
+        body: ClosedLoopPlant,
+        law: ClosedLoopController,
+        reference: Array,
+        period: float,
+        substeps: int,
+        noise: Array | None = None,
+    ) -> None:
+        self._function = function
+        count, _, n = reference.shape
+        self._count = count
+        self.log = np.zeros((count, 5, n))
+        """q, dq, ddq, torque of the motors and behind the rotors, per period."""
+        self._state = np.ascontiguousarray(reference[0, :2], dtype=float).copy()
+        job = self._job = _LoopJob(
+            substeps=substeps, period=period, coulomb_speed=body.coulomb_speed
+        )
+        arrays: dict[str, Array] = {
+            name: getattr(part, name)
+            for part in (body, law)
+            for name in part.__slots__
+            if name != "coulomb_speed"
+        }
+        arrays |= {"reference": reference, "state": self._state, "log": self.log}
+        if noise is not None:
+            arrays["noise"] = noise
+        self._kept = {
+            name: np.ascontiguousarray(array, dtype=float) for name, array in arrays.items()
+        }
+        for name, array in self._kept.items():
+            setattr(job, name, array.ctypes.data_as(_POINTER))
+
+    def run(self, periods: int) -> None:
+        """Continue for a number of periods, at most to the end of the reference."""
+        left = min(periods, self._count - self.done)
+        self._function(ctypes.byref(self._job), left)
+
+    @property
+    def done(self) -> int:
+        """Periods that are simulated."""
+        return int(self._job.done)
+
+    @property
+    def status(self) -> int:
+        """0, `NOT_POSITIVE` or `RAN_AWAY`."""
+        return int(self._job.status)

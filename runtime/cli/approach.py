@@ -37,6 +37,7 @@ from runtime.cli.motion_output import (
     write_motion_log,
 )
 from runtime.common.files import require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, say
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
@@ -149,18 +150,27 @@ def pose_of(lib: Library, text: str) -> Array:
     return np.asarray(log.q[-1], dtype=float)
 
 
-def approach_command(
-    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")],
-    from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)],
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    returns: Return = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApproachSettings(Choices):
+    """Settings of `symgen approach`."""
+
+    command = "approach"
+    options = (
+        "from_pose robot yes returns out export export_rate speed margin table unchecked box "
+        "clearance carry obstacles torque_fraction viscous coulomb payload_band friction_band "
+        "model_band seed overwrite"
+    )
+    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")]
+    from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)]
+    robot: Robot = "fr3"
+    yes: Yes = False
+    returns: Return = False
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
         ),
-    ] = None,
+    ] = None
     export: Annotated[
         list[str] | None,
         typer.Option(
@@ -169,33 +179,35 @@ def approach_command(
             help="Files for a robot with ways and motion in one, written only if the certificate "
             f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
         ),
-    ] = None,
+    ] = None
     export_rate: Annotated[
         float | None,
         typer.Option(help="Rate of the rows of files, Hz; default 1000, for ros 25."),
-    ] = None,
+    ] = None
     speed: Annotated[
         list[float] | None,
         typer.Option(help="Speed of a stage in % of the planned speed; repeatable. Default 100."),
-    ] = None,
+    ] = None
     margin: Annotated[
         float, typer.Option(help="Share of the limits that the ways may use, 0 to 1.")
-    ] = EXPORT_MARGIN,
-    table: Table = None,
-    unchecked: Unchecked = None,
-    box: Box = None,
-    clearance: Clearance = None,
-    carry: Carry = None,
-    obstacles: Obstacles = None,
-    torque_fraction: TorqueFraction = 0.95,
-    viscous: Viscous = None,
-    coulomb: Coulomb = None,
-    payload_band: PayloadBand = None,
-    friction_band: FrictionBand = None,
-    model_band: ModelBand = None,
-    seed: Seed = 0,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = EXPORT_MARGIN
+    table: Table = None
+    unchecked: Unchecked = None
+    box: Box = None
+    clearance: Clearance = None
+    carry: Carry = None
+    obstacles: Obstacles = None
+    torque_fraction: TorqueFraction = 0.95
+    viscous: Viscous = None
+    coulomb: Coulomb = None
+    payload_band: PayloadBand = None
+    friction_band: FrictionBand = None
+    model_band: ModelBand = None
+    seed: Seed = 0
+    overwrite: Overwrite = False
+
+
+def approach_command(given: ApproachSettings) -> None:
     r"""Plan the way to the start of a motion and back.
 
     \b
@@ -208,36 +220,46 @@ def approach_command(
 
     Written: JSON of ways and motion, and all of it sampled as CSV or in the formats of --export.
     """
-    lib = open_robot(robot, yes)
-    height, has_no_table = table_height(table)
+    lib = open_robot(given.robot, given.yes)
+    height, has_no_table = table_height(given.table)
     limits = LimitValues(
-        torque_fraction,
-        clearance=clearance,
+        given.torque_fraction,
+        clearance=given.clearance,
         table=height,
-        box=box,
-        viscous=viscous,
-        coulomb=coulomb,
-        carry=carry,
-        obstacles=obstacles,
-        payload_band=payload_band,
-        friction_band=friction_band,
-        model_band=model_band,
+        box=given.box,
+        viscous=given.viscous,
+        coulomb=given.coulomb,
+        carry=given.carry,
+        obstacles=given.obstacles,
+        payload_band=given.payload_band,
+        friction_band=given.friction_band,
+        model_band=given.model_band,
     )
     safety = safety_of(lib, limits)
-    path = json_path(out or Path("results") / f"{lib.name}-approach.json")
-    trajectory = read_trajectory(motion, lib)
-    rate = ROWS_HZ if export_rate is None else export_rate
+    path = json_path(given.out or Path("results") / f"{lib.name}-approach.json")
+    trajectory = read_trajectory(given.motion, lib)
+    rate = ROWS_HZ if given.export_rate is None else given.export_rate
     sample_times(trajectory.duration, rate)  # before the search: they may be too many
-    formats = [MOTION_FORMATS[name].name for name in export or []]
-    accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]
+    formats = [MOTION_FORMATS[name].name for name in given.export or []]
+    accepted = [*(given.unchecked or ()), *([TABLE] if has_no_table else [])]
     if formats:
         require_consent(unchecked_limits(lib, safety), accepted)
-    speeds = stage_speeds(trajectory.duration, speed or [100.0])
-    require_unused(files_of(path, formats, speed or [100.0], False), overwrite)
+    speeds = stage_speeds(trajectory.duration, given.speed or [100.0])
+    require_unused(files_of(path, formats, given.speed or [100.0], False), given.overwrite)
     zero_jerk = trajectory.basis.zero_jerk
-    ways = session_plan(lib, from_pose, returns, trajectory.home, safety, margin, zero_jerk, seed)
+    ways = session_plan(
+        lib,
+        given.from_pose,
+        given.returns,
+        trajectory.home,
+        safety,
+        given.margin,
+        zero_jerk,
+        given.seed,
+    )
     session = certified(lib, ways.around(trajectory), safety)
     write_motion(trajectory, lib, path, ways=ways.parts)
+    given.write(path)
     written = [path]
     if not formats:
         log, sentence = path.with_suffix(SAMPLED), "Ways and motion planned by symgen."
@@ -247,4 +269,4 @@ def approach_command(
     stages = certified_stages(session, speeds)
     say(f"trajectory: {', '.join(map(str, written))}")
     if formats:
-        export_stages(stages, path.with_suffix(""), formats, export_rate, accepted)
+        export_stages(stages, path.with_suffix(""), formats, given.export_rate, accepted)

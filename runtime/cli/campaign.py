@@ -1,7 +1,7 @@
 """`symgen campaign`."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +22,7 @@ from runtime.cli.motion_limits import (
     safety_of,
     table_height,
 )
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
@@ -32,31 +33,39 @@ NOT_REACHED = 1
 """Exit code where the time ended before the target was reached."""
 
 
-def campaign_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignSettings(Choices):
+    """Settings of `symgen campaign`."""
+
+    command = "campaign"
+    options = (
+        "target robot yes out duration later_duration stages most_seconds driver gains "
+        "rehearsal table box clearance obstacles seed truth_seed as_json"
+    )
     target: Annotated[
         str,
         typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
-    ],
-    robot: Robot = "fr3",
-    yes: Yes = False,
+    ]
+    robot: Robot = "fr3"
+    yes: Yes = False
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of all files of the campaign.")
-    ] = Path("results/campaign"),
+    ] = Path("results/campaign")
     duration: Annotated[
         float, typer.Option(help="Duration of the first motion at full speed, s.")
-    ] = 2.5,
+    ] = 2.5
     later_duration: Annotated[
         float, typer.Option(help="Duration of every further motion at full speed, s.")
-    ] = 10.0,
+    ] = 10.0
     stages: Annotated[
         str,
         typer.Option(
             metavar="%,%,…", help="Speeds of the first motion's stages, percent of full speed."
         ),
-    ] = "10,50,100",
+    ] = "10,50,100"
     most_seconds: Annotated[
         float, typer.Option(help="Motion time after which no further motion is begun, s.")
-    ] = 600.0,
+    ] = 600.0
     driver: Annotated[
         str,
         typer.Option(
@@ -64,27 +73,29 @@ def campaign_command(
             autocompletion=completing(DRIVERS),
             help=f"Robot. {sentences_of(DRIVERS)}.",
         ),
-    ] = "virtual",
+    ] = "virtual"
     gains: Annotated[
         str | None,
         typer.Option(
             metavar="K,K,…", help="N·m/A or N/A per joint, for a robot that measures currents."
         ),
-    ] = None,
+    ] = None
     rehearsal: Annotated[
         bool,
         typer.Option(help="Run every motion on the virtual robot with planted faults first."),
-    ] = True,
-    table: Table = None,
-    box: Box = None,
-    clearance: Clearance = None,
-    obstacles: Obstacles = None,
-    seed: Seed = 0,
+    ] = True
+    table: Table = None
+    box: Box = None
+    clearance: Clearance = None
+    obstacles: Obstacles = None
+    seed: Seed = 0
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
-    ] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
-) -> None:
+    ] = 0
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+
+
+def campaign_command(given: CampaignSettings) -> None:
     r"""Design, run and identify until a target is reached, on a virtual or real arm.
 
     \b
@@ -105,20 +116,31 @@ def campaign_command(
     Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
     Exit code 1: the time ended before the target was reached.
     """
-    wanted = target_of(target)
-    plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed, rehearsal)
-    lib = open_robot(robot, yes)
-    height, _ = table_height(table)
-    limits = LimitValues(TORQUE_FRACTION, clearance, height, box, obstacles=obstacles)
+    wanted = target_of(given.target)
+    plan = Plan(
+        given.target,
+        given.duration,
+        given.later_duration,
+        _speeds(given.stages),
+        given.most_seconds,
+        given.seed,
+        given.rehearsal,
+    )
+    lib = open_robot(given.robot, given.yes)
+    height, _ = table_height(given.table)
+    limits = LimitValues(
+        TORQUE_FRACTION, given.clearance, height, given.box, obstacles=given.obstacles
+    )
     safety = safety_of(lib, limits)
-    robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
+    robot_driver = opened_driver(lib, given.driver, given.gains, given.seed, given.truth_seed)
+    given.write(given.out)
     try:
-        report = (lambda _: None) if as_json else say
-        outcome = run_campaign(robot_driver, plan, wanted, out, report, safety=safety)
+        report = (lambda _: None) if given.as_json else say
+        outcome = run_campaign(robot_driver, plan, wanted, given.out, report, safety=safety)
     finally:
         robot_driver.close()
-    if as_json:
-        facts = asdict(outcome) | {"target": wanted.text, "folder": str(out)}
+    if given.as_json:
+        facts = asdict(outcome) | {"target": wanted.text, "folder": str(given.out)}
         print(json.dumps(facts, indent=1, ensure_ascii=False))
     else:
         say(outcome.sentence)

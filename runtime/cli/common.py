@@ -107,18 +107,6 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     return values
 
 
-def given_options(context: typer.Context) -> dict[str, str]:
-    """Options that the user wrote, without those at their default."""
-    given = {}
-    for one in context.command.params:
-        name = str(one.name)
-        # A command that Python calls without a command line has no sources.
-        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT":
-            is_off = context.params[name] is False and one.secondary_opts
-            given[name] = one.secondary_opts[0] if is_off else one.opts[0]
-    return given
-
-
 def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
     """Names separated by commas."""
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))

@@ -1,5 +1,6 @@
 """`symgen compare`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,6 +36,7 @@ from runtime.cli.log_options import (
     split_of,
 )
 from runtime.cli.shown_progress import ShownProgress
+from runtime.common.settings import FILE, Choices
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
@@ -54,13 +56,21 @@ from runtime.identification.settings import AUTO, Settings
 from runtime.outputs.report.report import write_report
 from runtime.recording import open_log
 
-_WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")
+_WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html", FILE), "rows")
 
 
-def compare_command(
-    log: Log,
-    robot: Robot = "fr3",
-    yes: Yes = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareSettings(Choices):
+    """Settings of `symgen compare`."""
+
+    command = "compare"
+    options = (
+        "robot yes methods out recipe run friction coulomb_speed cutoff rate regressor split "
+        "controller stream truth seed overwrite"
+    )
+    log: Log
+    robot: Robot = "fr3"
+    yes: Yes = False
     methods: Annotated[
         str | None,
         typer.Option(
@@ -68,31 +78,33 @@ def compare_command(
             autocompletion=completing(METHODS),
             help=f"Methods with commas, of {', '.join(METHODS)}; default all.",
         ),
-    ] = None,
+    ] = None
     out: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
-    ] = None,
-    recipe: Recipe = None,
-    run: Run = None,
-    friction: FrictionNames = None,
-    coulomb_speed: CoulombSpeed = None,
-    cutoff: Cutoff = None,
-    rate: Rate = None,
-    regressor: Regressor = None,
-    split: Parts = None,
-    controller: ControllerFile = None,
-    stream: Stream = None,
+    ] = None
+    recipe: Recipe = None
+    run: Run = None
+    friction: FrictionNames = None
+    coulomb_speed: CoulombSpeed = None
+    cutoff: Cutoff = None
+    rate: Rate = None
+    regressor: Regressor = None
+    split: Parts = None
+    controller: ControllerFile = None
+    stream: Stream = None
     truth: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
             help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
         ),
-    ] = None,
-    seed: Seed = 0,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    seed: Seed = 0
+    overwrite: Overwrite = False
+
+
+def compare_command(given: CompareSettings) -> None:
     r"""Compare all identification methods on one log.
 
     \b
@@ -108,36 +120,36 @@ def compare_command(
     Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
     that are complete.
     """
-    lib = open_robot(robot, yes)
-    folder = out or Path("results") / f"{Path(log).stem}-compare"
-    require_result_folder(folder, _WRITTEN, overwrite)
-    names = listed(methods, tuple(METHODS), "--methods") if methods else None
-    place = truth or beside(log)
+    lib = open_robot(given.robot, given.yes)
+    folder = given.out or Path("results") / f"{Path(given.log).stem}-compare"
+    require_result_folder(folder, _WRITTEN, given.overwrite)
+    names = listed(given.methods, tuple(METHODS), "--methods") if given.methods else None
+    place = given.truth or beside(given.log)
     known = read_truth(place, lib) if place else None
-    streams = _streams(stream, names, controller, friction)
+    streams = _streams(given.stream, names, given.controller, given.friction)
     wanted = Settings(
-        friction=friction,
-        coulomb_speed=coulomb_speed,
-        cutoff=cutoff,
-        rate=rate,
-        regressor=regressor,
-        split=split_of(split),
+        friction=given.friction,
+        coulomb_speed=given.coulomb_speed,
+        cutoff=given.cutoff,
+        rate=given.rate,
+        regressor=given.regressor,
+        split=split_of(given.split),
         refit=False,
     )
     usable = usable_columns(names or tuple(METHODS))
     with counting(state()) as bar:
-        opened = open_log(log, recipe, run, lib.joint_names, streams)
+        opened = open_log(given.log, given.recipe, given.run, lib.joint_names, streams)
         data = prepared_log(opened, lib, wanted, usable, ShownProgress(bar, "compare", lib.name))
     options: dict[str, Any] = {
         "preparation": data.preparation,
         "split": data.split,
         "friction": data.friction,
-        "seed": seed,
+        "seed": given.seed,
     }
     notes = data.notes
     if data.streamed is None:
         names = names or tuple(METHODS)
-        inputs = inputs_of(names, lib, controller=controller)
+        inputs = inputs_of(names, lib, controller=given.controller)
         assembly = assemble(data.recording, lib, inputs=inputs, **options)
     else:
         names = names or methods_from_statistics()
@@ -152,20 +164,21 @@ def compare_command(
         notes = (*notes, assembly.source_note)
     settings = {
         "methods": list(names),
-        "recipe": recipe,
-        "run": run,
-        "friction": friction,
-        "coulomb_speed": coulomb_speed,
-        "cutoff": cutoff,
-        "rate": rate,
-        "split": split,
+        "recipe": given.recipe,
+        "run": given.run,
+        "friction": given.friction,
+        "coulomb_speed": given.coulomb_speed,
+        "cutoff": given.cutoff,
+        "rate": given.rate,
+        "split": given.split,
         "stream": streams,
-        "regressor": regressor,
-        "loop": None if controller is None else controller.name,
+        "regressor": given.regressor,
+        "loop": None if given.controller is None else given.controller.name,
         "truth": None if place is None else place.name,
-        "seed": seed,
+        "seed": given.seed,
     }
     comparison = _with_progress(assembly, names, known)
+    given.write(folder)
     _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
 
 

@@ -1,6 +1,6 @@
 """Motions that `symgen excite` designs: one, the shortest session, or several; their output."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,6 @@ from rich.table import Table
 from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
-from runtime.cli.common import given_options
 from runtime.cli.motion_output import (
     SAMPLED,
     certified_stages,
@@ -25,6 +24,7 @@ from runtime.cli.motion_output import (
 from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
+from runtime.common.settings import settings_place
 from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
 from runtime.excitation import COST_SAMPLES, Trajectory
@@ -272,9 +272,8 @@ def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[
     return (*lines, *(f"note: {note}" for note in prediction.notes))
 
 
-def until_kind(context: typer.Context, until: str | None) -> str | None:
+def until_kind(given: Mapping[str, str], until: str | None) -> str | None:
     """Kind of the target of --until."""
-    given = given_options(context)
     if until is None:
         if "gain_error" in given:
             raise RuntimeFault(
@@ -354,9 +353,9 @@ class SeveralFiles:
         return self.path.with_name(f"{self.path.stem}-{k}.json")
 
 
-def require_several(context: typer.Context, motions: int) -> None:
-    """Refuse options of one motion beside --motions."""
-    for name, option in given_options(context).items():
+def require_several(given: Mapping[str, str], motions: int) -> None:
+    """Refuse choices of one motion beside `motions`."""
+    for name, option in given.items():
         if motions > 1 and name in _EXCLUDED:
             raise RuntimeFault(
                 f"--motions writes one file per motion, to which {option} does not apply; "
@@ -374,7 +373,8 @@ def excite_several(
 ) -> None:
     """Design several motions, print what their logs will show together, and write them."""
     paths = [files.of_motion(k) for k in range(1, count + 1)]
-    require_unused([p for one in paths for p in (one, one.with_suffix(SAMPLED))], files.overwrite)
+    names = [p for one in paths for p in (one, one.with_suffix(SAMPLED))]
+    require_unused([*names, settings_place(files.path)], files.overwrite)
     written = []
     designs = design_several(lib, settings, count, **search)
     unit = common_unit(torque_units(lib.manifest), "m")

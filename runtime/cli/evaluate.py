@@ -1,6 +1,7 @@
 """`symgen evaluate`."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 from runtime.cli.common import Yes, open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import Recipe, Run
+from runtime.common.settings import Choices
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluation_of
 from runtime.identification.free_base.result import free_base_errors
@@ -39,17 +41,24 @@ RateOfResult = Annotated[
 ]
 
 
-def evaluate_command(
-    result: Result,
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")],
-    robot: RobotOfResult = None,
-    yes: Yes = False,
-    recipe: Recipe = None,
-    run: Run = None,
-    cutoff: CutoffOfResult = None,
-    rate: RateOfResult = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateSettings(Choices):
+    """Settings of `symgen evaluate`."""
+
+    command = "evaluate"
+    options = "robot yes recipe run cutoff rate as_json"
+    result: Result
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")]
+    robot: RobotOfResult = None
+    yes: Yes = False
+    recipe: Recipe = None
+    run: Run = None
+    cutoff: CutoffOfResult = None
+    rate: RateOfResult = None
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+
+
+def evaluate_command(given: EvaluateSettings) -> None:
     r"""Evaluate an identified model on another log.
 
     Printed per joint: the torque error of the URDF and of the identified model, in percent of the
@@ -63,14 +72,16 @@ def evaluate_command(
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
-    saved = read_result(result, with_learned=True)
-    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, result)
+    saved = read_result(given.result, with_learned=True)
+    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
+    notes = require_model(saved, lib, given.result)
     if saved.is_free:
-        _walking(saved, lib, log, cutoff, notes, as_json)
+        _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
         return
-    done = evaluation_of(saved, lib, log, notes, recipe, run, cutoff, rate)
-    if as_json:
+    done = evaluation_of(
+        saved, lib, given.log, notes, given.recipe, given.run, given.cutoff, given.rate
+    )
+    if given.as_json:
         print(json.dumps(done.to_facts(), indent=1))
         return
     errors = done.torque_error_percent, done.torque_rms

@@ -1,6 +1,6 @@
 """`symgen excite`."""
 
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +13,6 @@ from runtime.cli.common import (
     Robot,
     Seed,
     Yes,
-    given_options,
     numbers_option,
     open_robot,
     sentences_of,
@@ -66,6 +65,7 @@ from runtime.cli.planned_log import (
 )
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.common.files import require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
@@ -176,75 +176,87 @@ takes a third of that.
 """
 
 
-def excite_command(
-    context: typer.Context,
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
-    harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None,
-    starts: Annotated[int, typer.Option(help="Number of searches; the best one is kept.")] = 5,
-    budget: Budget = None,
-    processes: Processes = None,
-    scheduler: Scheduler = None,
-    export_rate: ExportRate = None,
-    seed: Seed = 0,
-    static: Static = False,
-    poses: Poses = None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExciteSettings(Choices):
+    """Settings of `symgen excite`."""
+
+    command = "excite"
+    options = (
+        "robot yes duration harmonics starts budget processes scheduler export_rate seed "
+        "static poses out export speed document criterion basis zero_jerk noise noise_model "
+        "cutoff log_rate friction earlier_log payload_only home table unchecked box clearance "
+        "carry obstacles from_pose returns torque_fraction margin viscous coulomb payload_band "
+        "friction_band model_band pictures until motions gain_error overwrite"
+    )
+    robot: Robot = "fr3"
+    yes: Yes = False
+    duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0
+    harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None
+    starts: Annotated[int, typer.Option(help="Number of searches; the best one is kept.")] = 5
+    budget: Budget = None
+    processes: Processes = None
+    scheduler: Scheduler = None
+    export_rate: ExportRate = None
+    seed: Seed = 0
+    static: Static = False
+    poses: Poses = None
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."),
-    ] = None,
-    export: Export = None,
-    speed: Speed = None,
-    document: Document = False,
+    ] = None
+    export: Export = None
+    speed: Speed = None
+    document: Document = False
     criterion: Annotated[
         str | None,
         typer.Option(
             autocompletion=completing(CRITERIA),
             help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}.",
         ),
-    ] = None,
+    ] = None
     basis: Annotated[
         str,
         typer.Option(
             autocompletion=completing(BASES),
             help=f"Functions of the motion. {sentences_of(BASES)}.",
         ),
-    ] = "cosine",
+    ] = "cosine"
     zero_jerk: Annotated[
         bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
-    ] = False,
-    noise: Annotated[str, typer.Option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05",
-    noise_model: NoiseModel = WHITE,
-    cutoff: Cutoff = None,
+    ] = False
+    noise: Annotated[str, typer.Option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05"
+    noise_model: NoiseModel = WHITE
+    cutoff: Cutoff = None
     log_rate: Annotated[
         float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
-    ] = 100.0,
-    friction: FrictionColumns = None,
-    earlier_log: EarlierLogs = None,
-    payload_only: PayloadOnly = False,
-    home: Home = None,
-    table: Table = None,
-    unchecked: Unchecked = None,
-    box: Box = None,
-    clearance: Clearance = None,
-    carry: Carry = None,
-    obstacles: Obstacles = None,
-    from_pose: FromPose = None,
-    returns: Return = False,
-    torque_fraction: TorqueFraction = 0.95,
-    margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None,
-    viscous: Viscous = None,
-    coulomb: Coulomb = None,
-    payload_band: PayloadBand = None,
-    friction_band: FrictionBand = None,
-    model_band: ModelBand = None,
-    pictures: Pictures = False,
-    until: Until = None,
-    motions: Motions = 1,
-    gain_error: GainError = 0.005,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = 100.0
+    friction: FrictionColumns = None
+    earlier_log: EarlierLogs = None
+    payload_only: PayloadOnly = False
+    home: Home = None
+    table: Table = None
+    unchecked: Unchecked = None
+    box: Box = None
+    clearance: Clearance = None
+    carry: Carry = None
+    obstacles: Obstacles = None
+    from_pose: FromPose = None
+    returns: Return = False
+    torque_fraction: TorqueFraction = 0.95
+    margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None
+    viscous: Viscous = None
+    coulomb: Coulomb = None
+    payload_band: PayloadBand = None
+    friction_band: FrictionBand = None
+    model_band: ModelBand = None
+    pictures: Pictures = False
+    until: Until = None
+    motions: Motions = 1
+    gain_error: GainError = 0.005
+    overwrite: Overwrite = False
+
+
+def excite_command(given: ExciteSettings) -> None:
     r"""Design an excitation motion within all limits of a robot.
 
     \b
@@ -270,97 +282,121 @@ def excite_command(
     Written: the motion as JSON, and sampled as CSV or in the formats of --export. Ctrl-C keeps
     the best start so far. The result depends on --seed, not on --processes.
     """
-    require_applicable(context, static)
-    require_several(context, motions)
-    lib = open_robot(robot, yes)
-    height, has_no_table = table_height(table)
+    require_applicable(given.stated(), given.static)
+    require_several(given.stated(), given.motions)
+    lib = open_robot(given.robot, given.yes)
+    height, has_no_table = table_height(given.table)
     limits = LimitValues(
-        torque_fraction,
-        clearance=clearance,
+        given.torque_fraction,
+        clearance=given.clearance,
         table=height,
-        box=box,
-        viscous=viscous,
-        coulomb=coulomb,
-        carry=carry,
-        obstacles=obstacles,
-        payload_band=payload_band,
-        friction_band=friction_band,
-        model_band=model_band,
+        box=given.box,
+        viscous=given.viscous,
+        coulomb=given.coulomb,
+        carry=given.carry,
+        obstacles=given.obstacles,
+        payload_band=given.payload_band,
+        friction_band=given.friction_band,
+        model_band=given.model_band,
     )
-    fraction = given_options(context).get("torque_fraction")  # its default is a number
-    require_plain(document, (fraction, *astuple(limits)[1:], from_pose))
-    safety = None if document else safety_of(lib, limits)
-    if static and safety is not None:
-        kept = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
-        excite_static(lib, safety, kept)
+    fraction = given.stated().get("torque_fraction")  # its default is a number
+    require_plain(given.document, (fraction, *astuple(limits)[1:], given.from_pose))
+    safety = None if given.document else safety_of(lib, limits)
+    if given.static and safety is not None:
+        kept = PoseOptions(
+            given.poses,
+            given.out,
+            given.noise,
+            given.margin,
+            given.starts,
+            given.seed,
+            has_no_table,
+            given.overwrite,
+        )
+        given.write(excite_static(lib, safety, kept))
         return
-    path = json_path(out or Path("results") / f"{lib.name}-excite.json")
-    kind = until_kind(context, until)
-    wanted, alone = criterion_and_unknowns(criterion, document, payload_only, kind)
-    planned, note = information_of(
-        lib, noise, log_rate, earlier_log, alone, friction, noise_model, cutoff
+    path = json_path(given.out or Path("results") / f"{lib.name}-excite.json")
+    kind = until_kind(given.stated(), given.until)
+    wanted, alone = criterion_and_unknowns(
+        given.criterion, given.document, given.payload_only, kind
     )
-    is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
-    rate = ROWS_HZ if export_rate is None else export_rate
-    sample_times(duration, rate)  # before the search: they may be too many
-    formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
-    rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))
-    accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]
+    planned, note = information_of(
+        lib,
+        given.noise,
+        given.log_rate,
+        given.earlier_log,
+        alone,
+        given.friction,
+        given.noise_model,
+        given.cutoff,
+    )
+    is_informed = criterion_of(wanted).needs_information or bool(given.earlier_log) or alone
+    rate = ROWS_HZ if given.export_rate is None else given.export_rate
+    sample_times(given.duration, rate)  # before the search: they may be too many
+    formats = [MOTION_FORMATS[name].name for name in given.export or []]  # before it, too
+    rest = (
+        None if given.home is None else np.array(numbers_option(given.home, lib.n_joints, "--home"))
+    )
+    accepted = [*(given.unchecked or ()), *([TABLE] if has_no_table else [])]
     if formats:
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
-    side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
-    used = margin_of(margin, bool(formats))
-    speeds = stage_speeds(duration, speed or [100.0])
+    side_by_side = cores() if given.starts >= STARTS_FOR_PROCESSES[given.document] else 1
+    used = margin_of(given.margin, bool(formats))
+    speeds = stage_speeds(given.duration, given.speed or [100.0])
     chosen = DesignSettings(
-        duration=duration,
-        harmonics=harmonics_of(harmonics, document),
-        starts=starts,
-        seed=seed,
+        duration=given.duration,
+        harmonics=harmonics_of(given.harmonics, given.document),
+        starts=given.starts,
+        seed=given.seed,
         criterion=wanted,
-        basis=basis_of(basis, zero_jerk),
+        basis=basis_of(given.basis, given.zero_jerk),
         information=counted(planned, wanted, is_informed),
         safety=safety,
         home=rest,
         margin=used,
     )
     chosen, planned = with_shown_unknowns(lib, chosen, planned)
-    if motions > 1:
+    if given.motions > 1:
         excite_several(
             lib,
-            motions,
+            given.motions,
             chosen,
             planned,
-            SeveralFiles(path, rate, speeds, overwrite),
-            budget=budget,
-            processes=processes if processes is not None else side_by_side,
-            scheduler=scheduler,
+            SeveralFiles(path, rate, speeds, given.overwrite),
+            budget=given.budget,
+            processes=given.processes if given.processes is not None else side_by_side,
+            scheduler=given.scheduler,
         )
+        given.write(path)
         return
-    require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
-    ways = session_plan(lib, from_pose, returns, rest, safety, used, zero_jerk, seed)
-    with search_progress(wanted, starts) as report:
+    require_unused(files_of(path, formats, given.speed or [100.0], given.pictures), given.overwrite)
+    ways = session_plan(
+        lib, given.from_pose, given.returns, rest, safety, used, given.zero_jerk, given.seed
+    )
+    with search_progress(wanted, given.starts) as report:
         optimum, session, session_sentences = searched(
             lib,
-            until,
+            given.until,
             chosen,
             ways,
             planned,
-            gain_error,
+            given.gain_error,
             progress=report,
-            budget=budget,
-            processes=processes if processes is not None else side_by_side,
-            scheduler=scheduler,
+            budget=given.budget,
+            processes=given.processes if given.processes is not None else side_by_side,
+            scheduler=given.scheduler,
         )
 
     def sentences(best: Design) -> tuple[str, ...]:
         return (
-            *search_notes(best, budget, starts),
-            *(() if until else design_notes(lib, duration, best.trajectory.duration)),
+            *search_notes(best, given.budget, given.starts),
+            *(() if given.until else design_notes(lib, given.duration, best.trajectory.duration)),
             *ways.sentences(best.trajectory),
             *session_sentences,
         )
 
-    files = MotionFiles(path, rate, formats, export_rate, speeds, pictures, accepted)
+    files = MotionFiles(path, rate, formats, given.export_rate, speeds, given.pictures, accepted)
+    given.write(path)
     write_design(
         lib,
         optimum,

@@ -1,11 +1,13 @@
 """`symgen export`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from runtime.cli.common import Yes, listed, open_robot
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
@@ -23,8 +25,13 @@ def _list_formats(wanted: bool) -> None:
         raise typer.Exit
 
 
-def export_command(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportSettings(Choices):
+    """Settings of `symgen export`."""
+
+    command = "export"
+    options = "to out robot yes overwrite formats"
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     to: Annotated[
         str | None,
         typer.Option(
@@ -32,23 +39,25 @@ def export_command(
             autocompletion=completing(EXPORT_FORMATS),
             help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
         ),
-    ] = None,
+    ] = None
     out: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
-    ] = None,
+    ] = None
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None,
-    yes: Yes = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+    ] = None
+    yes: Yes = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False
     formats: Annotated[
         bool,
         typer.Option(
             "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
         ),
-    ] = False,
-) -> None:
+    ] = False
+
+
+def export_command(given: ExportSettings) -> None:
     r"""Export an identified model to simulators and controllers.
 
     \b
@@ -59,11 +68,11 @@ def export_command(
     gives the torques of the library at 1000 random states. `--formats` lists the formats;
     casadi is written only where it is named.
     """
-    kinds = listed(to, tuple(EXPORT_FORMATS), "--to") if to else usual_formats()
-    saved = read_result(result, with_learned=True)
-    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, result, same_bodies=True)
-    terms, folder = saved.friction, out or result / "export"
+    kinds = listed(given.to, tuple(EXPORT_FORMATS), "--to") if given.to else usual_formats()
+    saved = read_result(given.result, with_learned=True)
+    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
+    notes = require_model(saved, lib, given.result, same_bodies=True)
+    terms, folder = saved.friction, given.out or given.result / "export"
     done = export_model(
         lib,
         saved.pi,
@@ -72,7 +81,7 @@ def export_command(
         terms=terms,
         phi=saved.phi,
         drives=drives_of(saved.record),
-        overwrite=overwrite,
+        overwrite=given.overwrite,
     )
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
@@ -84,5 +93,5 @@ def export_command(
         say(f"note: friction that {saved.method} learned has no counterpart in these formats")
     failed = [each.kind for each in done if each.path is None]
     # A result without friction has no file of friction; that is a failure only where --to names it.
-    if failed and (to or not all(each.is_optional for each in done if each.path is None)):
+    if failed and (given.to or not all(each.is_optional for each in done if each.path is None)):
         raise ExportError(f"{len(failed)} of {len(done)} not written: {', '.join(failed)}")

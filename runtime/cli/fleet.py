@@ -1,6 +1,7 @@
 """`symgen fleet`."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from rich.table import Table
 
 from runtime.cli.common import Overwrite, Yes, counting, open_robot
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import Choices, settings_place
 from runtime.common.terminal import console, say
 from runtime.common.threads import one_blas_thread
 from runtime.identification.statistics_file import read_statistics
@@ -31,27 +33,34 @@ SHOWN = 20
 
 
 @one_blas_thread
-def fleet_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetSettings(Choices):
+    """Settings of `symgen fleet`."""
+
+    command = "fleet"
+    options = "out robot yes scheduler overwrite as_json"
     folder: Annotated[
         Path,
         typer.Argument(metavar="DIR", help="Folder with results of identify --save-statistics."),
-    ],
+    ]
     out: Annotated[Path, typer.Option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
         "fleet.toml"
-    ),
+    )
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the files.")
-    ] = None,
-    yes: Yes = False,
+    ] = None
+    yes: Yes = False
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="tcp://HOST:PORT", help="Read the files on the workers of this dask cluster."
         ),
-    ] = None,
-    overwrite: Overwrite = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
-) -> None:
+    ] = None
+    overwrite: Overwrite = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+
+
+def fleet_command(given: FleetSettings) -> None:
     r"""Compute the prior of a type of robot from many units of it.
 
     Centre and spread of the inertias and of the friction come from the compressed statistics of
@@ -67,32 +76,33 @@ def fleet_command(
     NPZ of the same name with the parameters of every unit. A run that was interrupted continues
     with the same command.
     """
-    beside = out.with_suffix(".npz")
-    require_unused([out, beside], overwrite)
-    files = statistics_files(folder)
-    lib = open_robot(robot or read_statistics(files[0]).robot, yes)
-    parts = out.with_name(f"{out.name}.parts")
+    beside = given.out.with_suffix(".npz")
+    require_unused([given.out, beside, settings_place(given.out)], given.overwrite)
+    files = statistics_files(given.folder)
+    lib = open_robot(given.robot or read_statistics(files[0]).robot, given.yes)
+    parts = given.out.with_name(f"{given.out.name}.parts")
     with counting() as progress:
         task = progress.add_task("statistics", total=len(files))
         units = gather(
             lib,
-            folder,
+            given.folder,
             parts,
-            scheduler=scheduler,
+            scheduler=given.scheduler,
             progress=lambda done, _: progress.update(task, completed=done),
         )
     fit = fit_fleet(lib, units)
     friction = fit_friction(lib, units, fit)
     names = [unit.name for unit in units]
-    write_prior(out, prior_text(lib, names, fit, friction, fit_noise(units, fit)), lib)
+    write_prior(given.out, prior_text(lib, names, fit, friction, fit_noise(units, fit)), lib)
+    given.write(given.out)
     with replacing(beside) as file:
         np.savez(file, **_arrays(names, fit, friction))
     remove_parts(parts)
-    if as_json:
-        print(json.dumps(_facts(lib, units, fit, friction, out), indent=1, allow_nan=False))
+    if given.as_json:
+        print(json.dumps(_facts(lib, units, fit, friction, given.out), indent=1, allow_nan=False))
         return
     _show(lib, units, fit)
-    say(f"prior: {out}; use it with: identify LOG --prior {out}")
+    say(f"prior: {given.out}; use it with: identify LOG --prior {given.out}")
 
 
 def _arrays(names: list[str], fit: FleetFit, friction: FleetFriction) -> dict[str, Any]:

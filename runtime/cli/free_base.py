@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.common import ResultFolder, require_result_folder
 from runtime.cli.log_options import fractions_of
+from runtime.common.settings import FILE, Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import IdentificationError
@@ -41,7 +42,7 @@ TAKEN = (
     *("friction", "delay", "report"),
 )
 """Parameters of the command that apply to a robot with a free base."""
-_FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html")
+_FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html", FILE)
 WRITTEN = ResultFolder("identify", _FILES, "robot")
 
 
@@ -86,10 +87,10 @@ def identify_free_base_log(
     out: Path | None,
     overwrite: bool,
     report: bool,
-    given: dict[str, str],
+    given: Choices,
 ) -> None:
     """Read a log, identify, write result.json, identified.urdf and report, and print the errors."""
-    unused = [option for name, option in given.items() if name not in TAKEN]
+    unused = [option for name, option in given.stated().items() if name not in TAKEN]
     if unused:
         raise IdentificationError(
             f"{unused[0]} does not apply to a robot with a free base; leave it out"
@@ -115,6 +116,7 @@ def identify_free_base_log(
         delay_s=delay,
     )
     record = write_free_base(result, folder, command_line())
+    given.write(folder)
     print_errors(
         f"{lib.name}: errors on the last {result.seconds:.3g} s",
         *(record.rows_of_errors[0], result.rms.tolist()),

@@ -1,5 +1,6 @@
 """`symgen friction`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from runtime.cli.common import Overwrite, Yes, open_robot
 from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
 from runtime.cli.log_options import Parts, Recipe, Run, split_of
 from runtime.common.files import require_unused
+from runtime.common.settings import FILE, Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
@@ -23,27 +25,34 @@ from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
-_WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html")
+_WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html", FILE)
 _STALE = ("posterior.npz", "statistics.npz")
 """Files of a result of identify that does not hold for other friction."""
 
 
-def friction_command(
-    result: Result,
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A later log, some seconds suffice.")],
-    robot: RobotOfResult = None,
-    yes: Yes = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionSettings(Choices):
+    """Settings of `symgen friction`."""
+
+    command = "friction"
+    options = "robot yes out recipe run cutoff rate split overwrite"
+    result: Result
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A later log, some seconds suffice.")]
+    robot: RobotOfResult = None
+    yes: Yes = False
     out: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
-    ] = None,
-    recipe: Recipe = None,
-    run: Run = None,
-    cutoff: CutoffOfResult = None,
-    rate: RateOfResult = None,
-    split: Parts = None,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    recipe: Recipe = None
+    run: Run = None
+    cutoff: CutoffOfResult = None
+    rate: RateOfResult = None
+    split: Parts = None
+    overwrite: Overwrite = False
+
+
+def friction_command(given: FrictionSettings) -> None:
     r"""Identify friction anew and keep the links of an earlier result.
 
     Friction changes with temperature, wear and instruments, the links do not. The columns are those
@@ -58,18 +67,19 @@ def friction_command(
     recipe names no filter is prepared in the same way as the log of identify. Errors are those of
     the test part by a fit that has not used it; the friction is then fitted to all rows.
     """
-    folder = out or Path("results") / f"{Path(log).stem}-friction"
-    require_unused((folder / name for name in (*_WRITTEN, *_STALE)), overwrite)
-    saved = read_result(result)
-    lib = open_robot(robot or saved.robot, yes)
-    notes = require_model(saved, lib, result)
-    recording = saved.log_of(log, lib, recipe, run)
-    preparation = preparation_of(recording, cutoff, rate)
+    folder = given.out or Path("results") / f"{Path(given.log).stem}-friction"
+    require_unused((folder / name for name in (*_WRITTEN, *_STALE)), given.overwrite)
+    saved = read_result(given.result)
+    lib = open_robot(given.robot or saved.robot, given.yes)
+    notes = require_model(saved, lib, given.result)
+    recording = saved.log_of(given.log, lib, given.recipe, given.run)
+    preparation = preparation_of(recording, given.cutoff, given.rate)
     if preparation is None and recording.preparation == Preparation():
         preparation = saved.preparation
-    settings = Settings(preparation=preparation, split=split_of(split))
+    settings = Settings(preparation=preparation, split=split_of(given.split))
     renewed = identify_friction(recording, lib, saved, settings)
     record = write_result(renewed.result, folder, command_line())
+    given.write(folder)
     for name in _STALE:
         (folder / name).unlink(missing_ok=True)
     errors = error_parts(renewed.earlier, torque_errors(renewed.result)[1])

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
+from runtime.common.settings import Choices
 from runtime.common.terminal import command_line, completing, console, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
@@ -32,11 +33,19 @@ _WIDEST = 100.0
 """Half width of an interval, N·m, from which on the value counts as not identifiable."""
 
 
-def gains_command(
-    empty: Annotated[str, typer.Argument(metavar="EMPTY", help="A log without payload.")],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainsSettings(Choices):
+    """Settings of `symgen gains`."""
+
+    command = "gains"
+    options = (
+        "payload total_mass weighed robot yes link friction coulomb_speed recipe run "
+        "loaded_run cutoff rate recipe_out overwrite"
+    )
+    empty: Annotated[str, typer.Argument(metavar="EMPTY", help="A log without payload.")]
     loaded: Annotated[
         str | None, typer.Argument(metavar="LOADED", help="A log with the known payload.")
-    ] = None,
+    ] = None
     payload: Annotated[
         str | None,
         typer.Option(
@@ -45,20 +54,20 @@ def gains_command(
             "IXX,IYY,IZZ,IXY,IXZ,IYZ about the centre of mass in kg·m² if known, or a JSON such as "
             "payload.json.",
         ),
-    ] = None,
+    ] = None
     total_mass: Annotated[
         float | None,
         typer.Option(metavar="KG", help="With one log: weighed mass of all moving links together."),
-    ] = None,
+    ] = None
     weighed: Annotated[
         list[str] | None,
         typer.Option(
             metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
         ),
-    ] = None,
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    link: CarryingLink = None,
+    ] = None
+    robot: Robot = "fr3"
+    yes: Yes = False
+    link: CarryingLink = None
     friction: Annotated[
         str | None,
         typer.Option(
@@ -66,23 +75,25 @@ def gains_command(
             autocompletion=completing((*COLUMNS, "none")),
             help="Friction columns with commas; default from the recipe, else viscous,coulomb.",
         ),
-    ] = None,
-    coulomb_speed: CoulombSpeed = None,
-    recipe: Recipe = None,
-    run: Run = None,
+    ] = None
+    coulomb_speed: CoulombSpeed = None
+    recipe: Recipe = None
+    run: Run = None
     loaded_run: Annotated[
         str | None, typer.Option(help="Run of the loaded log; default --run.")
-    ] = None,
-    cutoff: CutoffHz = None,
-    rate: Rate = None,
+    ] = None
+    cutoff: CutoffHz = None
+    rate: Rate = None
     recipe_out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
         ),
-    ] = None,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    overwrite: Overwrite = False
+
+
+def gains_command(given: GainsSettings) -> None:
     r"""Identify gain and bias of every torque sensor or drive.
 
     \b
@@ -98,41 +109,42 @@ def gains_command(
     One log without payload gives the gains up to a common factor, which comes from the masses of
     the URDF, or from weighed masses.
     """
-    lib = open_robot(robot, yes)
-    if loaded is None:
-        if payload is not None or loaded_run is not None:
+    lib = open_robot(given.robot, given.yes)
+    if given.loaded is None:
+        if given.payload is not None or given.loaded_run is not None:
             raise IdentificationError(
                 "--payload and --loaded-run belong to a second log, with the payload; give EMPTY "
                 "and LOADED, or leave them out"
             )
-        known_masses = weighed_masses(total_mass, weighed or ())
-        one, plan = print_gains_of_one_log(
-            empty, lib, known_masses, recipe=recipe, run=run, friction=friction,
-            coulomb_speed=coulomb_speed, cutoff=cutoff, rate=rate,
-        )  # fmt: skip
-        if recipe_out is not None:
-            write_gains(recipe_out, one, plan, overwrite)
-            say(f"recipe: {recipe_out}")
+        known_masses = weighed_masses(given.total_mass, given.weighed or ())
+        one, plan = print_gains_of_one_log(given, lib, known_masses)
+        if given.recipe_out is not None:
+            write_gains(given.recipe_out, one, plan, given.overwrite)
+            say(f"recipe: {given.recipe_out}")
         return
-    if payload is None or total_mass is not None or weighed:
+    if given.payload is None or given.total_mass is not None or given.weighed:
         raise IdentificationError(
             "two logs need --payload and take no --total-mass and --weighed, which are for one "
             "log; give --payload KNOWN, or one log"
         )
-    known = read_known_payload(payload)
+    known = read_known_payload(given.payload)
     names = lib.joint_names
-    bare = independent_joints(read_recording(empty, recipe, run, names), lib)
-    full = independent_joints(read_recording(loaded, recipe, loaded_run or run, names), lib)
+    bare = independent_joints(read_recording(given.empty, given.recipe, given.run, names), lib)
+    full = independent_joints(
+        read_recording(given.loaded, given.recipe, given.loaded_run or given.run, names), lib
+    )
     gains = identify_gains(
         bare,
         full,
         lib,
         known,
-        link,
-        friction=friction_of(bare, Settings(friction=friction, coulomb_speed=coulomb_speed)),
-        preparation=preparation_of(bare, cutoff, rate),
+        given.link,
+        friction=friction_of(
+            bare, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
+        ),
+        preparation=preparation_of(bare, given.cutoff, given.rate),
     )
-    plan = plan_of(empty, recipe, run)
+    plan = plan_of(given.empty, given.recipe, given.run)
     factors = _factors(plan, gains)
     console.print(_table(gains, plan, factors, lib))
     say(f"status: {gains.status}")
@@ -141,11 +153,11 @@ def gains_command(
         say(f"note: {note}")
     say("note: a bias has the same effect as friction that differs between the directions; column "
         "offset of identify estimates both, so the recipe holds the gains only")  # fmt: skip
-    if recipe_out is None:
+    if given.recipe_out is None:
         say(f"recipe: [torque] gain = [{', '.join(map(repr, factors))}]")
         return
-    write_recipe(recipe_out, _recipe(plan, gains, factors), overwrite)
-    say(f"recipe: {recipe_out}")
+    write_recipe(given.recipe_out, _recipe(plan, gains, factors), given.overwrite)
+    say(f"recipe: {given.recipe_out}")
 
 
 def _factors(plan: Plan, gains: Gains) -> tuple[float, ...]:
@@ -222,32 +234,27 @@ def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, 
 
 
 def print_gains_of_one_log(
-    log: str,
-    lib: Library,
-    weighed: Sequence[Weighed],
-    *,
-    recipe: str | None,
-    run: str | None,
-    friction: str | None,
-    coulomb_speed: float | None,
-    cutoff: float | None,
-    rate: float | None,
+    given: GainsSettings, lib: Library, weighed: Sequence[Weighed]
 ) -> tuple[CurrentGains, Plan]:
     """Estimate and print the gains of one log."""
     recording = of_gain_one(
-        independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
+        independent_joints(
+            read_recording(given.empty, given.recipe, given.run, lib.joint_names), lib
+        )
     )
     gains = current_gains(
         recording,
         lib,
         weighed,
-        friction=friction_of(recording, Settings(friction=friction, coulomb_speed=coulomb_speed)),
-        preparation=preparation_of(recording, cutoff, rate),
+        friction=friction_of(
+            recording, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
+        ),
+        preparation=preparation_of(recording, given.cutoff, given.rate),
     )
     console.print(_gains_table(gains))
     for sentence in gains.sentences():
         say(f"note: {sentence}")
-    plan = plan_of(log, recipe, run)
+    plan = plan_of(given.empty, given.recipe, given.run)
     if plan.torque is None:
         raise RecordingError(
             "expected a log with motor currents, got one without; record torque or motor current"

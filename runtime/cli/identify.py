@@ -1,10 +1,8 @@
 """`symgen identify` of one log, in memory or streamed, or of several."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-import typer
 
 from runtime.cli.common import (
     Overwrite,
@@ -13,7 +11,6 @@ from runtime.cli.common import (
     Seed,
     Yes,
     counting,
-    given_options,
     open_robot,
     require_result_folder,
     state,
@@ -56,6 +53,7 @@ from runtime.cli.log_options import (
     split_of,
 )
 from runtime.cli.shown_progress import ShownProgress
+from runtime.common.settings import FILE, Choices
 from runtime.common.terminal import say
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -71,44 +69,54 @@ _WRITTEN = ResultFolder(
     "identify",
     (
         *("result.json", "predictions.npz", "posterior.npz", "statistics.npz"),
-        *("identified.urdf", "report.html"),
+        *("identified.urdf", "report.html", FILE),
     ),
     "method",
 )
 
 
-def identify_command(
-    context: typer.Context,
-    logs: Logs,
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    method: Method = None,
-    out: OutFolder = None,
-    preset: Preset = None,
-    prior: Prior = None,
-    recipe: Recipe = None,
-    run: Run = None,
-    friction: FrictionNames = None,
-    coulomb_speed: CoulombSpeed = None,
-    cutoff: Cutoff = None,
-    rate: Rate = None,
-    regressor: Regressor = None,
-    delay: Delay = None,
-    encoder_bias: EncoderBias = None,
-    symmetric: Symmetric = None,
-    tie: Tie = False,
-    split: Parts = None,
-    controller: ControllerFile = None,
-    stream: Stream = None,
-    rows: EquationRows = None,
-    robust: Robust = False,
-    payload_of: PayloadOf = None,
-    refit: Refit = True,
-    save_statistics: SaveStatistics = False,
-    report: WithReport = True,
-    seed: Seed = 0,
-    overwrite: Overwrite = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifySettings(Choices):
+    """Settings of `symgen identify`."""
+
+    command = "identify"
+    options = (
+        "robot yes method out preset prior recipe run friction coulomb_speed cutoff rate "
+        "regressor delay encoder_bias symmetric tie split controller stream rows robust "
+        "payload_of refit save_statistics report seed overwrite"
+    )
+    logs: Logs
+    robot: Robot = "fr3"
+    yes: Yes = False
+    method: Method = None
+    out: OutFolder = None
+    preset: Preset = None
+    prior: Prior = None
+    recipe: Recipe = None
+    run: Run = None
+    friction: FrictionNames = None
+    coulomb_speed: CoulombSpeed = None
+    cutoff: Cutoff = None
+    rate: Rate = None
+    regressor: Regressor = None
+    delay: Delay = None
+    encoder_bias: EncoderBias = None
+    symmetric: Symmetric = None
+    tie: Tie = False
+    split: Parts = None
+    controller: ControllerFile = None
+    stream: Stream = None
+    rows: EquationRows = None
+    robust: Robust = False
+    payload_of: PayloadOf = None
+    refit: Refit = True
+    save_statistics: SaveStatistics = False
+    report: WithReport = True
+    seed: Seed = 0
+    overwrite: Overwrite = False
+
+
+def identify_command(given: IdentifySettings) -> None:
     r"""Identify the inertial parameters of a robot from logs.
 
     \b
@@ -135,55 +143,58 @@ def identify_command(
     and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
     parameters so far.
     """
-    lib = open_robot(robot, yes, takes_free_base=True)
-    known = prior_of(prior, lib)
+    lib = open_robot(given.robot, given.yes, takes_free_base=True)
+    known = prior_of(given.prior, lib)
     if lib.manifest.floating:
         identify_free_base_log(
             lib,
-            logs,
-            WalkOptions(rows, cutoff, split, known, friction, delay),
-            out,
-            overwrite,
-            report,
-            given_options(context),
+            given.logs,
+            WalkOptions(given.rows, given.cutoff, given.split, known, given.friction, given.delay),
+            given.out,
+            given.overwrite,
+            given.report,
+            given,
         )
         return
-    require_fixed_base(lib, rows)
+    require_fixed_base(lib, given.rows)
     settings = Settings(
-        method=method,
-        preset=preset,
+        method=given.method,
+        preset=given.preset,
         prior=known,
-        friction=friction,
-        coulomb_speed=coulomb_speed,
-        cutoff=cutoff,
-        rate=rate,
-        regressor=regressor,
-        delay=delay,
-        encoder_bias=encoder_bias,
-        symmetric=tuple(symmetric or ()),
-        tie=tie,
-        split=split_of(split),
-        seed=seed,
-        refit=refit,
-        robust=robust,
+        friction=given.friction,
+        coulomb_speed=given.coulomb_speed,
+        cutoff=given.cutoff,
+        rate=given.rate,
+        regressor=given.regressor,
+        delay=given.delay,
+        encoder_bias=given.encoder_bias,
+        symmetric=tuple(given.symmetric or ()),
+        tie=given.tie,
+        split=split_of(given.split),
+        seed=given.seed,
+        refit=given.refit,
+        robust=given.robust,
     )
     settings = settings_for(lib, settings)
-    runs = runs_of(logs, run)
-    several = f"{len(runs)}-" if len(runs) > 1 or payload_of else ""
+    runs = runs_of(given.logs, given.run)
+    several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
-    folder = out or Path("results") / f"{Path(logs[0]).stem}-{several}{chosen}"
-    require_result_folder(folder, _WRITTEN, overwrite)
-    settings = replace(settings, inputs=inputs_of([chosen], lib, controller=controller) or None)
+    folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}{chosen}"
+    require_result_folder(folder, _WRITTEN, given.overwrite)
+    settings = replace(
+        settings, inputs=inputs_of([chosen], lib, controller=given.controller) or None
+    )
     with counting(state()) as bar:
-        shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, preset))
+        shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, given.preset))
         opened = (
-            _named(runs, lib, recipe, payload_of or (), bool(stream))
+            _named(runs, lib, given.recipe, given.payload_of or (), bool(given.stream))
             if several
-            else _opened(logs[0], lib, recipe, run, stream, settings)
+            else _opened(given.logs[0], lib, given.recipe, given.run, given.stream, settings)
         )
         result = identify(opened, lib, settings, progress=shown)
         result = with_row_marks(result, opened, settings.split)
-    finish(result, folder, Outputs(report, save_statistics))
+    given.write(folder)
+    finish(result, folder, Outputs(given.report, given.save_statistics))
 
 
 def _most_iterations(method: str, preset: str | None) -> int | None:

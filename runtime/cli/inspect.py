@@ -1,6 +1,7 @@
 """`symgen inspect LOG`: findings about a log, and a recipe that reads it."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from rich.table import Table
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
@@ -20,18 +22,23 @@ from runtime.outputs.report.log_figure import draw_log
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
 
-def inspect_command(
-    log: Log,
-    robot: Robot = "fr3",
-    yes: Yes = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InspectSettings(Choices):
+    """Settings of `symgen inspect`."""
+
+    command = "inspect"
+    options = "robot yes recipe run recipe_out log_rate plot overwrite as_json strict"
+    log: Log
+    robot: Robot = "fr3"
+    yes: Yes = False
     recipe: Annotated[
         str | None,
         typer.Option(
             metavar="FILE",
             help="TOML that describes the log; default the one that identify would use.",
         ),
-    ] = None,
-    run: Run = None,
+    ] = None
+    run: Run = None
     recipe_out: Annotated[
         Path | None,
         typer.Option(
@@ -39,22 +46,24 @@ def inspect_command(
             help="Write the proposed recipe. Without --recipe it is derived from the log files "
             "alone, and a recipe in their folder is ignored.",
         ),
-    ] = None,
+    ] = None
     log_rate: Annotated[
         float | None,
         typer.Option(help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3),
-    ] = None,
+    ] = None
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
-    ] = None,
-    overwrite: Overwrite = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+    ] = None
+    overwrite: Overwrite = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
     strict: Annotated[
         bool,
         typer.Option("--strict", help="Exit code 1 also for findings of the level information."),
-    ] = False,
-) -> None:
+    ] = False
+
+
+def inspect_command(given: InspectSettings) -> None:
     r"""Check a log and propose a recipe that reads it.
 
     Checked are units, order and signs of the joints, time stamps, phases of rest, saturation,
@@ -68,32 +77,36 @@ def inspect_command(
     symgen identify raw/ --robot my --recipe recipe.toml
     Exit code: 0 no findings, 1 warnings or errors, 2 the log cannot be read.
     """
-    lib = open_robot(robot, yes)
-    require_unused([plot] if plot else [], overwrite, "--plot")
-    bare = recipe_out is not None and recipe is None
-    options: dict[str, Any] = {"bare": bare, "rate_hz": log_rate, "propose": recipe_out is not None}
+    lib = open_robot(given.robot, given.yes)
+    require_unused([given.plot] if given.plot else [], given.overwrite, "--plot")
+    bare = given.recipe_out is not None and given.recipe is None
+    options: dict[str, Any] = {
+        "bare": bare,
+        "rate_hz": given.log_rate,
+        "propose": given.recipe_out is not None,
+    }
     with console.status("inspecting the log"):
         try:
-            inspection = inspect_log(log, lib, recipe, run, **options)
+            inspection = inspect_log(given.log, lib, given.recipe, given.run, **options)
         except RecordingError as error:
-            if recipe_out is None or recipe is not None:
+            if given.recipe_out is None or given.recipe is not None:
                 raise
-            write_recipe(recipe_out, skeleton_text(log, lib.n_joints), overwrite)
+            write_recipe(given.recipe_out, skeleton_text(given.log, lib.n_joints), given.overwrite)
             raise RecordingError(
-                f"{error}; '{recipe_out}' lists the columns of the log, to be filled in"
+                f"{error}; '{given.recipe_out}' lists the columns of the log, to be filled in"
             ) from None
-    if recipe_out is not None:
-        write_recipe(recipe_out, recipe_text(inspection), overwrite)
-    if plot is not None:
-        draw_log(inspection.recording, plot, inspection.rest)
-    if as_json:
+    if given.recipe_out is not None:
+        write_recipe(given.recipe_out, recipe_text(inspection), given.overwrite)
+    if given.plot is not None:
+        draw_log(inspection.recording, given.plot, inspection.rest)
+    if given.as_json:
         print(json.dumps(_facts(inspection), indent=1, ensure_ascii=False, allow_nan=False))
     else:
         _show(inspection)
-        for what, path in (("recipe", recipe_out), ("plot", plot)):
+        for what, path in (("recipe", given.recipe_out), ("plot", given.plot)):
             if path is not None:
                 say(f"{what}: {path}")
-    todo = inspection.findings if strict else inspection.of_level(ERROR, WARNING)
+    todo = inspection.findings if given.strict else inspection.of_level(ERROR, WARNING)
     raise typer.Exit(int(bool(todo)))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Column, Table
 
+from runtime.common.settings import settings_place
 from runtime.common.terminal import console, say
 from runtime.errors import RuntimeFault
 from runtime.excitation.limits.obstacles import OBSTACLE
@@ -47,7 +48,7 @@ def files_of(
     path: Path, formats: Collection[str], speeds: Sequence[float], pictures: bool
 ) -> tuple[Path, ...]:
     """Files that `excite` writes."""
-    files = [path]
+    files = [path, settings_place(path)]
     if pictures:
         files += picture_paths(path.with_suffix(".png"))
     if not formats:

@@ -1,7 +1,7 @@
 """`symgen observe`."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +12,7 @@ from rich.table import Table
 from runtime.cli.common import Overwrite, ResultFolder, Yes, open_robot, require_result_folder
 from runtime.cli.log_options import Log, Recipe, Run
 from runtime.common.files import replacing
+from runtime.common.settings import FILE, Choices
 from runtime.common.terminal import command_line, console, say
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -46,7 +47,14 @@ from runtime.recording.consistency import require_plausible
 
 _WRITTEN = ResultFolder(
     "observe",
-    ("contacts.json", "external_torque.npz", "external_torque.png", *FILES, *torque_mcap.FILES),
+    (
+        "contacts.json",
+        "external_torque.npz",
+        "external_torque.png",
+        *FILES,
+        *torque_mcap.FILES,
+        FILE,
+    ),
     "contacts",
 )
 RAISED = 2.0
@@ -57,26 +65,34 @@ SHOWN = 20
 """Contacts that are printed."""
 
 
-def observe_command(
-    log: Log,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserveSettings(Choices):
+    """Settings of `symgen observe`."""
+
+    command = "observe"
+    options = (
+        "model false_alarms out free calibrate link within mcap robot yes overwrite recipe run "
+        "as_json"
+    )
+    log: Log
     model: Annotated[
         Path, typer.Option("--model", metavar="RESULT", help="Folder written by identify.")
-    ],
+    ]
     false_alarms: Annotated[
         str,
         typer.Option(
             metavar="RATE",
             help="Rate of false alarms of all joints together: '1 per hour', '2 per day'.",
         ),
-    ] = "1 per hour",
+    ] = "1 per hour"
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the files; default RESULT/observe."),
-    ] = None,
+    ] = None
     free: Annotated[
         str | None,
         typer.Option(metavar="LOG", help="A log without contacts, on which the rate is verified."),
-    ] = None,
+    ] = None
     calibrate: Annotated[
         list[str] | None,
         typer.Option(
@@ -84,11 +100,11 @@ def observe_command(
             help="A log without contacts, from whose residuals thresholds are fitted; may be given "
             "again.",
         ),
-    ] = None,
+    ] = None
     link: Annotated[
         str | None,
         typer.Option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
-    ] = None,
+    ] = None
     within: Annotated[
         float | None,
         typer.Option(
@@ -96,20 +112,22 @@ def observe_command(
             help=f"Time in which the observer shows 95 % of a contact, s; default {WITHIN_S:g}, or "
             "three samples.",
         ),
-    ] = None,
+    ] = None
     mcap: Annotated[
         bool,
         typer.Option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
-    ] = False,
+    ] = False
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None,
-    yes: Yes = False,
-    overwrite: Overwrite = False,
-    recipe: Recipe = None,
-    run: Run = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
-) -> None:
+    ] = None
+    yes: Yes = False
+    overwrite: Overwrite = False
+    recipe: Recipe = None
+    run: Run = None
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+
+
+def observe_command(given: ObserveSettings) -> None:
     r"""Compute the external torque of a log and find contacts.
 
     A generalised-momentum observer with the identified model, friction, rotors and the delay of the
@@ -130,23 +148,24 @@ def observe_command(
     --mcap adds external_torque.mcap (/measured, /predicted, /external) and the layout
     external_torque.plotjuggler.xml.
     """
-    rate = alarm_rate(false_alarms)
-    folder = out or (model if model.is_dir() else model.parent) / "observe"
-    require_result_folder(folder, _WRITTEN, overwrite)
-    saved = read_result(model)
-    lib = open_robot(robot or saved.robot, yes)
-    notes = list(require_model(saved, lib, model))
+    rate = alarm_rate(given.false_alarms)
+    folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
+    require_result_folder(folder, _WRITTEN, given.overwrite)
+    saved = read_result(given.model)
+    lib = open_robot(given.robot or saved.robot, given.yes)
+    notes = list(require_model(saved, lib, given.model))
     known = model_of(saved, lib)
-    data = _read(lib, known, saved.log_of(log, lib, recipe, run))
-    root, note = _root(model, saved, lib)
-    held_out = read_held_out(model, known)
+    data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
+    root, note = _root(given.model, saved, lib)
+    held_out = read_held_out(given.model, known)
     rate_hz = data.rate_hz  # of the observer; free motion at another one is interpolated
     free_motion = [
-        _read(lib, known, saved.log_of(each, lib, recipe), rate_hz) for each in calibrate or ()
+        _read(lib, known, saved.log_of(each, lib, given.recipe), rate_hz)
+        for each in given.calibrate or ()
     ]
     # The observer that is calibrated is chosen on the same motion, so that no contact decides.
     chosen_on = free_motion[0] if free_motion else data
-    detector = detector_for(lib, known, chosen_on, held_out, rate, within, root)
+    detector = detector_for(lib, known, chosen_on, held_out, rate, given.within, root)
     tails: tuple[Tail, ...] = ()
     raised: list[str] = []
     if free_motion:
@@ -156,23 +175,26 @@ def observe_command(
     signals = signals_of(lib, detector, data)
     seen = observation_of(lib, detector, signals)
     check = None
-    if free is not None:
-        check = verified(lib, detector, _read(lib, known, saved.log_of(free, lib, recipe), rate_hz))
-    bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if mcap else None
+    if given.free is not None:
+        check = verified(
+            lib, detector, _read(lib, known, saved.log_of(given.free, lib, given.recipe), rate_hz)
+        )
+    bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if given.mcap else None
     texts, left_out = _in_c(lib, detector, np.median(signals.model_band, axis=0))
     if bag is not None:
         texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
-    facts = _facts(lib, detector, seen, check, data, link, tails) | {
+    facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
         "notes": notes + note * (not tails) + raised + left_out
     }
     _write(lib, saved, seen, facts, folder)
+    given.write(folder)
     for name, content in texts.items():
         with replacing(folder / name) as file:
             file.write(content.encode())
     if bag is not None:
         with replacing(folder / torque_mcap.FILES[0]) as file:
             file.write(bag)
-    if as_json:
+    if given.as_json:
         print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
     else:
         _show(facts, folder)

@@ -1,6 +1,7 @@
 """`symgen payload`."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
+from runtime.common.settings import FILE, Choices
 from runtime.common.terminal import command_line, console, say
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
 from runtime.estimators.regression.samples import NORMAL_95
@@ -27,22 +29,30 @@ from runtime.identification.prepared_log import preparation_of
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
-_WRITTEN = ResultFolder("payload", FILES, "set_load")
+_WRITTEN = ResultFolder("payload", (*FILES, FILE), "set_load")
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
-def payload_command(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")],
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    link: CarryingLink = None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PayloadSettings(Choices):
+    """Settings of `symgen payload`."""
+
+    command = "payload"
+    options = (
+        "robot yes link empty model out recipe run empty_run cutoff rate gain_error overwrite "
+        "as_json"
+    )
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")]
+    robot: Robot = "fr3"
+    yes: Yes = False
+    link: CarryingLink = None
     empty: Annotated[
         str | None,
         typer.Option(
             metavar="LOG",
             help="A log of the same motion without payload; friction and bias then cancel.",
         ),
-    ] = None,
+    ] = None
     model: Annotated[
         Path | None,
         typer.Option(
@@ -50,18 +60,18 @@ def payload_command(
             help="Folder written by identify for the arm without payload; default the URDF without "
             "friction.",
         ),
-    ] = None,
+    ] = None
     out: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
-    ] = None,
-    recipe: Recipe = None,
-    run: Run = None,
+    ] = None
+    recipe: Recipe = None
+    run: Run = None
     empty_run: Annotated[
         str | None, typer.Option(help="Run of the log without payload; default --run.")
-    ] = None,
-    cutoff: CutoffHz = None,
-    rate: Rate = None,
+    ] = None
+    cutoff: CutoffHz = None
+    rate: Rate = None
     gain_error: Annotated[
         float,
         typer.Option(
@@ -69,10 +79,12 @@ def payload_command(
             help="Standard deviation of the torque gain of every joint, relative to one, which the "
             "intervals include; 0.05 for 5 %.",
         ),
-    ] = 0.0,
-    overwrite: Overwrite = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False,
-) -> None:
+    ] = 0.0
+    overwrite: Overwrite = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False
+
+
+def payload_command(given: PayloadSettings) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
@@ -89,24 +101,29 @@ def payload_command(
     controllers set_target_payload.script (UR), load_data.krl (KUKA), kinova_payload.json and
     xarm_tcp_load.json.
     """
-    lib = open_robot(robot, yes)
-    folder = out or Path("results") / f"{Path(log).stem}-payload"
-    require_result_folder(folder, _WRITTEN, overwrite)
-    loaded = read_recording(log, recipe, run, lib.joint_names)
+    lib = open_robot(given.robot, given.yes)
+    folder = given.out or Path("results") / f"{Path(given.log).stem}-payload"
+    require_result_folder(folder, _WRITTEN, given.overwrite)
+    loaded = read_recording(given.log, given.recipe, given.run, lib.joint_names)
     joints = lib.joint_names
-    bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None
-    preparation = preparation_of(loaded, cutoff, rate)
+    bare = (
+        read_recording(given.empty, given.recipe, given.empty_run or given.run, joints)
+        if given.empty
+        else None
+    )
+    preparation = preparation_of(loaded, given.cutoff, given.rate)
     payload = identify_payload(
         loaded,
         lib,
-        link,
-        arm=read_arm_model(model, lib) if model else arm_model(lib),
+        given.link,
+        arm=read_arm_model(given.model, lib) if given.model else arm_model(lib),
         empty=bare,
         preparation=preparation,
-        gain_error=gain_error,
+        gain_error=given.gain_error,
     )
     paths = write_payload(payload, lib, folder, command_line())
-    if as_json:
+    given.write(folder)
+    if given.as_json:
         print(json.dumps(load_facts(payload, lib), indent=1, ensure_ascii=False))
         return
     console.print(_table(payload))

@@ -23,6 +23,7 @@ from runtime.cli.planned_log import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import DETERMINED
@@ -57,16 +58,24 @@ SAME = "same"
 """Value of --more: the same motion again."""
 
 
-def predict_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictSettings(Choices):
+    """Settings of `symgen predict`."""
+
+    command = "predict"
+    options = (
+        "robot yes noise log_rate rate friction payload_only earlier_log gain_error more "
+        "recipe run cutoff plot overwrite as_json"
+    )
     trajectory: Annotated[
         str,
         typer.Argument(
             metavar="MOTION",
             help="A motion written by excite (.json), or a log.",
         ),
-    ],
-    robot: Robot = "fr3",
-    yes: Yes = False,
+    ]
+    robot: Robot = "fr3"
+    yes: Yes = False
     noise: Annotated[
         str | None,
         typer.Option(
@@ -74,15 +83,15 @@ def predict_command(
             help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
             f"torque, else {NOISE:g}.",
         ),
-    ] = None,
+    ] = None
     log_rate: Annotated[
         float | None,
         typer.Option(
             help="Rate at which the robot will record a planned motion, Hz; default "
             f"{RATE:g}, after a log the rate of its rows."
         ),
-    ] = None,
-    rate: Rate = None,
+    ] = None
+    rate: Rate = None
     friction: Annotated[
         str | None,
         typer.Option(
@@ -91,9 +100,9 @@ def predict_command(
             help="Friction columns that are estimated too, with commas, or none; default from the "
             f"recipe, else {','.join(FRICTION)}.",
         ),
-    ] = None,
-    payload_only: PayloadOnly = False,
-    earlier_log: EarlierLogs = None,
+    ] = None
+    payload_only: PayloadOnly = False
+    earlier_log: EarlierLogs = None
     gain_error: Annotated[
         float | None,
         typer.Option(
@@ -101,7 +110,7 @@ def predict_command(
             help="Standard deviation of the torque gain of every joint, relative to one, for the "
             f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
         ),
-    ] = None,
+    ] = None
     more: Annotated[
         str | None,
         typer.Option(
@@ -109,19 +118,19 @@ def predict_command(
             help=f"Show what {', '.join(f'{s:g}' for s in SECONDS)} s of recording would add, "
             f"with the {SAME} motion again or with another motion or log.",
         ),
-    ] = None,
-    recipe: Recipe = None,
-    run: Run = None,
-    cutoff: Cutoff = None,
+    ] = None
+    recipe: Recipe = None
+    run: Run = None
+    cutoff: Cutoff = None
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
-    ] = None,
-    overwrite: Overwrite = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON in SI units instead.")
-    ] = False,
-) -> None:
+    ] = None
+    overwrite: Overwrite = False
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON in SI units instead.")] = False
+
+
+def predict_command(given: PredictSettings) -> None:
     r"""Predict the accuracy that a motion or a log allows.
 
     \b
@@ -137,29 +146,37 @@ def predict_command(
     these correlated residuals. With --more, record on while any σ improves by more than
     10 %.
     """
-    lib = open_robot(robot, yes)
-    require_unused([plot] if plot else [], overwrite, "--plot")
-    gains = _gain_error(gain_error, payload_only)
-    if log_rate is not None:
-        information(lib, rate=log_rate)  # raises where the rate is out of range
+    lib = open_robot(given.robot, given.yes)
+    require_unused([given.plot] if given.plot else [], given.overwrite, "--plot")
+    gains = _gain_error(given.gain_error, given.payload_only)
+    if given.log_rate is not None:
+        information(lib, rate=given.log_rate)  # raises where the rate is out of range
     _require_rates_apply(
-        [trajectory, *([] if more in {None, SAME} else [str(more)])], log_rate, rate
+        [given.trajectory, *([] if given.more in {None, SAME} else [str(given.more)])],
+        given.log_rate,
+        given.rate,
     )
-    options = LogToPredict(recipe, run, friction, cutoff, rate)
+    options = LogToPredict(given.recipe, given.run, given.friction, given.cutoff, given.rate)
     situation = situation_of(
-        lib, _moved(lib, trajectory, options, log_rate), noise, earlier_log, payload_only
+        lib,
+        _moved(lib, given.trajectory, options, given.log_rate),
+        given.noise,
+        given.earlier_log,
+        given.payload_only,
     )
     now = situation.expected()
-    steps = () if more is None else _gains(situation, now, more, options, log_rate)
-    if plot is not None:
-        _draw(situation, more, options, log_rate, plot)
-    if as_json:
+    steps = (
+        () if given.more is None else _gains(situation, now, given.more, options, given.log_rate)
+    )
+    if given.plot is not None:
+        _draw(situation, given.more, options, given.log_rate, given.plot)
+    if given.as_json:
         figures = _facts(situation, now, gains, steps)
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
         return
     _show(situation, now, gains, steps)
-    if plot is not None:
-        say(f"plot: {plot}")
+    if given.plot is not None:
+        say(f"plot: {given.plot}")
 
 
 def _facts(

@@ -1,5 +1,6 @@
 """`symgen report`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -7,32 +8,38 @@ import typer
 
 from runtime.cli.common import Overwrite, require_page
 from runtime.common.files import require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError
 from runtime.outputs.report.report import REPORT_KINDS, write_report
 from runtime.outputs.report.trends import write_trends
 
 
-def report_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportSettings(Choices):
+    """Settings of `symgen report`."""
+
+    command = "report"
+    options = "out markdown figures into readme overwrite"
     results: Annotated[
         Path,
         typer.Argument(
             metavar="RESULTS",
             help="Folder written by identify, compare or reproduce, or a history of watch.",
         ),
-    ],
+    ]
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="HTML page; default report.html in the folder."),
-    ] = None,
+    ] = None
     markdown: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write all tables of reproduce as Markdown, too."),
-    ] = None,
+    ] = None
     figures: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Write all figures of reproduce as PNG, too."),
-    ] = None,
+    ] = None
     into: Annotated[
         Path | None,
         typer.Option(
@@ -40,10 +47,12 @@ def report_command(
             help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
             "with three pictures in the folder images beside it.",
         ),
-    ] = None,
-    readme: Annotated[bool, typer.Option("--readme", help="The same as --into README.md.")] = False,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    readme: Annotated[bool, typer.Option("--readme", help="The same as --into README.md.")] = False
+    overwrite: Overwrite = False
+
+
+def report_command(given: ReportSettings) -> None:
     r"""Write the results of a folder as one HTML page.
 
     \b
@@ -54,34 +63,38 @@ def report_command(
     The page needs no network: its tables sort and its figures zoom. identify and compare write it
     themselves. Of a history it shows the trends over time and temperature.
     """
-    is_history = results.is_file()
-    kind = next((each for each in REPORT_KINDS.records() if each.accepts(results)), None)
-    page = out or (results.with_suffix(".html") if is_history else results / "report.html")
-    if out is None:
-        require_page(page, overwrite)
+    is_history = given.results.is_file()
+    kind = next((each for each in REPORT_KINDS.records() if each.accepts(given.results)), None)
+    page = given.out or (
+        given.results.with_suffix(".html") if is_history else given.results / "report.html"
+    )
+    if given.out is None:
+        require_page(page, given.overwrite)
     else:
-        require_unused([out], overwrite)
-    if is_history and not (markdown or figures or into or readme):
-        written: tuple[Path, ...] = (write_trends(results, page),)
+        require_unused([given.out], given.overwrite)
+    if is_history and not (given.markdown or given.figures or given.into or given.readme):
+        written: tuple[Path, ...] = (write_trends(given.results, page),)
     elif kind is not None:
-        place = Path("README.md") if readme else into
-        require_unused([markdown] if markdown else [], overwrite, "--markdown")
-        if figures is not None:
-            require_unused(kind.pictures(results, figures), overwrite, "--figures")
+        place = Path("README.md") if given.readme else given.into
+        require_unused([given.markdown] if given.markdown else [], given.overwrite, "--markdown")
+        if given.figures is not None:
+            require_unused(
+                kind.pictures(given.results, given.figures), given.overwrite, "--figures"
+            )
         written = kind.write(
-            results,
+            given.results,
             page,
-            tables_to=markdown,
-            figures_to=figures,
+            tables_to=given.markdown,
+            figures_to=given.figures,
             readme=place,
             command=command_line(),
         )
-    elif markdown or figures or into or readme:
+    elif given.markdown or given.figures or given.into or given.readme:
         raise IdentificationError(
             "--markdown, --figures, --into and --readme need a folder written by reproduce, got "
-            f"'{results}'; leave these options out"
+            f"'{given.results}'; leave these options out"
         )
     else:
-        written = (write_report(results, page),)
+        written = (write_report(given.results, page),)
     for path in written:
         say(f"report: {path}" if path == page else f"wrote:  {path}")

@@ -1,5 +1,6 @@
 """`symgen sample`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from runtime.cli.common import (
     open_robot,
     require_result_folder,
 )
+from runtime.common.settings import FILE, Choices
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -32,9 +34,14 @@ MOST = 100_000
 """Largest number of models."""
 
 
-def sample_command(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
-    count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleSettings(Choices):
+    """Settings of `symgen sample`."""
+
+    command = "sample"
+    options = "count to seed out robot yes overwrite"
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
+    count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100
     to: Annotated[
         str,
         typer.Option(
@@ -43,18 +50,20 @@ def sample_command(
             help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
             "playground, mjlab, isaaclab, json.",
         ),
-    ] = "mjcf",
-    seed: Seed = 0,
+    ] = "mjcf"
+    seed: Seed = 0
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
-    ] = None,
+    ] = None
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None,
-    yes: Yes = False,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    yes: Yes = False
+    overwrite: Overwrite = False
+
+
+def sample_command(given: SampleSettings) -> None:
     r"""Draw models from the posterior of an identification.
 
     Each draw has its own masses, centres of mass, inertias, friction and rotor inertias, with the
@@ -69,30 +78,35 @@ def sample_command(
     Every model file is read again by the program that it is meant for. samples.json lists the
     files and the factors of each draw relative to the result, samples.npz π and φ.
     """
-    if not 1 <= count <= MOST:
-        raise IdentificationError(f"expected --count from 1 to {MOST}, got {count}; correct it")
+    if not 1 <= given.count <= MOST:
+        raise IdentificationError(
+            f"expected --count from 1 to {MOST}, got {given.count}; correct it"
+        )
     formats = EXPORT_FORMATS.records()
     names = tuple(each.name for each in formats if each.holds_inertia and not each.is_folder)
-    chosen = listed(to, (*names, *RANDOMISERS), "--to")
+    chosen = listed(given.to, (*names, *RANDOMISERS), "--to")
     kinds = tuple(kind for kind in chosen if kind in names)
     randomisers = tuple(kind for kind in chosen if kind in RANDOMISERS)
-    folder = out or (result if result.is_dir() else result.parent) / "samples"
-    paths = [*sample_paths(folder, count, kinds), *randomiser_paths(folder, randomisers)]
-    files = tuple(path.name for path in paths)
-    require_result_folder(folder, ResultFolder("sample", files, "factors"), overwrite)
-    saved = read_result(result)
-    lib = open_robot(robot or saved.robot, yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, result, same_bodies=True)
-    posterior = read_posterior(result, saved, lib)
-    rng = np.random.default_rng(seed)
+    folder = (
+        given.out or (given.result if given.result.is_dir() else given.result.parent) / "samples"
+    )
+    paths = [*sample_paths(folder, given.count, kinds), *randomiser_paths(folder, randomisers)]
+    files = (*(path.name for path in paths), FILE)
+    require_result_folder(folder, ResultFolder("sample", files, "factors"), given.overwrite)
+    saved = read_result(given.result)
+    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
+    notes = require_model(saved, lib, given.result, same_bodies=True)
+    posterior = read_posterior(given.result, saved, lib)
+    rng = np.random.default_rng(given.seed)
     with console.status("drawing models"):
-        draws = draw_models(lib, saved, posterior, count, rng)
+        draws = draw_models(lib, saved, posterior, given.count, rng)
     with console.status("writing models"):
-        facts = write_samples(lib, saved, draws, kinds, folder, seed)
+        given.write(folder)
+        facts = write_samples(lib, saved, draws, kinds, folder, given.seed)
         if randomisers:
             write_randomisers(lib, saved, draws, randomisers, folder, rng)
     say(
-        f"{count} models, effective sample size {facts['effective_sample_size']:.0f}; "
+        f"{given.count} models, effective sample size {facts['effective_sample_size']:.0f}; "
         f"{100 * draws.acceptance:.0f} % of the trajectories were accepted"
     )
     for kind, sentence in facts["checks"].items():

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,8 +13,9 @@ import typer
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
-from runtime.cli.common import Overwrite, Robot, Seed, Yes, given_options, open_robot
+from runtime.cli.common import Overwrite, Robot, Seed, Yes, open_robot
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import Choices, settings_place
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
@@ -46,7 +48,7 @@ _ONLY_COMPILED = (
     *("exact", "perturb", "control_rate", "torque_noise", "position_noise", "velocity_noise"),
     *("viscous", "coulomb", "rotor"),
 )
-_ONLY_MUJOCO = ("payload", "settings", "truth_seed")
+_ONLY_MUJOCO = ("payload", "virtual_robot", "truth_seed")
 
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
@@ -56,31 +58,39 @@ Made = tuple[Recording, dict[str, Any], Loop | None]
 """A log, its true parameters, and its closed loop."""
 
 
-def simulate_command(
-    context: typer.Context,
-    robot: Robot = "fr3",
-    yes: Yes = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulateSettings(Choices):
+    """Settings of `symgen simulate`."""
+
+    command = "simulate"
+    options = (
+        "robot yes trajectory out engine keep_every seed payload virtual_robot truth_seed exact "
+        "perturb control_rate torque_noise position_noise velocity_noise viscous coulomb rotor "
+        "overwrite"
+    )
+    robot: Robot = "fr3"
+    yes: Yes = False
     trajectory: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Motion written by excite; default a design with one start."
         ),
-    ] = None,
+    ] = None
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Log as CSV or NPZ; default results/ROBOT-simulated.csv."
         ),
-    ] = None,
+    ] = None
     engine: Annotated[
         Engine | None,
         typer.Option(
             help="compiled: compiled dynamics, linear friction, white noise. mujoco: effects of a "
-            "real robot, see above; default with --payload, --settings or --truth-seed."
+            "real robot, see above; default with a payload, virtual_robot or truth_seed."
         ),
-    ] = None,
-    keep_every: Annotated[int, typer.Option(help="Record every n-th sample only.", min=1)] = 1,
-    seed: Seed = 0,
+    ] = None
+    keep_every: Annotated[int, typer.Option(help="Record every n-th sample only.", min=1)] = 1
+    seed: Seed = 0
     payload: Annotated[
         str | None,
         typer.Option(
@@ -88,14 +98,14 @@ def simulate_command(
             help="mujoco: a box as payload, in kg and m in the frame of the last link; or a TOML "
             "file.",
         ),
-    ] = None,
-    settings: Annotated[
+    ] = None
+    virtual_robot: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
             help="mujoco: TOML whose entries replace those of the robot: friction, sensors, delay.",
         ),
-    ] = None,
+    ] = None
     truth_seed: Annotated[
         int,
         typer.Option(
@@ -103,41 +113,41 @@ def simulate_command(
             min=0,
             max=2**63 - 1,
         ),
-    ] = 0,
+    ] = 0
     exact: Annotated[
         bool,
         typer.Option("--ideal", help="Follow the trajectory exactly, without a controller."),
-    ] = False,
+    ] = False
     perturb: Annotated[
         float, typer.Option(help="Fraction by which each λ of the URDF differs in the true robot.")
-    ] = 0.05,
+    ] = 0.05
     control_rate: Annotated[
         float | None,
         typer.Option(
             help="Rate of the controller and of the rows before --keep-every, Hz; default 1000, "
             "with --ideal 100."
         ),
-    ] = None,
+    ] = None
     torque_noise: Annotated[
         float, typer.Option(help="Standard deviation of the torque noise, N·m or N.")
-    ] = 0.05,
+    ] = 0.05
     position_noise: Annotated[
         float, typer.Option(help="Standard deviation of the position noise, rad or m.")
-    ] = 1e-5,
+    ] = 1e-5
     velocity_noise: Annotated[
         float, typer.Option(help="Standard deviation of the velocity noise, rad/s or m/s.")
-    ] = 1e-3,
+    ] = 1e-3
     viscous: Annotated[
         float, typer.Option(help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
-    ] = 0.0,
-    coulomb: Annotated[
-        float, typer.Option(help="Coulomb friction of every joint, N·m or N.")
-    ] = 0.0,
+    ] = 0.0
+    coulomb: Annotated[float, typer.Option(help="Coulomb friction of every joint, N·m or N.")] = 0.0
     rotor: Annotated[
         float, typer.Option(help="Motor inertia reflected to the joint, kg·m² or kg.")
-    ] = 0.1,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = 0.1
+    overwrite: Overwrite = False
+
+
+def simulate_command(given: SimulateSettings) -> None:
     r"""Simulate the log of a robot with known parameters.
 
     \b
@@ -153,18 +163,18 @@ def simulate_command(
     The true parameters are written beside the log as NAME.truth.json, the controller as
     NAME.loop.toml and its reference motion as NAME.motion.json.
     """
-    virtual = _is_virtual(context, engine)
-    lib = open_robot(robot, yes)
-    if not (virtual or exact):
+    virtual = _is_virtual(given)
+    lib = open_robot(given.robot, given.yes)
+    if not (virtual or given.exact):
         require_no_springs(lib)
-    path = out or Path("results") / f"{lib.name}-simulated.csv"
-    require_unused([path, *map(path.with_suffix, BESIDE)], overwrite)
+    path = given.out or Path("results") / f"{lib.name}-simulated.csv"
+    require_unused([path, *map(path.with_suffix, BESIDE), settings_place(path)], given.overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)
         motion = (
-            read_trajectory(trajectory, lib)
-            if trajectory
-            else design(lib, starts=1, seed=seed).trajectory
+            read_trajectory(given.trajectory, lib)
+            if given.trajectory
+            else design(lib, starts=1, seed=given.seed).trajectory
         )
         progress.update(task, description="simulating")
 
@@ -172,28 +182,36 @@ def simulate_command(
             progress.update(task, completed=part)
 
         if virtual:
-            made = _virtual(lib, motion, settings, payload, seed, truth_seed, report)
+            made = _virtual(
+                lib,
+                motion,
+                given,
+                report,
+            )
         else:
             noise = {
-                "position_noise": position_noise,
-                "velocity_noise": velocity_noise,
-                "torque_noise": torque_noise,
+                "position_noise": given.position_noise,
+                "velocity_noise": given.velocity_noise,
+                "torque_noise": given.torque_noise,
             }
-            parts = {"viscous": viscous, "coulomb": coulomb, "rotor": rotor}
-            usual = 100.0 if exact else 1000.0
-            rate = usual if control_rate is None else control_rate
-            made = _compiled(lib, motion, perturb, parts, noise, rate, exact, seed, report)
-    _write(lib, motion, made, path, keep_every)
+            parts = {"viscous": given.viscous, "coulomb": given.coulomb, "rotor": given.rotor}
+            usual = 100.0 if given.exact else 1000.0
+            rate = usual if given.control_rate is None else given.control_rate
+            made = _compiled(
+                lib, motion, given.perturb, parts, noise, rate, given.exact, given.seed, report
+            )
+    given.write(path)
+    _write(lib, motion, made, path, given.keep_every)
 
 
-def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
+def _is_virtual(given: SimulateSettings) -> bool:
     """Whether the engine is MuJoCo."""
-    given = given_options(context)
-    for_mujoco = any(name in given for name in _ONLY_MUJOCO)
-    virtual = for_mujoco if engine is None else engine is Engine.mujoco
-    foreign = [name for name in (_ONLY_COMPILED if virtual else _ONLY_MUJOCO) if name in given]
+    stated = given.stated()
+    for_mujoco = any(name in stated for name in _ONLY_MUJOCO)
+    virtual = for_mujoco if given.engine is None else given.engine is Engine.mujoco
+    foreign = [name for name in (_ONLY_COMPILED if virtual else _ONLY_MUJOCO) if name in stated]
     if foreign:
-        named = ", ".join(given[name] for name in foreign)
+        named = ", ".join(stated[name] for name in foreign)
         used, other = ("mujoco", "compiled") if virtual else ("compiled", "mujoco")
         raise IdentificationError(
             f"{named} belongs to the engine '{other}', not to '{used}'; leave it out, or "
@@ -205,20 +223,17 @@ def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
 def _virtual(
     lib: Library,
     motion: Trajectory,
-    settings_file: Path | None,
-    payload: str | None,
-    seed: int,
-    truth_seed: int,
+    given: SimulateSettings,
     report: Callable[[float], None],
 ) -> Made:
-    settings = settings_of(lib, settings_file)
-    box = None if payload is None else read_payload(payload)
+    settings = settings_of(lib, given.virtual_robot)
+    box = None if given.payload is None else read_payload(given.payload)
     log = record(
         lib,
         motion,
         settings,
-        seed=seed,
-        truth_seed=truth_seed,
+        seed=given.seed,
+        truth_seed=given.truth_seed,
         payload=box,
         progress=report,
     )

@@ -1,15 +1,16 @@
 """`symgen excite --static`: poses at rest in place of a motion."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from runtime.cli.common import given_options
 from runtime.cli.motion_output import json_path
 from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import settings_place
 from runtime.common.terminal import say
 from runtime.errors import RuntimeFault
 from runtime.excitation.limits.safety import Safety, unchecked
@@ -69,9 +70,8 @@ class PoseOptions:
     overwrite: bool
 
 
-def require_applicable(context: typer.Context, static: bool) -> None:
-    """Refuse options that have no meaning beside --static, and --poses without it."""
-    given = given_options(context)
+def require_applicable(given: Mapping[str, str], static: bool) -> None:
+    """Refuse choices that have no meaning beside `static`, and `poses` without it."""
     if not static:
         if "poses" in given:
             raise RuntimeFault("--poses is the number of poses of --static; give --static too")
@@ -83,11 +83,11 @@ def require_applicable(context: typer.Context, static: bool) -> None:
         )
 
 
-def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
-    """Design poses and write them as JSON and CSV."""
+def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> Path:
+    """Design poses and write them as JSON and CSV; return the path of the JSON."""
     path = json_path(options.out or Path("results") / f"{lib.name}-static.json")
     table = path.with_suffix(".csv")
-    require_unused((path, table), options.overwrite)
+    require_unused((path, table, settings_place(path)), options.overwrite)
     noise = planned_noise(lib, options.noise)
     designed = design_poses(
         lib,
@@ -110,6 +110,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
     for kind in (*left, "the way from one pose to the next"):
         say(f"NOT checked: {kind}")
     say(f"poses: {path}, {table}")
+    return path
 
 
 def accuracy_sentence(designed: PoseDesign, unit: str) -> str:

@@ -1,6 +1,7 @@
 """`symgen view`."""
 
 import webbrowser
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -10,44 +11,52 @@ import typer
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot
 from runtime.cli.log_options import Recipe, Run
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import say
 from runtime.outputs.viewer.player import Player, read_motion
 from runtime.outputs.viewer.scene import FRAME_S, Scene
 from runtime.outputs.viewer.shapes import look_of
 
 
-def view_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewSettings(Choices):
+    """Settings of `symgen view`."""
+
+    command = "view"
+    options = "robot yes recipe run urdf package_dir port no_open html overwrite"
     motion: Annotated[
         str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
-    ],
-    robot: Robot = "fr3",
-    yes: Yes = False,
-    recipe: Recipe = None,
-    run: Run = None,
+    ]
+    robot: Robot = "fr3"
+    yes: Yes = False
+    recipe: Recipe = None
+    run: Run = None
     urdf: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
         ),
-    ] = None,
+    ] = None
     package_dir: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
         ),
-    ] = None,
-    port: Annotated[
-        int, typer.Option(help="Port of the server; if it is used, the next one.")
-    ] = 8080,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
+    ] = None
+    port: Annotated[int, typer.Option(help="Port of the server; if it is used, the next one.")] = (
+        8080
+    )
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False
     html: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Write the animation as one HTML file instead of serving it."
         ),
-    ] = None,
-    overwrite: Overwrite = False,
-) -> None:
+    ] = None
+    overwrite: Overwrite = False
+
+
+def view_command(given: ViewSettings) -> None:
     r"""Show the moving robot in a web browser.
 
     \b
@@ -58,23 +67,23 @@ def view_command(
     the visual meshes of the URDF, else by the collision capsules, else by lines. Ctrl-C ends the
     server.
     """
-    lib = open_robot(robot, yes)
-    require_unused([html] if html else [], overwrite, "--html")
-    played = read_motion(motion, lib, recipe, run)
-    look = look_of(lib, urdf, package_dir or ())
-    scene = Scene(lib, look, port)
+    lib = open_robot(given.robot, given.yes)
+    require_unused([given.html] if given.html else [], given.overwrite, "--html")
+    played = read_motion(given.motion, lib, given.recipe, given.run)
+    look = look_of(lib, given.urdf, given.package_dir or ())
+    scene = Scene(lib, look, given.port)
     try:
         scene.trace(played.q)
         say(f"drawn:  {look.sentence}")
-        if html is not None:
+        if given.html is not None:
             times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
             film = scene.film(np.array([played.at(float(t))[0] for t in times]))
-            with replacing(html) as file:
+            with replacing(given.html) as file:
                 file.write(film.encode())
-            say(f"film:   {html}")
+            say(f"film:   {given.html}")
             return
         say(f"viewer: {scene.url} (Ctrl-C ends it)")
-        if not no_open:
+        if not given.no_open:
             webbrowser.open(scene.url)
         Player(lib, scene, played).run()
     except KeyboardInterrupt:

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,7 @@ from rich.table import Table
 from runtime.cli.common import Yes, open_robot
 from runtime.cli.log_options import Recipe
 from runtime.common.files import bytes_of
+from runtime.common.settings import Choices
 from runtime.common.terminal import console, say
 from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
@@ -35,33 +37,38 @@ KNOWN = 0.5
 """Share of rows of the model, or of a log of reference, from which on a log is no later one."""
 
 
-def watch_command(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
-    logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchSettings(Choices):
+    """Settings of `symgen watch`."""
+
+    command = "watch"
+    options = "robot yes recipe history temperature date references as_json"
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
+    logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")]
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None,
-    yes: Yes = False,
-    recipe: Recipe = None,
+    ] = None
+    yes: Yes = False
+    recipe: Recipe = None
     history: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
         ),
-    ] = None,
+    ] = None
     temperature: Annotated[
         str | None,
         typer.Option(
             metavar="COLUMN|NUMBER",
             help="Temperature for the history: a column of the logs, or a number for all [°C].",
         ),
-    ] = None,
+    ] = None
     date: Annotated[
         str | None,
         typer.Option(
             metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
         ),
-    ] = None,
+    ] = None
     references: Annotated[
         list[str] | None,
         typer.Option(
@@ -70,9 +77,11 @@ def watch_command(
             help="Log of another day of the healthy robot, from which the usual change between "
             "days is learnt; three or more, once each. [default: an assumed one]",
         ),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
-) -> None:
+    ] = None
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+
+
+def watch_command(given: WatchSettings) -> None:
     r"""Test whether a robot has changed since its model was identified.
 
     Tested are the gain and the bias of every torque sensor, friction, every link, a body on the
@@ -89,33 +98,36 @@ def watch_command(
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
-    saved = read_result(result)
-    lib = open_robot(robot or saved.robot, yes)
-    notes = require_model(saved, lib, result)
-    root = read_posterior(result, saved, lib).root(lib)
+    saved = read_result(given.result)
+    lib = open_robot(given.robot or saved.robot, given.yes)
+    notes = require_model(saved, lib, given.result)
+    root = read_posterior(given.result, saved, lib).root(lib)
     model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(result, model).rest ** 2, axis=0))
-    if history is not None:
-        read_history(history)  # before any work
+    sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
+    if given.history is not None:
+        read_history(given.history)  # before any work
     circumstances = [
-        {"recorded": _recorded(log, date), "temperature": _temperature(log, recipe, temperature)}
-        for log in logs
+        {
+            "recorded": _recorded(log, given.date),
+            "temperature": _temperature(log, given.recipe, given.temperature),
+        }
+        for log in given.logs
     ]
-    raw = [saved.log_of(log, lib, recipe) for log in logs]
-    recordings = _prepared(lib, saved, logs, raw)
-    days = [saved.log_of(log, lib, recipe) for log in references or []]
-    healthy = _prepared(lib, saved, references or [], days)
-    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(result, model), healthy)
+    raw = [saved.log_of(log, lib, given.recipe) for log in given.logs]
+    recordings = _prepared(lib, saved, given.logs, raw)
+    days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
+    healthy = _prepared(lib, saved, given.references or [], days)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(given.result, model), healthy)
     rows = [row_marks(day) for day in days]
     verdicts = [
         verdict_of(lib, baseline, each, _is_known(saved, rows, log))
         for each, log in zip(recordings, raw, strict=True)
     ]
     entries = [_facts(verdict) for verdict in verdicts]
-    if history is not None:
-        marks = _marks(result, lib)
+    if given.history is not None:
+        marks = _marks(given.result, lib)
         append_history(
-            history,
+            given.history,
             [
                 marks | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
                 for log, each, facts, verdict in zip(
@@ -124,7 +136,7 @@ def watch_command(
             ],
         )
     worst = min(range(len(entries)), key=lambda k: entries[k]["p_value"])
-    if as_json:
+    if given.as_json:
         many = {"logs": entries} if len(entries) > 1 else {}
         facts = entries[worst] | many | {"notes": list(notes)}
         print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))

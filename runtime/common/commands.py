@@ -20,6 +20,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from runtime.common.errors import RuntimeFault
+from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
 __all__ = [
@@ -119,6 +120,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("sample", "Draw models from the posterior of an identification."),
         _run("export", "Export an identified model to simulators and controllers."),
         _run("report", "Write the results of a folder as one HTML page."),
+        _run("rerun", "Repeat the run of a result and compare the digits."),
         _run("view", "Show the moving robot in a web browser."),
     ),
     "Learn": (
@@ -134,18 +136,65 @@ GROUPS: dict[str, tuple[Command, ...]] = {
 
 
 class CheckedCommand(TyperCommand):
-    """A command that refuses numbers of absurd size."""
+    """A command with settings beside its options, which refuses numbers of absurd size.
+
+    Attributes:
+        record: its choices; None for a command that takes none.
+        settings: parameters that stand in --settings only.
+    """
+
+    record: type[Choices] | None = None
+    settings: Sequence[Any] = ()
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the command line."""
+        """Read the command line and the settings that it names."""
         if "--verbose" in args:
             VERBOSE.set(True)
         args = [word for word in args if word != "--verbose"]
+        if self.record is not None:
+            self._require_options(args)
+            args = self._with_settings(ctx, args)
         rest: list[str] = super().parse_args(ctx, args)
-        for param in self.params:
+        for param in self.settings:
+            try:
+                param.handle_parse_result(ctx, {}, [])
+            except typer.BadParameter as error:
+                raise RuntimeFault(
+                    f"the setting '{param.name}': {error.message[:200].rstrip('.')}; correct it"
+                ) from None
+        for param in (*self.params, *self.settings):
             if param.param_type_name == "option" and param.name in ctx.params:
                 _require_usual(param.opts[0], ctx.params[param.name])
         return rest
+
+    def _require_options(self, args: list[str]) -> None:
+        """Refuse an option that is a setting, and say how it is written."""
+        for word in args[: args.index("--")] if "--" in args else args:
+            name = word.partition("=")[0]
+            for param in self.settings:
+                if name in (*param.opts, *param.secondary_opts):
+                    key = param.opts[0].removeprefix("--").replace("-", "_")
+                    off = name in param.secondary_opts
+                    value = ("false" if off else "true") if param.is_flag else "VALUE"
+                    raise RuntimeFault(
+                        f"{name} is a setting of {self.name}; give --settings {key}={value}, or "
+                        f"{key} = … in the TOML file of --settings"
+                    )
+
+    def _with_settings(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take the values of --settings as defaults; the words of arguments that are missing."""
+        if not any(word.partition("=")[0] == "--settings" for word in args):
+            return args
+        values, _, _ = self.make_parser(ctx).parse_args(list(args))
+        record = self.record
+        stated = stated_settings(record, values.get("settings") or ()) if record else {}
+        arguments = [p for p in self.params if p.param_type_name == "argument"]
+        if not any(values.get(str(p.name)) for p in arguments):
+            given = [stated.get(str(p.name)) for p in arguments]
+            words = [w for v in given if v for w in (v if isinstance(v, list) else [v])]
+            args = [*args, *(["--"] if "--" not in args else []), *words]
+        ctx.default_map = stated
+        return args
 
 
 def _require_usual(option: str, value: Any) -> None:
@@ -170,8 +219,20 @@ def imported(command: Command) -> Any:
         rich_markup_mode="rich",
         context_settings=CONTEXT,
     )
-    app.command(command.name, cls=CheckedCommand, help=flowing(getdoc(function) or ""))(function)
-    return typer.main.get_command(app)
+    help_text = flowing(getdoc(function) or "")
+    app.command(command.name, cls=CheckedCommand, help=help_text)(as_function(function))
+    made = typer.main.get_command(app)
+    if isinstance(made, CheckedCommand) and (record := record_of(function)):
+        hidden = {each.name for each in choices_of(record)} - set(record.options.split())
+        made.record = record
+        made.settings = [
+            p for p in made.params if p.name in hidden and p.param_type_name == "option"
+        ]
+        made.params = [p for p in made.params if p not in made.settings]
+        if made.settings:
+            keys = [p.opts[0].removeprefix("--").replace("-", "_") for p in made.settings]
+            made.epilog = f"Further settings, by --settings: {', '.join(keys)}."
+    return made
 
 
 class _Imports(Mapping[str, Any]):

@@ -1,5 +1,6 @@
 """`symgen reproduce`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, Yes, counting, open_robot
 from runtime.common.commands import INTERRUPTED
+from runtime.common.settings import Choices
 from runtime.common.terminal import command_line, console, say
 from runtime.experiments import (
     DEFAULT_TRIALS,
@@ -25,39 +27,46 @@ from runtime.library import Library
 EVERYTHING, LISTED = "all", "list"
 
 
-def reproduce_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReproduceSettings(Choices):
+    """Settings of `symgen reproduce`."""
+
+    command = "reproduce"
+    options = "robot yes trials out seed scheduler fresh"
     what: Annotated[
         str,
         typer.Argument(
             metavar="ID|all|list",
             help="Id of a table or figure; all for every one; list for their ids and states.",
         ),
-    ],
-    robot: Robot = "fr3",
-    yes: Yes = False,
+    ]
+    robot: Robot = "fr3"
+    yes: Yes = False
     trials: Annotated[
         int, typer.Option(help="Number of Monte Carlo trials; default that of the document.", min=1)
-    ] = DEFAULT_TRIALS,
+    ] = DEFAULT_TRIALS
     out: Annotated[
         Path,
         typer.Option(metavar="FOLDER", help="Folder of the results, with one folder per study."),
-    ] = Path("results/experiments"),
+    ] = Path("results/experiments")
     seed: Annotated[
         int | None,
         typer.Option(
             help="Seed of the trials; the designed motions stay the same. Default 0.", min=0
         ),
-    ] = None,
+    ] = None
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster instead."
         ),
-    ] = None,
+    ] = None
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Delete the trials in the folder and compute all again.")
-    ] = False,
-) -> None:
+    ] = False
+
+
+def reproduce_command(given: ReproduceSettings) -> None:
     r"""Reproduce the tables and figures of the document.
 
     \b
@@ -70,11 +79,11 @@ def reproduce_command(
     with the same command. Written per study: trials.parquet, series.npz, and result.json with
     settings, hash, versions and seeds; report makes a page of them.
     """
-    if what == LISTED:
-        _list(open_robot(robot, yes), Request(out, trials, seed))
+    if given.what == LISTED:
+        _list(open_robot(given.robot, given.yes), Request(given.out, given.trials, given.seed))
         return
-    studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
-    lib = open_robot(robot, yes)
+    studies = list(STUDIES.values()) if given.what == EVERYTHING else [study_of(given.what)]
+    lib = open_robot(given.robot, given.yes)
     with counting(TextColumn("left"), TimeRemainingColumn()) as progress:
         tasks: dict[str, TaskID] = {}
 
@@ -84,11 +93,11 @@ def reproduce_command(
             progress.update(tasks[name], completed=done)
 
         request = Request(
-            out=out,
-            trials=trials,
-            seed=seed,
-            scheduler=scheduler,
-            fresh=fresh,
+            out=given.out,
+            trials=given.trials,
+            seed=given.seed,
+            scheduler=given.scheduler,
+            fresh=given.fresh,
             command=command_line(),
             progress=reported,
             notify=say,
@@ -100,7 +109,7 @@ def reproduce_command(
             say("interrupted; complete chunks are kept, and the same command continues from them")
             raise typer.Exit(INTERRUPTED) from None
     for study, facts in zip(studies, results, strict=True):
-        place = out / study.name / RESULT
+        place = given.out / study.name / RESULT
         say(f"{study.title}: {place} (config {facts['config_hash'][:12]})")
 
 

@@ -8,19 +8,18 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import typer
 
 from runtime.cli import app
-from runtime.cli.evaluate import evaluate_command
-from runtime.cli.export import export_command
-from runtime.cli.fleet import fleet_command
-from runtime.cli.inspect import inspect_command
-from runtime.cli.predict import predict_command
-from runtime.cli.simulate import simulate_command
+from runtime.cli.evaluate import EvaluateSettings, evaluate_command
+from runtime.cli.export import ExportSettings, export_command
+from runtime.cli.fleet import FleetSettings, fleet_command
+from runtime.cli.inspect import InspectSettings, inspect_command
+from runtime.cli.predict import PredictSettings, predict_command
+from runtime.cli.simulate import SimulateSettings, simulate_command
 from runtime.common.child import Limits
 from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
@@ -102,7 +101,7 @@ def _streamed(path: Path, _: Library) -> None:
 
 def _headless(path: Path, lib: Library, recipe: Path | None = None) -> None:
     with contextlib.suppress(typer.Exit):
-        inspect_command(str(path), robot=str(lib.folder), recipe_out=recipe)
+        inspect_command(InspectSettings(log=str(path), robot=str(lib.folder), recipe_out=recipe))
 
 
 def _inspected_log(path: Path, lib: Library) -> None:
@@ -151,7 +150,9 @@ def _fleet(path: Path, lib: Library) -> None:
     (place / OUT).mkdir(exist_ok=True)
     out = place / OUT / "fleet.toml"
     try:
-        fleet_command(place / "units", out=out, robot=str(lib.folder), overwrite=True)
+        units = place / "units"
+        robot = str(lib.folder)
+        fleet_command(FleetSettings(folder=units, out=out, robot=robot, overwrite=True))
     finally:  # parts of a run that ended early are kept on purpose
         shutil.rmtree(place / OUT / "fleet.toml.parts", ignore_errors=True)
 
@@ -163,25 +164,19 @@ def _controlled(path: Path, lib: Library) -> None:
 
 
 def _predicted(path: Path, lib: Library) -> None:
-    predict_command(str(path), robot=str(lib.folder), noise="0.05", as_json=True)
+    robot = str(lib.folder)
+    predict_command(PredictSettings(trajectory=str(path), robot=robot, noise="0.05", as_json=True))
 
 
 def _simulated(path: Path, lib: Library) -> None:
-    class Typed:
-        """Context of a command line with the robot and the motion only."""
-
-        command = SimpleNamespace(params=())
-
-        def get_parameter_source(self, _: str) -> None:
-            """No option is given."""
-
-    given = {"robot": str(lib.folder), "trajectory": path, "keep_every": 10}
-    simulate_command(Typed(), out=_out(path) / "log.csv", **given)  # type: ignore[arg-type]
+    robot, out = str(lib.folder), _out(path) / "log.csv"
+    simulate_command(SimulateSettings(robot=robot, trajectory=path, keep_every=10, out=out))
 
 
 def _evaluated(path: Path, lib: Library) -> None:
     log = str(path.with_name("log.csv"))
-    evaluate_command(path.parent, log, robot=str(lib.folder), as_json=True)
+    robot = str(lib.folder)
+    evaluate_command(EvaluateSettings(result=path.parent, log=log, robot=robot, as_json=True))
 
 
 def _renewed(path: Path, lib: Library) -> None:
@@ -194,7 +189,11 @@ def _exported(form: str) -> Door:
     """Export of one format; of several, complete ones would stay where another fails."""
 
     def read(path: Path, lib: Library) -> None:
-        export_command(path.parent, to=form, out=_out(path), robot=str(lib.folder), overwrite=True)
+        robot = str(lib.folder)
+        chosen = ExportSettings(
+            result=path.parent, to=form, out=_out(path), robot=robot, overwrite=True
+        )
+        export_command(chosen)
 
     return Door("result.json", goods.result, read)
 

@@ -1,6 +1,7 @@
 """Command `inspect`: a model file in; a table, sentences and an exit code out."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,30 +10,38 @@ import typer
 from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import console, say
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
 from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
 from symgen.inspect.inspection import INERTIAL
 
 
-def inspect_command(
-    model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InspectSettings(Choices):
+    """Settings of `symgen inspect`."""
+
+    command = "inspect"
+    options = "as_json strict repair overwrite package_dir arg robot_model"
+    model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")]
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False
     repair: Annotated[
         Path | None,
         typer.Option(
             help="Write a physically consistent URDF with the same joint torques to this file."
         ),
-    ] = None,
-    overwrite: OverwriteOption = False,
+    ] = None
+    overwrite: OverwriteOption = False
     package_dir: Annotated[
         list[Path] | None,
         typer.Option(help="Folder in which package:// meshes are searched; repeatable."),
-    ] = None,
-    arg: ArgumentOption = None,
-    robot_model: ModelOption = None,
-) -> None:
+    ] = None
+    arg: ArgumentOption = None
+    robot_model: ModelOption = None
+
+
+def inspect_command(given: InspectSettings) -> None:
     r"""Check the inertial parameters of a robot model.
 
     Errors are physically impossible: a negative mass, a principal moment larger than the sum of the
@@ -55,16 +64,22 @@ def inspect_command(
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
     inspection = inspect_file(
-        model, tuple(package_dir or ()), True, read_arguments(arg or []), robot_model
+        given.model,
+        tuple(given.package_dir or ()),
+        True,
+        read_arguments(given.arg or []),
+        given.robot_model,
     )
     result: dict[str, Any] = facts(inspection)
-    if not as_json:
+    if not given.as_json:
         _show(inspection)
-    if repair is not None:
-        result["repair"] = _repair(inspection, model, repair, overwrite, as_json)
-    if as_json:
+    if given.repair is not None:
+        result["repair"] = _repair(
+            inspection, given.model, given.repair, given.overwrite, given.as_json
+        )
+    if given.as_json:
         print(json.dumps(result, indent=1))
-    raise typer.Exit(int(bool(inspection.findings if strict else inspection.errors)))
+    raise typer.Exit(int(bool(inspection.findings if given.strict else inspection.errors)))
 
 
 def _show(inspection: Inspection) -> None:

@@ -2,13 +2,14 @@
 
 import difflib
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from runtime.common.records import record_from_toml
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, console, say
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
@@ -38,15 +39,27 @@ from symgen.make.pipeline import build, generate, write_controller
 from symgen.make.request import BuildRequest, bundled_request, request_from_folder
 from symgen.sources import Packages, Source, published_urdf, read_source, split_by_use
 
+_OF_URDF = ["project", "config", "masses", "densities", "mechanism", "arg", "package", "model"]
+"""Choices that belong to a robot of the user."""
 
-def build_command(
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildSettings(Choices):
+    """Settings of `symgen build`."""
+
+    command = "build"
+    options = (
+        "robot urdf description name base tip gravity lock snap project floating masses "
+        "densities mechanism arg package model config level all_levels kernels precision "
+        "casadi watch_size force out overwrite"
+    )
     robot: Annotated[
         str,
         typer.Option(
             autocompletion=completing(bundled_robots()),
             help="Name of a bundled robot, see `symgen list`.",
         ),
-    ] = "fr3",
+    ] = "fr3"
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -54,42 +67,42 @@ def build_command(
             "package://PACKAGE/path is searched in ROS packages. Needs --name.",
             dir_okay=False,
         ),
-    ] = None,
+    ] = None
     description: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
             help="Published robot of robot_descriptions or example-robot-data, where installed.",
         ),
-    ] = None,
+    ] = None
     name: Annotated[
         str | None,
         typer.Option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
-    ] = None,
-    base: BaseOption = None,
-    tip: TipOption = None,
+    ] = None
+    base: BaseOption = None
+    tip: TipOption = None
     gravity: Annotated[
         str | None,
         typer.Option(
             metavar="X,Y,Z",
             help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
         ),
-    ] = None,
-    lock: LockOption = None,
+    ] = None
+    lock: LockOption = None
     snap: Annotated[
         float,
         typer.Option(
             help="Replace rpy angles within this distance, rad, of a multiple of π/2 by the "
             "multiple; 1e-4 for a URDF that rounds its angles."
         ),
-    ] = 0.0,
+    ] = 0.0
     project: Annotated[
         bool,
         typer.Option(
             "--project",
             help="Replace physically inconsistent inertias by the nearest consistent ones.",
         ),
-    ] = False,
+    ] = False
     floating: Annotated[
         bool,
         typer.Option(
@@ -97,7 +110,7 @@ def build_command(
             help="Free the base link: kernels take its pose, velocity and acceleration and have "
             "six rows for it before those of the joints. Gravity is in the world's frame.",
         ),
-    ] = False,
+    ] = False
     masses: Annotated[
         Path | None,
         typer.Option(
@@ -106,7 +119,7 @@ def build_command(
             "without any <inertial> gets placeholders, which are no prior.",
             dir_okay=False,
         ),
-    ] = None,
+    ] = None
     densities: Annotated[
         Path | None,
         typer.Option(
@@ -115,12 +128,12 @@ def build_command(
             "without <inertial>, whose bodies are computed from their closed meshes.",
             dir_okay=False,
         ),
-    ] = None,
-    mechanism: MechanismOption = None,
-    arg: ArgumentOption = None,
-    package: PackageOption = None,
-    model: ModelOption = None,
-    config: ConfigOption = None,
+    ] = None
+    mechanism: MechanismOption = None
+    arg: ArgumentOption = None
+    package: PackageOption = None
+    model: ModelOption = None
+    config: ConfigOption = None
     level: Annotated[
         list[str] | None,
         typer.Option(
@@ -129,14 +142,14 @@ def build_command(
             "and portable, for bundled robots all; the best that the processor supports is chosen "
             "when the library is loaded."
         ),
-    ] = None,
+    ] = None
     all_levels: Annotated[
         bool,
         typer.Option(
             "--all-levels",
             help="Compile every level of this machine, for a library that others will load.",
         ),
-    ] = False,
+    ] = False
     kernels: Annotated[
         str | None,
         typer.Option(
@@ -144,10 +157,10 @@ def build_command(
             help="Write only these kernels, as one C file and one header for a microcontroller in "
             "OUT/NAME/controller/, and compile nothing.",
         ),
-    ] = None,
+    ] = None
     precision: Annotated[
         str, typer.Option(help="Numbers of the files of --kernels: double or single.")
-    ] = "double",
+    ] = "double"
     casadi: Annotated[
         bool,
         typer.Option(
@@ -155,20 +168,22 @@ def build_command(
             help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
             "with CasADi's ABI and Jacobians) too.",
         ),
-    ] = False,
+    ] = False
     watch_size: Annotated[
         bool,
         typer.Option(
             "--watch-size",
             help="Print operations, CPU time and memory to expect before the compilation starts.",
         ),
-    ] = False,
+    ] = False
     force: Annotated[
         bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
-    ] = False,
-    out: RootOption = DEFAULT_ROOT,
-    overwrite: OverwriteOption = False,
-) -> None:
+    ] = False
+    out: RootOption = DEFAULT_ROOT
+    overwrite: OverwriteOption = False
+
+
+def build_command(given: BuildSettings) -> None:
     r"""Generate and compile the C library of a robot arm.
 
     Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
@@ -184,60 +199,81 @@ def build_command(
     python -m symgen build --robot fr3 --kernels inverse_dynamics --precision single
     """
     options = ChainOptions(
-        base, tip, vector_of(gravity), read_locks(lock or []), snap, floating=floating
+        given.base,
+        given.tip,
+        vector_of(given.gravity),
+        read_locks(given.lock or []),
+        given.snap,
+        floating=given.floating,
     )
-    if description is not None:
+    urdf, name = given.urdf, given.name
+    if given.description is not None:
         if urdf is not None:
             raise BuildError("--urdf and --description both name a robot; give one of them")
-        urdf, name = published_urdf(description), name or description.lower()
+        urdf, name = published_urdf(given.description), name or given.description.lower()
     if urdf is None:
-        if project or config or masses or densities or mechanism or arg or package or model:
+        if any(getattr(given, each) for each in _OF_URDF):
             raise BuildError(
                 "the options --project, --masses, --densities, --mechanism, --arg, --package, "
                 "--model and --config belong to your own robot; give its --urdf too"
             )
-        request = bundled_request(robot)
+        request = bundled_request(given.robot)
         if options != ChainOptions() or name:
             request = changed_request(request, name, options)
     else:
         options = replace(
             options,
-            masses=read_masses(masses) if masses else {},
-            mechanism=read_mechanism(mechanism),
+            masses=read_masses(given.masses) if given.masses else {},
+            mechanism=read_mechanism(given.mechanism),
         )
-        source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())), model)
-        request = request_from_urdf(source, name, options, project, config, densities)
-    if kernels is not None:
-        names = [word.strip() for word in kernels.split(",")]
-        say(f"{write_controller(request, out, names, precision, overwrite)}: written")
+        source = Source(
+            urdf,
+            read_arguments(given.arg or []),
+            Packages(tuple(given.package or ())),
+            given.model,
+        )
+        request = request_from_urdf(
+            source, name, options, given.project, given.config, given.densities
+        )
+    if given.kernels is not None:
+        names = [word.strip() for word in given.kernels.split(",")]
+        folder = write_controller(request, given.out, names, given.precision, given.overwrite)
+        say(f"{folder}: written")
         return
-    if precision != "double":
+    if given.precision != "double":
         raise BuildError("--precision belongs to --kernels; name the kernels to write")
-    levels = levels_of(level, all_levels, request.name)
+    levels = levels_of(given.level, given.all_levels, request.name)
     with console.status(f"building {request.name}"):
-        watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None
-        result = build(request, out, force, levels, overwrite, watch)
+        watch = (lambda cost: say(f"{request.name}: {cost}")) if given.watch_size else None
+        result = build(request, given.out, given.force, levels, given.overwrite, watch)
     for note in result.notes:
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
     say(f"{result.folder}: {state}")
-    if casadi:
+    if given.casadi:
         for path in write_casadi(request, result.folder):
             say(f"{path}: written")
 
 
-def check_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckSettings(Choices):
+    """Settings of `symgen check`."""
+
+    command = "check"
+    options = "out"
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
-    ] = None,
-    out: RootOption = DEFAULT_ROOT,
-) -> None:
+    ] = None
+    out: RootOption = DEFAULT_ROOT
+
+
+def check_command(given: CheckSettings) -> None:
     """Compare generated files with the C code that symgen writes today.
 
     Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """
     different = []
-    for folder in folders_of(out, robot):
+    for folder in folders_of(given.out, given.robot):
         bundled = folder.name in bundled_robots()
         request = bundled_request(folder.name) if bundled else request_from_folder(folder)
         emitted, _ = generate(request)

@@ -1,6 +1,7 @@
 """Command `proxies`: capsules around the collision geometry of a URDF, and pairs to check."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import console, say
 from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import (
@@ -29,29 +31,36 @@ from symgen.make.config import RobotConfig, home_of, read_config
 from symgen.sources import urdf_text
 
 
-def proxies_command(
-    urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)],
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProxiesSettings(Choices):
+    """Settings of `symgen proxies`."""
+
+    command = "proxies"
+    options = "out package_dir base tip lock config most margin overwrite"
+    urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)]
     out: Annotated[
         Path, typer.Option(help="TOML file to write, for build --config.", dir_okay=False)
-    ],
+    ]
     package_dir: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
         ),
-    ] = None,
-    base: BaseOption = None,
-    tip: TipOption = None,
-    lock: LockOption = None,
-    config: ConfigOption = None,
+    ] = None
+    base: BaseOption = None
+    tip: TipOption = None
+    lock: LockOption = None
+    config: ConfigOption = None
     most: Annotated[
         int, typer.Option(min=1, max=6, help="Largest number of capsules per link.")
-    ] = 3,
+    ] = 3
     margin: Annotated[
         float, typer.Option(help="Distance that a motion keeps between the proxies of a pair, m.")
-    ] = MARGIN,
-    overwrite: OverwriteOption = False,
-) -> None:
+    ] = MARGIN
+    overwrite: OverwriteOption = False
+
+
+def proxies_command(given: ProxiesSettings) -> None:
     r"""Fit collision capsules to a robot and choose the pairs to check.
 
     Every link gets one to MOST capsules that enclose its collision shapes; pairs that never come
@@ -61,17 +70,20 @@ def proxies_command(
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
-    require_unused([out], overwrite, None)
-    if not (math.isfinite(margin) and margin >= 0):
-        raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")
-    chain = read_chain(urdf_text(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
-    known = read_config(*config) if config else RobotConfig()
+    require_unused([given.out], given.overwrite, None)
+    if not (math.isfinite(given.margin) and given.margin >= 0):
+        raise BuildError(f"--margin needs a distance in m, not below 0, got {given.margin:g}")
+    chain = read_chain(
+        urdf_text(given.urdf),
+        ChainOptions(given.base, given.tip, None, read_locks(given.lock or [])),
+    )
+    known = read_config(*given.config) if given.config else RobotConfig()
     with console.status("fitting capsules"):
-        geometry = read_geometry(chain, package_dir or [])
-        fitted = tuple(proxy for part in geometry for proxy in fit_link(part, most))
+        geometry = read_geometry(chain, given.package_dir or [])
+        fitted = tuple(proxy for part in geometry for proxy in fit_link(part, given.most))
         covered = [coverage(part, fitted) for part in geometry]
         home = np.array(home_of(chain, known))
-        chosen = select_pairs(chain, fitted, home, geometry, margin)
+        chosen = select_pairs(chain, fitted, home, geometry, given.margin)
     console.print(_table(covered))
     for sentence in _sentences(chosen):
         say(sentence)
@@ -83,9 +95,9 @@ def proxies_command(
         )
     header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
     text = header + toml_from_collision(CollisionModel(fitted, chosen.pairs))
-    with replacing(out) as file:
+    with replacing(given.out) as file:
         file.write(text.encode())
-    say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
+    say(f"{given.out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 
 def _table(covered: list[Coverage]) -> Table:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from runtime.common.files import json_of
+from runtime.common.settings import Choices
 from runtime.common.terminal import console, say
 from runtime.common.user_builds import built_robots
 from symgen.cli.common import DEFAULT_ROOT, RootOption, folders_of, generated_here
@@ -26,14 +28,23 @@ _DAMAGE = (
 _LIMITS = ("lower", "upper", "velocity", "effort")
 
 
-def list_command(out: RootOption = DEFAULT_ROOT) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListSettings(Choices):
+    """Settings of `symgen list`."""
+
+    command = "list"
+    options = "out"
+    out: RootOption = DEFAULT_ROOT
+
+
+def list_command(given: ListSettings) -> None:
     """List bundled and generated robots.
 
     The library of a generated robot is built, not compiled, or stale (built from other inputs).
     C code that comes with the installed package is compiled when it is used for the first time.
     """
     table = Table("robot", "bundled", "generated", "library")
-    folders = {folder.name: folder for folder in generated_here(out)}
+    folders = {folder.name: folder for folder in generated_here(given.out)}
     unknown = False
     for name in sorted({*folders, *bundled_robots()}):
         library = "-"
@@ -41,7 +52,7 @@ def list_command(out: RootOption = DEFAULT_ROOT) -> None:
             library = _state(name, folders[name])
             unknown = unknown or library == "built?"
         generated = "" if name not in folders else "yes"
-        if name in folders and folders[name].parent != out:
+        if name in folders and folders[name].parent != given.out:
             here = built_robots().get(name) == folders[name]
             generated = str(folders[name]) if here else "with the package"
         table.add_row(name, "yes" if name in bundled_robots() else "", generated, library)
@@ -67,19 +78,26 @@ def _state(name: str, folder: Path) -> str:
     return "built" if is_current(bundled_request(name), folder) else "stale"
 
 
-def describe_command(
-    robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    out: RootOption = DEFAULT_ROOT,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribeSettings(Choices):
+    """Settings of `symgen describe`."""
+
+    command = "describe"
+    options = "as_json out"
+    robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3"
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+    out: RootOption = DEFAULT_ROOT
+
+
+def describe_command(given: DescribeSettings) -> None:
     """Show joints, limits, base parameters and kernels of a robot.
 
     Positions in rad or m, velocities in rad/s or m/s, efforts in N·m or N. Base parameters are
     combinations of link parameters, such as link1.ZZ + link2.YY. Kernels are listed with the shapes
     of their arguments and their arithmetic operations.
     """
-    here = {folder.name: folder for folder in generated_here(out)}
-    folder = here[robot] if robot in here else folders_of(out, robot)[0]
+    here = {folder.name: folder for folder in generated_here(given.out)}
+    folder = here[given.robot] if given.robot in here else folders_of(given.out, given.robot)[0]
     path = folder / "manifest.json"
     try:
         manifest = json_of(path)
@@ -90,7 +108,7 @@ def describe_command(
             f"'{path}' is damaged ({type(error).__name__}: {error}); build the robot again with: "
             "python -m symgen build"
         ) from None
-    if as_json:
+    if given.as_json:
         print(facts)
         return
     for table in tables:
@@ -174,17 +192,24 @@ def _kernel_table(manifest: dict[str, Any]) -> Table:
     return table
 
 
-def clean_command(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleanSettings(Choices):
+    """Settings of `symgen clean`."""
+
+    command = "clean"
+    options = "out"
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
-    ] = None,
-    out: RootOption = DEFAULT_ROOT,
-) -> None:
+    ] = None
+    out: RootOption = DEFAULT_ROOT
+
+
+def clean_command(given: CleanSettings) -> None:
     """Delete compiled libraries and generated folders.
 
     Of a bundled robot only the library is deleted, of your own robot the whole folder.
     """
-    for folder in folders_of(out, robot):
+    for folder in folders_of(given.out, given.robot):
         if folder.name in bundled_robots():
             for path in (folder / f"lib{folder.name}.so", folder / "build.json"):
                 path.unlink(missing_ok=True)

@@ -25,8 +25,8 @@ EXEMPT = {
     ("symgen", "describe"): "--out is the folder that it reads",
     ("symgen", "list"): "--out is the folder that it reads",
 }
-LOG_FILES = ("s.csv", "s.truth.json", "s.motion.json", "s.loop.toml")
-MOTION_FILES = ("e.json", "e.motion.csv")
+LOG_FILES = ("s.csv", "s.truth.json", "s.motion.json", "s.loop.toml", "s.settings.toml")
+MOTION_FILES = ("e.json", "e.motion.csv", "e.settings.toml")
 STAGES = tuple(
     f"e{speed}{end}"
     for speed in ("", "-speed50")
@@ -36,7 +36,7 @@ RESULT_FILES = tuple(
     f"out/{name}"
     for name in (
         *("result.json", "predictions.npz", "posterior.npz"),
-        *("identified.urdf", "report.html"),
+        *("identified.urdf", "report.html", "settings.toml"),
     )
 )
 CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
@@ -47,18 +47,18 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
             *("excite", "--out", "e.json", "--export", "ros", "--export", "libfranka"),
             *("--speed", "100", "--speed", "50", "--table", "none", "--unchecked", "all"),
         ),
-        ("e.json", *STAGES),
+        ("e.json", "e.settings.toml", *STAGES),
     ),
     "approach": (("approach", "good.json", "--from", "home", "--out", "e.json"), MOTION_FILES),
     "excite --pictures": (
         ("excite", "--out", "e.json", "--pictures"),
-        ("e.json", "e.motion.csv", "e.png", "e-speed.png", "e-space.png"),
+        ("e.json", "e.settings.toml", "e.motion.csv", "e.png", "e-speed.png", "e-space.png"),
     ),
     "identify": (("identify", "good.csv", "--out", "out"), RESULT_FILES),
     "friction": (("friction", "result", "good.csv", "--out", "out"), RESULT_FILES),
     "compare": (
         ("compare", "good.csv", "--methods", "ols", "--out", "out"),
-        ("out/compare.json", "out/compare.md", "out/report.html"),
+        ("out/compare.json", "out/compare.md", "out/report.html", "out/settings.toml"),
     ),
     "payload": (
         ("payload", "good.csv", "--out", "out"),
@@ -67,7 +67,7 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
             for name in (
                 *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
                 *("set_target_payload.script", "load_data.krl"),
-                *("kinova_payload.json", "xarm_tcp_load.json"),
+                *("kinova_payload.json", "xarm_tcp_load.json", "settings.toml"),
             )
         ),
     ),
@@ -76,11 +76,18 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         (
             *("out/contacts.json", "out/external_torque.npz", "out/external_torque.png"),
             *("out/observer.h", "out/observer.c", "out/example_observer.c"),
+            "out/settings.toml",
         ),
     ),
     "sample": (
         ("sample", "result", "--count", 2, "--out", "out"),
-        ("out/samples.json", "out/samples.npz", "out/model_0001.xml", "out/model_0002.xml"),
+        (
+            "out/samples.json",
+            "out/samples.npz",
+            "out/model_0001.xml",
+            "out/model_0002.xml",
+            "out/settings.toml",
+        ),
     ),
     "inspect": (("inspect", "good.csv", "--plot", "p.png"), ("p.png",)),
     "predict": (("predict", "good.csv", "--plot", "p.png"), ("p.png",)),

@@ -223,7 +223,10 @@ def test_the_command_writes_a_log_like_a_real_one(
         (("--engine", "mujoco", "--viscous", "1"), "--viscous belongs to the engine 'compiled'"),
         (("--payload", "1,0,0,0", "--ideal"), "--ideal belongs to the engine 'compiled'"),
         (("--engine", "compiled", "--truth-seed", "1"), "--truth-seed belongs to the engine 'mujo"),
-        (("--settings", "none.toml"), "'none.toml' cannot be read .* a bundled one: fr3"),
+        (
+            ("--settings", "virtual_robot=none.toml"),
+            "'none.toml' cannot be read .* one: fr3",
+        ),
         (("--payload", "60,0,0,0.3"), "lost its trajectory"),
     ],
 )

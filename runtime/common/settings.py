@@ -1,0 +1,341 @@
+"""Settings of a command: one record is its options, its keys in a file, and its keywords.
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class DesignSettings(Choices):
+        command = "design"
+        options = "robot duration"
+        robot: Annotated[str, typer.Option(help="Name of a robot.")] = "fr3"
+        duration: Annotated[float, typer.Option(help="Duration, s.")] = 10.0
+        starts: Annotated[int, typer.Option(help="Number of searches.", min=1)] = 5
+
+    def design_command(given: DesignSettings) -> None: ...
+
+The fields that `options` names, and arguments, stand on the command line. Each field has a key in
+the file of --settings: the name of its option with `_` in place of `-`. The command line wins over
+--settings, and a later --settings over an earlier one. A key of text takes numbers and lists, too:
+`box = [0.2, 0.8]` is the text 0.2,0.8 of an option.
+"""
+
+import inspect
+import json
+import textwrap
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import MISSING, dataclass, fields
+from enum import Enum
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import typer
+
+from runtime.common.errors import RuntimeFault
+from runtime.common.files import replacing, toml_of
+from runtime.common.records import record_from_table
+
+__all__ = ["CONSENT", "FILE", "Choices", "settings_place", "stated_settings"]
+
+FILE = "settings.toml"
+"""Name of the file beside a result."""
+CONSENT = "yes"
+"""Field that lets foreign code run: typed by the user, never taken from a file."""
+PANELS = {
+    "Data": "robot yes urdf description recipe run loaded_run empty_run logs reference earlier_log "
+    "trajectory history temperature date empty model stream symmetric config package_dir arg "
+    "package log_rate rate settings",
+    "Model": "friction prior delay noise noise_model table box obstacles carry payload link "
+    "payload_of coulomb_speed encoder_bias tie viscous coulomb gravity lock base tip floating "
+    "masses densities mechanism gains total_mass weighed clearance unchecked home controller "
+    "gain_error truth perturb rotor torque_noise position_noise velocity_noise torque_fraction",
+    "Output": "out overwrite json report export export_rate speed recipe_out plot save_statistics "
+    "pictures html markdown figures into readme to formats count port open mcap strict casadi "
+    "name kernels precision",
+}
+"""Panels of the help by what a choice is for; every other choice is of the method."""
+OTHER = "Method"
+_WIDEST = 97
+"""Characters of a sentence in the file."""
+
+
+def panel_of(key: str) -> str:
+    """Panel of the help of a choice."""
+    return next((panel for panel, keys in PANELS.items() if key in keys.split()), OTHER)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """All choices of a command.
+
+    Attributes:
+        command: word after `symgen`.
+        options: fields that are options on the command line, with spaces; the others are settings.
+    """
+
+    command: ClassVar[str] = ""
+    options: ClassVar[str] = ""
+
+    def stated(self) -> dict[str, str]:
+        """Choices other than their defaults: field → how it is written."""
+        given = {}
+        for choice in choices_of(type(self)):
+            value = getattr(self, choice.name)
+            if value != choice.default and value is not None and value != []:
+                given[choice.name] = choice.written(value)
+        return given
+
+    def write(self, result: Path) -> Path:
+        """Write the complete record beside a result, a folder or a file."""
+        place = settings_place(result)
+        with replacing(place) as file:
+            file.write("\n".join((*_lines(self), "")).encode())
+        return place
+
+
+def settings_place(result: Path) -> Path:
+    """File of the settings of a result, a folder or a file."""
+    return result.with_suffix(f".{FILE}") if result.suffix else result / FILE
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One field of a record of choices.
+
+    Attributes:
+        name: of the field.
+        key: in a file.
+        hint: its type, with what Typer reads.
+        kind: the type alone.
+        default: MISSING where a value is needed.
+        info: what Typer reads.
+        is_option: whether it stands on the command line.
+    """
+
+    name: str
+    key: str
+    hint: Any
+    kind: Any
+    default: Any
+    info: Any
+    is_option: bool
+
+    @property
+    def is_argument(self) -> bool:
+        """Whether it is a word without a name."""
+        return isinstance(self.info, typer.models.ArgumentInfo)
+
+    @property
+    def sentence(self) -> str:
+        """First sentence of its help."""
+        text = (self.info.help or "").replace("\\", "").partition(". ")[0]
+        return textwrap.shorten(text.rstrip(".") + ".", _WIDEST, placeholder=" …")
+
+    def written(self, value: Any = None) -> str:
+        """The choice as a user writes it on the command line, for messages."""
+        flag = f"--{self.key.replace('_', '-')}"
+        if self.is_option or self.is_argument:
+            return flag.replace("--", "--no-", 1) if value is False else flag
+        return f"--settings {self.key}={_text(value)}" if value is not None else f"'{self.key}'"
+
+
+def choices_of(record: type[Choices]) -> tuple[Choice, ...]:
+    """The fields of a record in their order, arguments first."""
+    hints = get_type_hints(record, include_extras=True)
+    choices = []
+    for field in fields(record):
+        kind, *notes = get_args(hints[field.name])
+        info = next(each for each in notes if hasattr(each, "param_decls"))
+        names = (info.default, *(info.param_decls or ()))  # Typer takes the first as a default
+        declared = [each for each in names if isinstance(each, str) and each.startswith("--")]
+        key = declared[0].partition("/")[0][2:] if declared else field.name
+        default = field.default
+        if default is MISSING and field.default_factory is not MISSING:
+            default = field.default_factory()
+        key = key.replace("-", "_")
+        if key != field.name and key in hints:  # an argument of that name
+            key = field.name
+        is_option = field.name in record.options.split()
+        choices.append(Choice(field.name, key, hints[field.name], kind, default, info, is_option))
+    return tuple(sorted(choices, key=lambda choice: not choice.is_argument))
+
+
+def as_function(function: Callable[[Any], None]) -> Callable[..., None]:
+    """The function of a record with one parameter per choice, as Typer reads it."""
+    record = record_of(function)
+    if record is None:
+        return function
+
+    def called(settings: list[str] | None = None, **values: Any) -> None:
+        function(record(**values))
+
+    parameters = []
+    for choice in choices_of(record):
+        choice.info.rich_help_panel = None if choice.is_argument else panel_of(choice.key)
+        default = inspect.Parameter.empty if choice.default is MISSING else choice.default
+        parameters.append(_keyword(choice.name, choice.hint, default))
+    parameters.append(_keyword("settings", _FILES, None))
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {each.name: each.annotation for each in parameters}
+    called.__doc__ = function.__doc__
+    return called
+
+
+def _keyword(name: str, kind: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+def record_of(function: Callable[..., Any]) -> type[Choices] | None:
+    """Record that a command takes; None for a command without one."""
+    hints = get_type_hints(function)
+    kinds = [kind for kind in hints.values() if isinstance(kind, type)]
+    return next((kind for kind in kinds if issubclass(kind, Choices)), None)
+
+
+def _offered(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Keys that begin so, with the sign of a value."""
+    record = getattr(ctx.command, "record", None)
+    keys = (choice.key for choice in choices_of(record)) if record else ()
+    return sorted(f"{key}=" for key in keys if key.startswith(incomplete))
+
+
+_FILES = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--settings",
+        metavar="FILE|NAME=VALUE",
+        autocompletion=_offered,
+        rich_help_panel="Data",
+        help="TOML of settings, such as settings.toml beside a result, or one setting; repeatable. "
+        "Options win over it.",
+    ),
+]
+
+
+def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, Any]:
+    """Fields that the words behind --settings state; the last word counts.
+
+    Args:
+        record: of the command.
+        words: files, or NAME=VALUE.
+
+    Returns:
+        Field → value as Typer takes it from the command line.
+
+    Raises:
+        RuntimeFault: a key is unknown, or a value is not of its type.
+    """
+    values: dict[str, Any] = {}
+    for word in words:
+        key, is_one, text = word.partition("=")
+        if is_one and key.replace("-", "_").isidentifier():
+            key = key.strip().replace("-", "_")
+            table, where = {key: _parsed(record, key, text.strip())}, "--settings"
+        else:
+            table, where = _table_of(record, Path(word)), f"'{word}'"
+        read = record_from_table(_schema(record), table, where, RuntimeFault, allows_infinite=True)
+        for choice in choices_of(record):
+            value = getattr(read, choice.name)
+            if value is not msgspec.UNSET:
+                values[choice.name] = _as_typed(choice.kind, value)
+    return values
+
+
+def _table_of(record: type[Choices], path: Path) -> dict[str, Any]:
+    """Table of a file of settings, without the name of the command."""
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise RuntimeFault(
+            f"--settings expects a TOML file or NAME=VALUE, got '{path}' ({reason}); correct it"
+        ) from None
+    command = table.pop("command", record.command)
+    if command != record.command:
+        raise RuntimeFault(
+            f"'{path}' has the settings of '{command}'; give those of '{record.command}', or take "
+            f"out the key command"
+        )
+    if CONSENT in table:
+        raise RuntimeFault(
+            f"'{path}' has the key {CONSENT}, and consent to run code counts only where it is "
+            f"typed; take it out and give --settings {CONSENT}=true"
+        )
+    return table
+
+
+def _parsed(record: type[Choices], key: str, text: str) -> Any:
+    """Value of NAME=VALUE: as TOML writes it, or a text without quotes."""
+    kind = next((choice.kind for choice in choices_of(record) if choice.key == key), None)
+    if kind is not None and _takes_text(kind) and not text.startswith(("[", '"', "'")):
+        return text
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except ValueError:
+        return text
+
+
+def _members(kind: Any) -> tuple[Any, ...]:
+    return get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
+
+
+def _takes_text(kind: Any) -> bool:
+    return any(each in {str, Path} or get_origin(each) is list for each in _members(kind))
+
+
+def _schema(record: type[Choices]) -> type[msgspec.Struct]:
+    """Struct of a table of settings, whose keys may all be left out."""
+    listed = []
+    for choice in choices_of(record):
+        members = [each for each in _members(choice.kind) if each is not NoneType]
+        wide: Any = Union[tuple(members)]  # noqa: UP007  # of types that are known at run time
+        if any(get_origin(each) is list for each in members):
+            wide = str | float | list[str | float]
+        elif _takes_text(choice.kind):
+            wide = str | float | list[float | str]
+        listed.append((choice.name, wide | msgspec.UnsetType, msgspec.UNSET))
+    names = {choice.name: choice.key for choice in choices_of(record)}
+    return msgspec.defstruct(
+        record.__name__, listed, frozen=True, forbid_unknown_fields=True, rename=names
+    )
+
+
+def _as_typed(kind: Any, value: Any) -> Any:
+    """Value of a file as Typer takes it from the command line."""
+    if any(get_origin(each) is list for each in _members(kind)):
+        return [_text(each) for each in value] if isinstance(value, list) else [_text(value)]
+    if isinstance(value, Enum):
+        return value.value
+    return _text(value) if _takes_text(kind) else value
+
+
+def _text(value: Any) -> str:
+    """A value as a word of the command line."""
+    if isinstance(value, list | tuple):
+        return ",".join(map(_text, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _lines(given: Choices) -> Iterator[str]:
+    """Lines of the file: every key with its sentence; a key without a value is a comment."""
+    yield "# Settings of the result beside this file; symgen rerun RESULT repeats it."
+    yield f"# symgen {given.command} --settings FILE takes them; options win over the file."
+    yield f"command = {json.dumps(given.command)}"
+    for choice in choices_of(type(given)):
+        if choice.name == CONSENT:
+            continue
+        value = getattr(given, choice.name)
+        yield ""
+        yield f"# {choice.sentence}"
+        yield f"# {choice.key} =" if value is None else f"{choice.key} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, Enum):
+        return _toml(value.value)
+    if isinstance(value, bool | int | float):
+        return _text(value)
+    return json.dumps(str(value), ensure_ascii=False)

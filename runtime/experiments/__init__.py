@@ -31,8 +31,8 @@ Equal hashes give equal digits except time_s, for any chunks, threads and cluste
 """
 
 from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce, state_of
-from runtime.experiments.storage.result_files import RESULT, valid_result
-from runtime.experiments.studies_by_name import IDS, STUDIES, study_of
+from runtime.experiments.storage import RESULT, valid_result
+from runtime.experiments.studies import IDS, STUDIES, study_of
 from runtime.experiments.study import Study, View
 
 __all__ = [

@@ -16,18 +16,21 @@ from threadpoolctl import threadpool_limits
 from runtime.common.files import json_of
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import RuntimeFault
-from runtime.experiments.storage.chunks import Chunks, arrow, locked, missing
-from runtime.experiments.storage.result_files import (
+from runtime.experiments.storage import (
     CONFIG,
     RESULT,
     SERIES,
     TRIALS,
+    Chunks,
+    arrow,
+    locked,
+    missing,
     read_series,
     valid_result,
     write_json,
     write_outcome,
 )
-from runtime.experiments.studies_by_name import STUDIES
+from runtime.experiments.studies import STUDIES
 from runtime.experiments.study import Arrays, Row, Study, StudyConfig, config_facts, config_hash
 from runtime.library import Library, load
 from runtime.parallel import on_cluster

@@ -19,7 +19,7 @@ from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
-from runtime.experiments.trials.motions import document_robot
+from runtime.experiments.trials import document_robot
 from runtime.identification import metrics
 from runtime.identification.payload.arm import arm_model
 from runtime.identification.payload.body import mount_of

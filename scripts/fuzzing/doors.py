@@ -28,7 +28,7 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.factor import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.experiments.report import write_experiments
-from runtime.experiments.storage.chunks import read_rows
+from runtime.experiments.storage import read_rows
 from runtime.identification.comparison.run import read_truth
 from runtime.identification.kept_links import identify_friction
 from runtime.identification.payload.arm import read_arm_model

@@ -14,7 +14,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
-from runtime.experiments.storage.result_files import CONFIG, write_json, write_outcome
+from runtime.experiments.storage import CONFIG, write_json, write_outcome
 from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
 from runtime.identification.single_log import identify_recording

@@ -14,7 +14,7 @@ from typing import Any
 
 from runtime import load
 from runtime.experiments import IDS, STUDIES, Request, reproduce
-from runtime.experiments.storage.chunks import read_rows
+from runtime.experiments.storage import read_rows
 from runtime.experiments.study import Row
 
 CONFIGS: dict[str, dict[str, Any]] = {

@@ -4,11 +4,9 @@ from pathlib import Path
 
 from runtime.common.files import replacing
 from runtime.experiments.report.drawing import paths_of, write_pictures
-from runtime.experiments.report.labels import short_hash
-from runtime.experiments.report.page import caption, experiments_page, headline
+from runtime.experiments.report.labels import short_hash, tables
+from runtime.experiments.report.page import caption, experiments_page, headline, write_readme
 from runtime.experiments.report.reading import Experiment, is_experiments, read_experiments
-from runtime.experiments.report.readme import write_readme
-from runtime.experiments.report.tables import tables
 from runtime.outputs.report import ReportKind
 from runtime.outputs.report.page import write_page
 

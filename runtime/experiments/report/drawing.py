@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from runtime.experiments.report.labels import DOCUMENT, case_name, curve_name, method_name
+from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, curve_name, method_name
 from runtime.experiments.report.reading import Array, Experiment, MetricKey, Value
-from runtime.experiments.report.tables import cases_of
 from runtime.experiments.study import View
 from runtime.outputs.report.canvas import (
     BLUE,

@@ -1,7 +1,7 @@
 """Tables B.4 to B.6: π of the document's robot, its λ and its base parameters."""
 
 from runtime.experiments.study import Row, Study, StudyOutcome, View
-from runtime.experiments.trials.motions import document_robot
+from runtime.experiments.trials import document_robot
 from runtime.library import Library
 from runtime.library.parameters import LAM_NAMES, PI_NAMES, links
 

@@ -24,9 +24,19 @@ from runtime.experiments.study import (
     torque_bars,
     torque_table,
 )
-from runtime.experiments.trials.motions import ROLES, condition, document_robot
-from runtime.experiments.trials.scores import Scorer, scorer_of, torque_rms
-from runtime.experiments.trials.timed_fits import adam_of_all, fit_frozen, link_rows, stream, timed
+from runtime.experiments.trials import (
+    ROLES,
+    Scorer,
+    adam_of_all,
+    condition,
+    document_robot,
+    fit_frozen,
+    link_rows,
+    scorer_of,
+    stream,
+    timed,
+    torque_rms,
+)
 from runtime.identification.payload.estimate import identify_payload
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, centre_of_mass, links, mass

@@ -10,7 +10,7 @@ from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View, motion
-from runtime.experiments.trials.motions import ROLES, condition, curves, document_robot
+from runtime.experiments.trials import ROLES, condition, curves, document_robot
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
 

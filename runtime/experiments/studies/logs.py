@@ -15,8 +15,14 @@ from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
 from runtime.experiments.study import motion as motion_view
-from runtime.experiments.trials.motions import ROLES, curves, designed, document_robot
-from runtime.experiments.trials.scores import per_joint, torque_rms
+from runtime.experiments.trials import (
+    ROLES,
+    curves,
+    designed,
+    document_robot,
+    per_joint,
+    torque_rms,
+)
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT

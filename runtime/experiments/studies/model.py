@@ -12,7 +12,7 @@ import numpy as np
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials.motions import designed, document_robot
+from runtime.experiments.trials import designed, document_robot
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal

@@ -15,8 +15,8 @@ from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.experiments import IDS, STUDIES, Request, reproduce, state_of, valid_result
 from runtime.experiments.report.drawing import write_picture
 from runtime.experiments.report.reading import read_experiment
-from runtime.experiments.storage.result_files import read_series
-from runtime.experiments.trials.timed_fits import fit_frozen
+from runtime.experiments.storage import read_series
+from runtime.experiments.trials import fit_frozen
 from runtime.library import Library
 from runtime.recording import Recording
 from tests.runtime import small

@@ -10,11 +10,10 @@ import pytest
 import scipy.linalg
 
 from runtime.estimators.regression.samples import samples_of
-from runtime.experiments.storage import result_files as document_room
+from runtime.experiments import storage as document_room
 from runtime.experiments.studies.monte_carlo import band
 from runtime.experiments.study import Row
-from runtime.experiments.trials.motions import document_robot, sinusoidal
-from runtime.experiments.trials.scores import scorer_of
+from runtime.experiments.trials import document_robot, scorer_of, sinusoidal
 from runtime.library import Library
 from runtime.recording import Recording
 

@@ -8,12 +8,9 @@ import pytest
 
 from runtime.estimators.regression.samples import Samples
 from runtime.experiments.runner import RESULT, Request, _clear
-from runtime.experiments.storage.chunks import _numbers
-from runtime.experiments.storage.result_files import _pairs
+from runtime.experiments.storage import _numbers, _pairs
 from runtime.experiments.studies import logs, methods, model, monte_carlo
-from runtime.experiments.trials.motions import sinusoidal
-from runtime.experiments.trials.scores import scorer_of
-from runtime.experiments.trials.timed_fits import stream
+from runtime.experiments.trials import scorer_of, sinusoidal, stream
 from runtime.library import Library
 
 

@@ -8,10 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.experiments import STUDIES
+from runtime.experiments import STUDIES, trials
 from runtime.experiments import runner as cluster
-from runtime.experiments.trials import timed_fits
-from runtime.experiments.trials.motions import sinusoidal
+from runtime.experiments.trials import sinusoidal
 from runtime.library import Library
 from tests.robots import DATA
 
@@ -42,10 +41,10 @@ def test_the_time_of_one_call_is_shared_by_iterations(monkeypatch) -> None:
     """Oracle: 12 s for 100 and 500 iterations are 2 s and 10 s."""
     fits = [SimpleNamespace(iterations=k, outcome=None, status="") for k in (100, 500)]
     clock = iter((5.0, 17.0))
-    monkeypatch.setattr(timed_fits, "fit_many", lambda *_args, **_words: fits)
-    monkeypatch.setattr(timed_fits, "_require_uninterrupted", lambda _: None)
-    monkeypatch.setattr(timed_fits, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
-    shared = timed_fits.adam_of_all([], SimpleNamespace(), 1)
+    monkeypatch.setattr(trials, "fit_many", lambda *_args, **_words: fits)
+    monkeypatch.setattr(trials, "_require_uninterrupted", lambda _: None)
+    monkeypatch.setattr(trials, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    shared = trials.adam_of_all([], SimpleNamespace(), 1)
     assert [seconds for _, seconds in shared] == pytest.approx([2.0, 10.0])
 
 

@@ -9,14 +9,14 @@ from runtime.estimators.descent.adam import Preset
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
-from runtime.experiments.trials.montecarlo import (
+from runtime.experiments.trials import (
     Case,
     MonteCarloConfig,
     MonteCarloSetup,
+    fit_frozen,
     problem_of,
+    scorer_of,
 )
-from runtime.experiments.trials.scores import scorer_of
-from runtime.experiments.trials.timed_fits import fit_frozen
 from runtime.library import Library
 from runtime.recording import Recording
 

@@ -1,1 +1,0 @@
-"""Files of an experiment: results, chunks, locks."""

@@ -1,1 +1,0 @@
-"""Monte Carlo trials of the experiments."""

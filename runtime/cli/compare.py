@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from runtime.cli.common import (
     Overwrite,
@@ -37,7 +35,8 @@ from runtime.cli.log_options import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.settings import FILE, Choices
-from runtime.common.terminal import command_line, completing, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, completing, say, show
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.run import (
@@ -211,12 +210,7 @@ def _with_progress(
 
 def _finish(facts: dict[str, Any], folder: Path) -> None:
     title = f"{facts['robot']}, {facts['recording']['name']}: every method"
-    table = Table(title=title, box=SIMPLE_HEAD, padding=0, title_justify="left")
-    for head in HEAD:
-        table.add_column(head, justify="left" if head == HEAD[0] else "right", no_wrap=True)
-    for row in facts["rows"]:
-        table.add_row(*cells(row))
-    console.print(table)
+    show(Table(tuple(HEAD), tuple(tuple(cells(row)) for row in facts["rows"]), title=title))
     say(f"{LEGEND}\n")
     for row in facts["rows"]:
         say(f"{row['method']}: {row['status']}")

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.progress import Progress
-from rich.table import Table
 
 from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
@@ -25,7 +24,8 @@ from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
 from runtime.common.settings import settings_place
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import console, say, show
 from runtime.errors import RuntimeFault
 from runtime.excitation import COST_SAMPLES, Trajectory
 from runtime.excitation.limits.constraints import FIT_PROXIES
@@ -231,7 +231,7 @@ def print_design(optimum: Design, expected: Prediction, lib: Library, note: str)
         best = min(optimum.variations)
         say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
     units = torque_units(lib.manifest)
-    console.print(criteria_table(expected, units))
+    show(criteria_table(expected, units))
     for sentence in (*prediction_sentences(expected, units), *([note] if note else [])):
         say(sentence)
     for assumption in optimum.assumptions:
@@ -244,24 +244,23 @@ def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
     prior = ", with earlier logs" if prediction.has_earlier_logs else ""
     sigma = prediction.noise
     noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
-    table = Table(
-        title=f"expected at {noise} {common_unit(units)} of torque noise, "
-        f"{prediction.rate:g} Hz{prior}; cond: unit columns"
-    )
-    table.add_column("columns")
-    for head in ("samples", "cond", "A %", f"V {common_unit(units, 'm')}", "D"):
-        table.add_column(head, justify="right")
-    for score in prediction.scores:
-        names = f"{score.columns} = {unknowns}" + (" + friction" if score.friction else "")
-        table.add_row(
-            names,
+    rows = tuple(
+        (
+            f"{score.columns} = {unknowns}" + (" + friction" if score.friction else ""),
             str(score.samples),
             f"{score.condition:.3f}",
             f"{100 * score.relative_error:.2f}",
             f"{1000 * score.torque_error:.2f}",
             f"{score.half_axis:.3g}",
         )
-    return table
+        for score in prediction.scores
+    )
+    return Table(
+        ("columns", "samples", "cond", "A %", f"V {common_unit(units, 'm')}", "D"),
+        rows,
+        title=f"expected at {noise} {common_unit(units)} of torque noise, "
+        f"{prediction.rate:g} Hz{prior}; cond: unit columns",
+    )
 
 
 def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[str, ...]:

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from runtime.cli.common import Overwrite, Yes, counting, open_robot
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import Choices, settings_place
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library
@@ -162,13 +162,12 @@ def _show(lib: Library, units: list[Unit], fit: FleetFit) -> None:
         f"(95 %: {low:.2g} to {high:.2g} %)"
         + (f"; {out} of them stand out and do not count" if out else "; none stands out")
     )
-    table = Table("unit", title="units that differ most from the type")
-    for head in ("T", "p, corrected", "link", "mass against the type [kg]", "stands out"):
-        table.add_column(head, justify="right")
+    rows = []
     for k in np.argsort(-fit.statistic)[:SHOWN]:
         where: tuple[str, ...] = ("", "", "no")
         if fit.stands_out[k]:
             name, difference = _link(lib, fit, int(k))
             where = (name, f"{difference:+.3f}", "yes")
-        table.add_row(units[k].name, f"{fit.statistic[k]:.0f}", f"{fit.p_value[k]:.1e}", *where)
-    console.print(table)
+        rows.append((units[k].name, f"{fit.statistic[k]:.0f}", f"{fit.p_value[k]:.1e}", *where))
+    head = ("unit", "T", "p, corrected", "link", "mass against the type [kg]", "stands out")
+    show(Table(head, tuple(rows), title="units that differ most from the type"))

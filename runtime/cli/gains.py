@@ -8,12 +8,12 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
 from runtime.common.settings import Choices
-from runtime.common.terminal import command_line, completing, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, completing, say, show
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
@@ -146,7 +146,7 @@ def gains_command(given: GainsSettings) -> None:
     )
     plan = plan_of(given.empty, given.recipe, given.run)
     factors = _factors(plan, gains)
-    console.print(_table(gains, plan, factors, lib))
+    show(_table(gains, plan, factors, lib))
     say(f"status: {gains.status}")
     say(f"{gains.n_samples} samples count as {gains.n_effective:.0f} independent ones")
     for note in gains.notes:
@@ -191,15 +191,13 @@ def _table(gains: Gains, plan: Plan, factors: tuple[float, ...], lib: Library) -
         f"{torque}/A" if unit.endswith("A") else unit
         for torque, unit in zip(outputs, units, strict=True)
     )
-    table = Table(Column("joint", overflow="fold"), title="Measured torque over true torque")
-    for head in ("gain ± 95 %", "bias empty", "bias loaded"):
-        table.add_column(head, justify="right")
-    table.add_column("measures")
+    rows = []
     for j, name in enumerate(gains.channels):
         gain = _interval(gains.estimate[j], gains.sigma[j], 4) if gains.is_determined[j] else "-"
         biases = [_interval(gains.bias[k, j], gains.bias_sigma[k, j], 3) for k in range(2)]
-        table.add_row(name, gain, *biases, _meaning(gains, j, units[j], factors[j]))
-    return table
+        rows.append((name, gain, *biases, _meaning(gains, j, units[j], factors[j])))
+    head = ("joint", "gain ± 95 %", "bias empty", "bias loaded", "measures")
+    return Table(head, tuple(rows), title="Measured torque over true torque")
 
 
 def _interval(value: float, sigma: float, digits: int) -> str:
@@ -251,7 +249,7 @@ def print_gains_of_one_log(
         ),
         preparation=preparation_of(recording, given.cutoff, given.rate),
     )
-    console.print(_gains_table(gains))
+    show(_gains_table(gains))
     for sentence in gains.sentences():
         say(f"note: {sentence}")
     plan = plan_of(given.empty, given.recipe, given.run)
@@ -277,11 +275,8 @@ def write_gains(path: Path, gains: CurrentGains, plan: Plan, overwrite: bool) ->
 
 
 def _gains_table(gains: CurrentGains) -> Table:
-    table = Table(Column("joint", overflow="fold"), title="Torque over current, N·m/A or N/A")
+    rows = []
     reference = gains.channels[gains.reference]
-    for head in ("gain ± 95 %", f"ratio to {reference} ± 95 %"):
-        table.add_column(head, justify="right")
-    table.add_column("verdict")
     for j, name in enumerate(gains.channels):
         value = f"{gains.gain[j]:.4g}"
         ratio = "-"
@@ -290,5 +285,6 @@ def _gains_table(gains: CurrentGains) -> Table:
             size = gains.gain[j] / gains.gain[gains.reference]
             half = NORMAL_95 * gains.ratio_sigma[j] * abs(size)
             ratio = f"{size:.4g} ± {half:.2g}" if half else "1"
-        table.add_row(name, value, ratio, gains.verdicts[j])
-    return table
+        rows.append((name, value, ratio, gains.verdicts[j]))
+    head = ("joint", "gain ± 95 %", f"ratio to {reference} ± 95 %", "verdict")
+    return Table(head, tuple(rows), title="Torque over current, N·m/A or N/A")

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
 from runtime.common.settings import Choices
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.inspection.proposed_recipe import skeleton_text
@@ -114,9 +114,7 @@ def _show(inspection: Inspection) -> None:
     recording = inspection.recording
     rate = f", {recording.rate_hz:.4g} Hz" if len(recording) > 1 else ""
     title = f"{recording.name}: {len(recording)} rows, {recording.duration:.4g} s{rate}"
-    table = Table("joint", title=title)
-    for head in ("q from", "to", "RMS dq", "RMS τ", "max |τ|"):
-        table.add_column(head, justify="right")
+    rows = []
     names = recording.joint_names or [str(j + 1) for j in range(recording.n_joints)]
     for j, name in enumerate(names):
         cells = [f"{recording.q[:, j].min():.4g}", f"{recording.q[:, j].max():.4g}"]
@@ -131,11 +129,11 @@ def _show(inspection: Inspection) -> None:
                 column = values[:, j]
                 size = np.abs(column).max() if largest else np.sqrt(np.mean(column**2))
                 cells.append(f"{size:.3g}")
-        table.add_row(name, *cells)
-    console.print(table)
+        rows.append((name, *cells))
+    show(Table(("joint", "q from", "to", "RMS dq", "RMS τ", "max |τ|"), tuple(rows), title=title))
     for finding in inspection.findings:
         if finding.kind == "columns_by_content":
-            console.print(_columns_table(finding.evidence["table"]))
+            show(_columns_table(finding.evidence["table"]))
         style = _STYLES[finding.level]
         console.print(f"[{style}]{finding.level}[/] {finding.kind}: ", end="", highlight=False)
         say(finding.sentence)
@@ -145,12 +143,13 @@ def _show(inspection: Inspection) -> None:
 
 def _columns_table(rows: list[dict[str, Any]]) -> Table:
     """Columns of a file without header: numbers, signal and reason."""
-    table = Table("columns", "signal", "reason", title="columns by content, counted from 0")
+    lines = []
     for row in rows:
         first, last = row["columns"][0], row["columns"][-1]
         span = str(first) if first == last else f"{first}–{last}"
-        table.add_row(span, row["signal"] or "not used", row["reason"])
-    return table
+        lines.append((span, row["signal"] or "not used", row["reason"]))
+    title = "columns by content, counted from 0"
+    return Table(("columns", "signal", "reason"), tuple(lines), title=title)
 
 
 def _facts(inspection: Inspection) -> dict[str, Any]:

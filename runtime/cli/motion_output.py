@@ -4,10 +4,10 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.table import Column, Table
 
 from runtime.common.settings import settings_place
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import say, show
 from runtime.errors import RuntimeFault
 from runtime.excitation.limits.obstacles import OBSTACLE
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
@@ -90,7 +90,7 @@ def certified_stages(
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):
             say(line)
-        console.print(certificate_table(stage.certificate))
+        show(certificate_table(stage.certificate))
     return stages
 
 
@@ -139,19 +139,14 @@ def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
 
 def certificate_table(proof: Certificate) -> Table:
     """Largest use of every limit: how much, where and when, and how it is shown."""
-    table = Table(Column("limit", overflow="fold"))
-    for head in ("use %", "margin %"):
-        table.add_column(head, justify="right")
-    table.add_column("where", overflow="fold")
-    table.add_column("time s", justify="right")
-    table.add_column("intervals", justify="right")
-    for use in proof.uses:
-        table.add_row(use.kind, *_amount(use), use.where, f"{use.time:.3f}", _proof(use))
-    for missing in proof.unlimited:
-        table.add_row(missing, "", "", "no limit stated")
-    for missing in proof.unchecked:
-        table.add_row(missing, "", "", "NOT checked")
-    return table
+    return Table(
+        ("limit", "use %", "margin %", "where", "time s", "intervals"),
+        (
+            *((u.kind, *_amount(u), u.where, f"{u.time:.3f}", _proof(u)) for u in proof.uses),
+            *((missing, "", "", "no limit stated", "", "") for missing in proof.unlimited),
+            *((missing, "", "", "NOT checked", "", "") for missing in proof.unchecked),
+        ),
+    )
 
 
 def _proof(use: Use) -> str:

@@ -1,19 +1,20 @@
 """`symgen observe`."""
 
 import json
+from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from runtime.cli.common import Overwrite, ResultFolder, Yes, open_robot, require_result_folder
 from runtime.cli.log_options import Log, Recipe, Run
 from runtime.common.files import replacing
 from runtime.common.settings import FILE, Choices
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
@@ -314,14 +315,11 @@ def _write(
 
 def _show(facts: dict[str, Any], folder: Path) -> None:
     stated, alarms = facts["false_alarms"], facts["alarms"]
-    table = Table("joint", title=f"{facts['robot']}: thresholds at {stated['stated']}")
-    for head in ("σ of free motion", "threshold, median", "unit", "contacts"):
-        table.add_column(head, justify="right")
+    head = ("joint", "σ of free motion", "threshold, median", "unit", "contacts")
     columns = zip(facts["joints"], facts["sigma"], facts["thresholds"], facts["units"], strict=True)
-    for name, sigma, threshold, unit in columns:
-        count = sum(contact["joint"] == name for contact in facts["contacts"])
-        table.add_row(name, f"{sigma:.3g}", f"{threshold:.3g}", unit, str(count))
-    console.print(table)
+    count = Counter(contact["joint"] for contact in facts["contacts"])
+    rows = tuple((n, f"{s:.3g}", f"{bar:.3g}", unit, str(count[n])) for n, s, bar, unit in columns)
+    show(Table(head, rows, title=f"{facts['robot']}: thresholds at {stated['stated']}"))
     say(
         f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
         f"{stated['expected_in_log']:.2g} false alarms are expected in this time"

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from runtime.cli.common import (
     Overwrite,
@@ -18,7 +17,8 @@ from runtime.cli.common import (
 )
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
 from runtime.common.settings import FILE, Choices
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, say, show
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.arm import arm_model, read_arm_model
@@ -126,7 +126,7 @@ def payload_command(given: PayloadSettings) -> None:
     if given.as_json:
         print(json.dumps(load_facts(payload, lib), indent=1, ensure_ascii=False))
         return
-    console.print(_table(payload))
+    show(_table(payload))
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
@@ -140,12 +140,9 @@ def payload_command(given: PayloadSettings) -> None:
 
 def _table(payload: Payload) -> Table:
     title = f"Payload on {payload.mount.link}, in the frame of {payload.mount.frame}"
-    table = Table("value", title=title)
-    for head in ("estimate", "± 95 %", "± 95 % white noise", "unit", ""):
-        table.add_column(head, justify="left" if head in {"unit", ""} else "right")
     body, white = payload.body, payload.white
-    for k, (name, unit) in enumerate(zip(NAMES, _UNITS, strict=True)):
-        table.add_row(
+    rows = tuple(
+        (
             name,
             f"{body.values[k]:.6g}",
             f"{NORMAL_95 * body.sigma[k]:.2g}",
@@ -153,4 +150,8 @@ def _table(payload: Payload) -> Table:
             unit,
             "from the prior" if name in payload.prior_dominated else "",
         )
-    return table
+        for k, (name, unit) in enumerate(zip(NAMES, _UNITS, strict=True))
+    )
+    return Table(
+        ("value", "estimate", "± 95 %", "± 95 % white noise", "unit", ""), rows, title=title
+    )

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Column, Table
 
 from runtime.cli.common import Overwrite, Robot, Yes, counting, open_robot, state
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
@@ -24,7 +23,8 @@ from runtime.cli.planned_log import (
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
 from runtime.common.settings import Choices
-from runtime.common.terminal import completing, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import DETERMINED
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
@@ -204,8 +204,8 @@ def _show(
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
-        console.print(base_table(now, lib))
-        console.print(link_table(now, lib))
+        show(base_table(now, lib))
+        show(link_table(now, lib))
         torque, whole = _unseen(situation, now, gain_error)
         units = torque_units(lib.manifest)
         say(torque_sentence(torque, units))
@@ -215,7 +215,7 @@ def _show(
     if not situation.from_residuals and situation.planned.sentence():
         say(situation.planned.sentence())
     if steps:
-        console.print(gain_table(steps))
+        show(gain_table(steps))
         say(verdict(steps))
 
 
@@ -375,58 +375,49 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
 
 def base_table(expected: Expected, lib: Library) -> Table:
     """Expected σ of every base parameter, the largest relative to its value first."""
-    table = Table(title="base parameters: expected σ, the largest relative σ first")
-    table.add_column("around", overflow="fold")
-    for head in ("least squares", "MAP", "MAP % of value"):
-        table.add_column(head, justify="right")
-    names = base_names(lib)
-    for k in np.argsort(-expected.relative):
-        table.add_row(
+    names, base = base_names(lib), expected.base
+    rows = tuple(
+        (
             names[k].removeprefix("base "),
-            "not identifiable" if expected.base is None else f"{expected.base[k]:.3g}",
+            "not identifiable" if base is None else f"{base[k]:.3g}",
             f"{expected.base_map[k]:.3g}",
             f"{100 * expected.relative[k]:.2f}",
         )
-    return table
+        for k in np.argsort(-expected.relative)
+    )
+    title = "base parameters: expected σ, the largest relative σ first"
+    return Table(("around", "least squares", "MAP", "MAP % of value"), rows, title=title)
 
 
 def link_table(expected: Expected, lib: Library) -> Table:
     """Expected σ of mass, centre of mass and inertia of every link by MAP."""
-    table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
-    for head in ("mass g", "CoM mm", "inertia kg·m²", "from the data"):
-        table.add_column(head, justify="right")
-    rows = zip(
-        lib.link_names,
-        links(expected.pi),
-        expected.com,
-        links(expected.share),
-        strict=True,
+    bodies = zip(
+        lib.link_names, links(expected.pi), expected.com, links(expected.share), strict=True
     )
-    for name, pi, com, share in rows:
-        table.add_row(
+    rows = tuple(
+        (
             name,
             f"{1000 * mass(pi):.2f}",
             " ".join(f"{1000 * value:.2f}" for value in com),
             f"{inertia(pi).max():.2g}",
             f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
         )
-    return table
+        for name, pi, com, share in bodies
+    )
+    head = ("link", "mass g", "CoM mm", "inertia kg·m²", "from the data")
+    return Table(head, rows, title="links: expected σ with the URDF as prior")
 
 
 def gain_table(steps: Sequence[GainOfRecording]) -> Table:
     """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
-    table = Table("more", title=f"expected gain of σ by more of {steps[0].motion}, %")
-    names = [name for name in steps[0].gains if name.startswith("payload")]
-    for head in (*sorted(names), "largest", "above 10 %"):
-        table.add_column(head, justify="right")
-    table.add_column("largest gain of")
+    names = sorted(name for name in steps[0].gains if name.startswith("payload"))
+    rows = []
     for step in steps:
         top, gain = next(iter(step.gains.items()))
-        table.add_row(
-            f"{step.seconds:g} s",
-            *(f"{100 * step.gains[name]:.1f}" for name in sorted(names)),
-            f"{100 * gain:.1f}",
-            f"{len(step.gaining)} of {len(step.gains)}",
-            top,
+        cells = (f"{100 * x:.1f}" for x in (*(step.gains[name] for name in names), gain))
+        rows.append(
+            (f"{step.seconds:g} s", *cells, f"{len(step.gaining)} of {len(step.gains)}", top)
         )
-    return table
+    head = ("more", *names, "largest", "above 10 %", "largest gain of")
+    title = f"expected gain of σ by more of {steps[0].motion}, %"
+    return Table(head, tuple(rows), title=title)

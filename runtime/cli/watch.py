@@ -10,13 +10,13 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 from runtime.cli.common import Yes, open_robot
 from runtime.cli.log_options import Recipe
 from runtime.common.files import bytes_of
 from runtime.common.settings import Choices
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
@@ -253,12 +253,11 @@ def _marks(result: Path, lib: Library) -> dict[str, Any]:
 def _show(verdict: Verdict) -> None:
     say(verdict.sentence())
     title = "the change, and what it leaves" if verdict.changed else "closest to a change"
-    table = Table("part", "where", title=title)
-    for head in ("size", "unit", "p, single test", "score"):
-        table.add_column(head, justify="right")
+    rows = []
     for test in (verdict.best, *verdict.beside[: SHOWN - 1]):
         size = "" if test.size is None else f"{test.size:+.3g}"
         row = (test.group, test.where or "robot", size, test.unit)
-        table.add_row(*row, f"{test.p_value:.1e}", f"{test.score:.1f}")
-    console.print(table)
+        rows.append((*row, f"{test.p_value:.1e}", f"{test.score:.1f}"))
+    head = ("part", "where", "size", "unit", "p, single test", "score")
+    show(Table(head, tuple(rows), title=title))
     say(verdict.hidden())

@@ -6,7 +6,9 @@ import sys
 from collections.abc import Callable, Iterable
 from contextvars import ContextVar
 from pathlib import Path
+from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column
@@ -29,7 +31,7 @@ VERBOSE: ContextVar[bool] = ContextVar("VERBOSE", default=False)
 """Whether a command prints its details: --verbose, before or behind the command."""
 _NUMBER = re.compile(r"[-+−±<>]?\d.*|[-+−]?∞|[-–]?", re.DOTALL)
 _WIDEST = 40
-"""Characters of the first column that a narrow terminal does not break."""
+"""Characters of a word that a narrow terminal does not break."""
 
 
 def say(text: str) -> None:
@@ -38,23 +40,28 @@ def say(text: str) -> None:
 
 
 def show(table: Table) -> None:
-    """Print a table; numbers stand on the right, and the first column is not broken."""
+    """Print a table: numbers on the right, no word broken, without borders where it is wide."""
     lines = [row for row in (*table.rows, table.total) if row]
     columns = []
     for k, head in enumerate(table.header):
         cells = [line[k] for line in lines]
-        is_number = k > 0 and all(map(_NUMBER.fullmatch, cells))
-        column = Column(head, justify="right" if is_number else "left", overflow="fold")
-        if k == 0:
-            column.min_width = min(_WIDEST, max(map(len, cells), default=0))
+        numbers = [bool(_NUMBER.fullmatch(cell)) for cell in cells if cell]
+        is_number = k > 0 and 2 * sum(numbers) > len(numbers)
+        column = Column(escape(head), justify="right" if is_number else "left")
+        column.min_width = min(_WIDEST, max(map(len, " ".join([head, *cells]).split()), default=0))
         columns.append(column)
-    shown = RichTable(*columns, title=table.title or None, caption=table.note or None)
+    widest = sum(column.min_width or 0 for column in columns)
+    frame: dict[str, Any] = {}
+    if widest + 3 * len(columns) + 1 > console.width:
+        frame = {"box": SIMPLE_HEAD, "padding": 0, "pad_edge": False}
+    title, note = (escape(text) or None for text in (table.title, table.note))
+    shown = RichTable(*columns, title=title, caption=note, **frame)
     for row in table.rows:
         shown.add_row(*map(escape, row))
     if table.total:
         shown.add_section()
         shown.add_row(*map(escape, table.total))
-    console.print(shown)
+    console.print(shown, crop=False)
 
 
 def program() -> str:

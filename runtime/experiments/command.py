@@ -6,12 +6,12 @@ from typing import Annotated
 
 import typer
 from rich.progress import TaskID, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from runtime.cli.common import Robot, Yes, counting, open_robot
 from runtime.common.commands import INTERRUPTED
 from runtime.common.settings import Choices
-from runtime.common.terminal import command_line, console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import command_line, say, show
 from runtime.experiments import (
     DEFAULT_TRIALS,
     IDS,
@@ -114,9 +114,9 @@ def reproduce_command(given: ReproduceSettings) -> None:
 
 
 def _list(lib: Library, request: Request) -> None:
-    table = Table("id", "title", "study", "state")
+    rows = []
     states = {name: str(state_of(lib, study, request)) for name, study in STUDIES.items()}
     for name, study in IDS.items():
         title = next(view.title for view in study.views if view.id == name)
-        table.add_row(name, title, study.name, states[study.name])
-    console.print(table)
+        rows.append((name, title, study.name, states[study.name]))
+    show(Table(("id", "title", "study", "state"), tuple(rows)))

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import Choices
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import VERBOSE, say, show
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
 from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
 from symgen.inspect.inspection import INERTIAL
@@ -84,36 +84,25 @@ def inspect_command(given: InspectSettings) -> None:
 
 def _show(inspection: Inspection) -> None:
     model = inspection.model
-    table = Table(
-        Column("link", overflow="fold"), title=f"{model.name} ({model.form}): kg, mm, kg m²"
-    )
-    for head in (
-        "mass",
-        "centre of mass",
-        "principal moments",
-        "slack",
-        "λmin(P)",
-        "/ tr",
-        "kg/m³",
-    ):
-        table.add_column(head, justify="right")
-    for row in inspection.rows:
-        body = row.body
-        table.add_row(
+    heads = ("mass", "centre of mass", "principal moments", "slack", "λmin(P)", "/ tr", "kg/m³")
+    rows = tuple(
+        (
             row.link,
-            f"{body.mass:.4g}",
-            " ".join(f"{1e3 * x:.1f}" for x in body.com),
-            " ".join(f"{x:.3g}" for x in body.moments),
-            f"{body.slack:.2g}",
+            f"{row.body.mass:.4g}",
+            " ".join(f"{1e3 * x:.1f}" for x in row.body.com),
+            " ".join(f"{x:.3g}" for x in row.body.moments),
+            f"{row.body.slack:.2g}",
             f"{row.smallest:.2g}",
             f"{row.relative:.1g}",
             "-" if row.density is None else f"{row.density:.0f}",
         )
-    console.print(table)
+        for row in inspection.rows
+    )
+    show(Table(("link", *heads), rows, title=f"{model.name} ({model.form}): kg, mm, kg m²"))
     base = inspection.base
     if base is not None:
-        say(f"{len(base.names)} base parameters, condition {base.condition:.3g} at random states:")
-        for k, name in enumerate(base.names, 1):
+        say(f"{len(base.names)} base parameters, condition {base.condition:.3g} at random states")
+        for k, name in enumerate(base.names if VERBOSE.get() else (), 1):
             say(f"  {k} {name}")
     for note in inspection.notes:
         say(f"note: {note}")
@@ -141,7 +130,7 @@ def _repair(
     with replacing(out) as file:
         file.write(text.encode())
     if not quiet:
-        console.print(_moves(inspection, changes))
+        show(_moves(inspection, changes))
     _report(inspection, changes, report)
     report(f"repair: wrote '{out}', checked again: {len(again.errors)} error(s) left")
     return {
@@ -168,18 +157,13 @@ def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
 
 
 def _moves(inspection: Inspection, changes: Repair) -> Table:
-    table = Table("link", "centre of mass moved, mm", title="repair: changes (masses are kept)")
-    for head in ("principal moments before", "after", "slack before", "after"):
-        table.add_column(head, justify="right")
+    rows = []
     for name, new in changes.bodies.items():
         old = inspection.model.links[name].body
         if old is not None:
             moments = [" ".join(f"{x:.3g}" for x in body.moments) for body in (old, new)]
-            table.add_row(
-                name,
-                f"{1e3 * float(np.linalg.norm(new.com - old.com)):.3g}",
-                *moments,
-                f"{old.slack:.2g}",
-                f"{new.slack:.2g}",
-            )
-    return table
+            moved = f"{1e3 * float(np.linalg.norm(new.com - old.com)):.3g}"
+            rows.append((name, moved, *moments, f"{old.slack:.2g}", f"{new.slack:.2g}"))
+    head = ("principal moments before", "after", "slack before", "after")
+    title = "repair: changes (masses are kept)"
+    return Table(("link", "centre of mass moved, mm", *head), tuple(rows), title=title)

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Column, Table
 
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import Choices
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import console, say, show
 from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import (
     BaseOption,
@@ -84,7 +84,7 @@ def proxies_command(given: ProxiesSettings) -> None:
         covered = [coverage(part, fitted) for part in geometry]
         home = np.array(home_of(chain, known))
         chosen = select_pairs(chain, fitted, home, geometry, given.margin)
-    console.print(_table(covered))
+    show(_table(covered))
     for sentence in _sentences(chosen):
         say(sentence)
     worst = max(covered, key=lambda c: c.outside)
@@ -101,14 +101,12 @@ def proxies_command(given: ProxiesSettings) -> None:
 
 
 def _table(covered: list[Coverage]) -> Table:
-    table = Table(
-        Column("link", overflow="fold"), "capsules", "corners", "outside", "volume / hull"
-    )
+    rows = []
     for c in covered:
         ratio = "-" if math.isnan(c.ratio) else f"{c.ratio:.2f}"
         outside = f"{1e3 * c.outside:.3g} mm"
-        table.add_row(c.link, str(c.proxies), str(c.corners), outside, ratio)
-    return table
+        rows.append((c.link, str(c.proxies), str(c.corners), outside, ratio))
+    return Table(("link", "capsules", "corners", "outside", "volume / hull"), tuple(rows))
 
 
 def _sentences(chosen: Selection) -> list[str]:

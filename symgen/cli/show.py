@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Column, Table
-from rich.text import Text
 
 from runtime.common.files import json_of
 from runtime.common.settings import Choices
-from runtime.common.terminal import console, say
+from runtime.common.tables import Table
+from runtime.common.terminal import say, show
 from runtime.common.user_builds import built_robots
 from symgen.cli.common import DEFAULT_ROOT, RootOption, folders_of, generated_here
 from symgen.errors import BuildError
@@ -43,7 +42,7 @@ def list_command(given: ListSettings) -> None:
     The library of a generated robot is built, not compiled, or stale (built from other inputs).
     C code that comes with the installed package is compiled when it is used for the first time.
     """
-    table = Table("robot", "bundled", "generated", "library")
+    rows = []
     folders = {folder.name: folder for folder in generated_here(given.out)}
     unknown = False
     for name in sorted({*folders, *bundled_robots()}):
@@ -55,8 +54,8 @@ def list_command(given: ListSettings) -> None:
         if name in folders and folders[name].parent != given.out:
             here = built_robots().get(name) == folders[name]
             generated = str(folders[name]) if here else "with the package"
-        table.add_row(name, "yes" if name in bundled_robots() else "", generated, library)
-    console.print(table)
+        rows.append((name, "yes" if name in bundled_robots() else "", generated, library))
+    show(Table(("robot", "bundled", "generated", "library"), tuple(rows)))
     if unknown:
         say(
             "built?: whether a library is stale is checked with casadi and pinocchio, which are "
@@ -112,7 +111,7 @@ def describe_command(given: DescribeSettings) -> None:
         print(facts)
         return
     for table in tables:
-        console.print(table)
+        show(table)
 
 
 def _description(manifest: dict[str, Any]) -> dict[str, Any]:
@@ -130,21 +129,20 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
 
 
 def _joint_table(manifest: dict[str, Any]) -> Table:
-    heads = (Column(head, overflow="fold") for head in ("joint", "moves"))
-    table = Table(*heads, "kind", "lower", "upper", "velocity", "effort", "home")
-    table.title = Text(f"{manifest['robot']}: joints (rad or m, rad/s or m/s, N·m or N)")
+    rows = []
     for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
         limits = [joint[key] for key in _LIMITS]
         shown = ["none" if x is None else f"{x:.4g}" for x in limits]
-        names = [Text(str(joint[key])) for key in ("name", "link", "kind")]
-        table.add_row(*names, *shown, f"{home:.3f}")
+        names = [str(joint[key]) for key in ("name", "link", "kind")]
+        rows.append((*names, *shown, f"{home:.3f}"))
     free = {joint["name"] for joint in manifest["joints"]}
     for place, joint in enumerate(manifest.get("all_joints", [])):
         if joint["name"] not in free:
             shown = ["none" if joint[key] is None else f"{joint[key]:.4g}" for key in _LIMITS]
-            names = [Text(str(joint[key])) for key in ("name", "link", "kind")]
-            table.add_row(*names, *shown, Text(_follows(manifest, place)))
-    return table
+            names = [str(joint[key]) for key in ("name", "link", "kind")]
+            rows.append((*names, *shown, _follows(manifest, place)))
+    title = f"{manifest['robot']}: joints (rad or m, rad/s or m/s, N·m or N)"
+    return Table(("joint", "moves", "kind", *_LIMITS, "home"), tuple(rows), title=title)
 
 
 def _follows(manifest: dict[str, Any], place: int) -> str:
@@ -161,35 +159,28 @@ def _follows(manifest: dict[str, Any], place: int) -> str:
 
 
 def _base_table(manifest: dict[str, Any]) -> Table:
-    table = Table("β", "combination")
     facts = _description(manifest)
-    table.title = (
+    title = (
         f"{len(facts['base_parameters'])} base parameters "
         f"(singular values: kept ≥ {facts['smallest_kept']:g}, "
         f"dropped < {facts['largest_dropped_below']:g})"
     )
-    for k, text in enumerate(facts["base_parameters"], 1):
-        table.add_row(str(k), Text(text))
-    return table
+    rows = tuple((str(k), text) for k, text in enumerate(facts["base_parameters"], 1))
+    return Table(("β", "combination"), rows, title=title)
 
 
 def _kernel_table(manifest: dict[str, Any]) -> Table:
-    table = Table(
-        Column("kernel", overflow="fold"),
-        "inputs",
-        "outputs",
-        "operations",
-        "equation",
-        title="kernels",
-    )
+    rows = []
     for kernel in manifest["kernels"]:
         shapes = [
             ", ".join(f"{a['name']} {'×'.join(map(str, a['shape']))}" for a in kernel[side])
             for side in ("inputs", "outputs")
         ]
         cells = (kernel["name"], *shapes, kernel["operations"], kernel["equation"])
-        table.add_row(*(Text(str(cell)) for cell in cells))
-    return table
+        rows.append(tuple(map(str, cells)))
+    return Table(
+        ("kernel", "inputs", "outputs", "operations", "equation"), tuple(rows), title="kernels"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

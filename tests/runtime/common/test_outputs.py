@@ -1,16 +1,19 @@
 """Outputs that end early: a full disk, a closed pipe, few letters, a pipe as input."""
 
 import errno
+import io
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
-from runtime.common import files
+from runtime.common import files, terminal
 from runtime.common.errors import RuntimeFault
 from runtime.common.files import replacing, replacing_folder
+from runtime.common.tables import Table
 from runtime.errors import RecordingError
 from runtime.recording.reader import locate
 from symgen.console import is_model
@@ -77,3 +80,13 @@ def test_a_pipe_is_no_log(tmp_path: Path) -> None:
     assert not is_model(pipe)
     with pytest.raises(RecordingError, match="is a pipe or a device"):
         locate(pipe)
+
+
+def test_names_of_a_wide_table_stay_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: no name of a table that is wider than the terminal is broken or cut."""
+    names = [f"caster_front_right_{k}_joint" for k in range(3)]
+    text = io.StringIO()
+    monkeypatch.setattr(terminal, "console", Console(file=text, width=50))
+    terminal.show(Table(("joint", "link", "mass [kg]"), tuple((n, f"{n}_link", "") for n in names)))
+    assert all(f" {name}_link" in text.getvalue() for name in names)
+    assert "[kg]" in text.getvalue()

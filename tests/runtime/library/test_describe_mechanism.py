@@ -27,7 +27,7 @@ def test_joints_that_follow_others(
     """Property: joints that are not independent are listed with what moves them, and base
     parameters combine the parameters of all links.
     """
-    monkeypatch.setattr("symgen.cli.show.console", Console(width=160))  # no cell is folded
+    monkeypatch.setattr("runtime.common.terminal.console", Console(width=160))  # no cell is folded
     lib: Library = request.getfixturevalue(robot)
     root = lib.folder.parent
     code, said, _ = run(capsys, "describe", lib.folder.name, "--out", root)

@@ -279,6 +279,9 @@ def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None
     clean = [label for label in rows if label.startswith("none")]
     assert [rows.pop(label) for label in clean] == 3 * [(0, 0, 0)]
     assert rows.pop("torque gain of joint 7 10 % off") == (0, 1, 0)
+    # The result follows the data where the URDF is off: that is named, and no doubt of the result.
+    off = [label for label in rows if "payload" in label or "bodies" in label]
+    assert [rows.pop(label) for label in off] == 4 * [(1, 0, 0)]
     assert {(named, doubted) for named, _, doubted in rows.values()} == {(1, 1)}
 
 

@@ -19,6 +19,7 @@ from runtime.estimators.convex.entropic_prior import NONE
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
@@ -79,7 +80,8 @@ def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) 
     first, lib = result.uncertainty, result.lib
     if first is None or first.information is None:
         raise IdentificationError("expected a model with a posterior; identify with map")
-    statistics, samples = first.information.statistics, samples_of(result.train, lib)
+    samples = samples_of(result.train, lib)
+    statistics = compress(lib, samples, result.weights)
     ends = np.cumsum(rows)
     parts = [samples.rows(slice(b - n, b)) for b, n in zip(ends.tolist(), rows, strict=True)]
     coloured = coloured_noise_of(lib, parts, statistics, result.weights, only_base=True)

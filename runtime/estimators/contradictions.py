@@ -88,7 +88,7 @@ def model_tests(
     elif named:
         doubt = doubt or _of_cause(lib, named)
     if test.is_contradicted and not doubt:
-        if test.is_of_another:
+        if test.is_of_another and not test.links:
             doubt = _of_prior(test, is_of_type)
         else:
             errors.insert(0, _of_urdf(test, is_of_type))
@@ -262,16 +262,10 @@ def _wrong(is_of_type: bool) -> str:
 
 
 def _of_prior(test: PriorTest, is_of_type: bool) -> str:
-    """Sentence on a prior that is further off than that of the same robot."""
-    source, size = _source(is_of_type), f"{test.excess:.2g} times the threshold"
-    if not test.links:
-        return (
-            f"the data contradict the inertias of {source} ({size}), and no single link explains "
-            f"it: {source} is of another robot, or order, unit or sign of the signals are wrong; "
-            "check them with: python -m runtime inspect LOG"
-        )
-    remedy = "" if is_of_type else '; correct the URDF, or use --prior with trust = "none"'
+    """Sentence on a prior that is further off than that of the same robot, in no single link."""
+    source = _source(is_of_type)
     return (
-        f"the data contradict the inertia of {_bodies(test, is_of_type)}, or of what it carries "
-        f"({size}), while the joints agree with each other: {_wrong(is_of_type)}{remedy}"
+        f"the data contradict the inertias of {source} ({test.excess:.2g} times the threshold), "
+        f"and no single link explains it: {source} is of another robot, or order, unit or sign of "
+        "the signals are wrong; check them with: python -m runtime inspect LOG"
     )

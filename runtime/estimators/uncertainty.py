@@ -38,7 +38,7 @@ from runtime.estimators.convex.entropic_prior import (
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.regression.nuisance import nuisance_slopes
+from runtime.estimators.regression.model_error import model_error_of
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of
 from runtime.estimators.regression.samples import (
@@ -67,7 +67,7 @@ BAND_SAMPLES = 200
 class LogInformation:
     """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P])."""
 
-    statistics: Statistics  # R and r of all training samples, weighted
+    statistics: Statistics  # R and r of all training samples over their noise and model error
     density: float  # S, variance with which the noise enters the unknowns
     kappa: float  # κ, trust in the centre of the prior
     centre: Array  # π0 of the prior, (10 n,)
@@ -230,7 +230,9 @@ def uncertainty_of(
         statistics = compressed(weights) if compressed else compress(lib, samples, weights)
         coloured = coloured_noise_of(lib, [samples], statistics, weights)
     # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
-    data, _ = reduce(statistics, samples.equations)
+    fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
+    widened = model_error_of(lib, fit, pi, statistics)
+    data, _ = reduce(widened.statistics, samples.equations)
     bodies, prior = bodies_of(lib), prior_about(lib, first_guess, centre)
     inside = bodies.log_det(pi) is not None
     level = max(coloured.density, np.finfo(float).tiny)
@@ -242,12 +244,10 @@ def uncertainty_of(
     if centre is not None:
         reference = pi
     usual = spread.root if is_most_probable else vague
-    slopes = nuisance_slopes(lib, samples, pi, statistics, level)
-    moved, phi_nuisance = _nuisance(lib, statistics, slopes, level, usual)
+    moved, phi_nuisance = _nuisance(lib, widened.statistics, widened.slopes, level, usual)
     root = np.column_stack([usual, moved, pi - reference])
     outcome = ModelTests()
     if tests:
-        fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
         outcome = model_tests(
             lib, fit, data, prior, kappa, level, pi, is_of_type=centre is not None
         )
@@ -256,7 +256,8 @@ def uncertainty_of(
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
     excited = np.linalg.svd(
-        data.factor[:, list(lib.base_columns)] / np.where(lengths > 0, lengths, 1.0)[: len(base)],
+        reduce(statistics, samples.equations)[0].factor[:, list(lib.base_columns)]
+        / np.where(lengths > 0, lengths, 1.0)[: len(base)],
         compute_uv=False,
     )
     # A rotor column that a link's inertia explains: their sum is excited, so it counts.
@@ -277,7 +278,7 @@ def uncertainty_of(
         rank=rank,
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
-        information=LogInformation(statistics, float(level), kappa, prior.centre),
+        information=LogInformation(widened.statistics, float(level), kappa, prior.centre),
         tests=outcome,
         phi_nuisance=phi_nuisance,
     )

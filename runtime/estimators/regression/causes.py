@@ -4,10 +4,10 @@
 
 H are the columns of every cause beside β and φ, Q is orthonormal, and z has one covariance for all,
 
-    V = ½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1) + Qᵀ N Λ Nᵀ Q + U
+    V = V_e + Qᵀ N Λ Nᵀ Q + U
 
-of noise, of scores g_k of K blocks, of nuisance shapes N and of usual errors U of torque gains. The
-columns of the causes, each relative to what the fit or the model π predicts:
+of noise and scatter of blocks V_e (`model_error`), of nuisance shapes N and of usual errors U of
+gains. The columns of the causes, each relative to what the fit or the model π predicts:
 
     gain of one joint      τ̂_j                    offset of one joint    1
     late torque            −d/dt τ̂                encoder zero           −∂τ/∂q_j (π)
@@ -18,13 +18,14 @@ columns of poses. Source: Breusch & Pagan 1980 for score tests, Cameron & Miller
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
-from runtime.estimators.regression.nuisance import likely_sizes, nuisance_columns
+from runtime.estimators.regression.model_error import scatter, time_step
+from runtime.estimators.regression.nuisance import nuisance_of
 from runtime.estimators.regression.omitted_columns import SIGNIFICANCE, FreeFit, free_fit
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
@@ -53,8 +54,6 @@ GROWTH = 1.4
 the residuals, which contain a part of it."""
 ALIKE = 4.0
 """T below that of the best cause up to which another one is named beside it."""
-BLOCK_S, FEWEST, ROBUST = 2.0, 3, 0.5
-"""Length of a block [s], blocks from which on their scatter counts, and its share in V."""
 _STEP = 1e-5
 
 
@@ -143,8 +142,9 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
     density = coloured_noise_of_shares(shares, rest.reshape(count, n), unknowns).density
     if not density > 0:
         return Causes()
-    spread = _noise(fit, q, rest, density)
-    shapes = _nuisance(lib, fit, pi, q, rest, density)
+    spread = scatter(fit.samples, q, rest.reshape(count, n), density)
+    beside = replace(fit, basis=np.hstack([fit.basis, q]), rest=rest)
+    shapes = nuisance_of(lib, beside, pi, density).scores[fit.basis.shape[1] :]
     usual = np.array([USUAL_GAIN if kinds[k][0] == GAIN else 0.0 for k in groups])
     taken = q.T @ columns
     spread += shapes @ shapes.T + (taken * usual) @ (taken * usual).T
@@ -186,12 +186,6 @@ def potential_rows(lib: Library, q: Array) -> Array:
     return rows
 
 
-def time_step(samples: Samples) -> float:
-    """Mean time step [s]: 2 h = ⟨q_(i+1) − q_(i−1), dq_i⟩ / ⟨dq_i, dq_i⟩; 0 at rest."""
-    moved, speed = (samples.q[2:] - samples.q[:-2]).ravel(), samples.dq[1:-1].ravel()
-    return max(float(moved @ speed) / max(float(speed @ speed), 1e-300) / 2, 0.0)
-
-
 def _columns(
     lib: Library, fit: FreeFit, pi: Array
 ) -> Iterator[tuple[tuple[str, int, Array], Array]]:
@@ -215,37 +209,3 @@ def _columns(
         theta = np.column_stack([first_moment(bodies), mass(bodies)]).ravel()
         turned = np.moveaxis(potential_rows(lib, s.q) @ theta, 0, 2)
         yield (TILT, -1, across), -(turned @ across) * fit.scale[:, None]
-
-
-def _noise(fit: FreeFit, q: Array, rest: Array, density: float) -> Array:
-    """½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1); c 1 of logs with few blocks."""
-    count, n = len(fit.samples), fit.scale.size
-    blocks = np.arange(count) * time_step(fit.samples) // BLOCK_S
-    starts = np.flatnonzero(np.diff(blocks, prepend=-1.0))
-    k = len(starts)
-    if k < FEWEST:
-        return density * np.eye(q.shape[1])
-    scores = np.einsum("ijk,ij->ik", q.reshape(count, n, -1), rest.reshape(count, n))
-    g = np.add.reduceat(scores, starts, axis=0)
-    meat = g.T @ g * (k / (k - 1))
-    level = max(density, float(np.trace(meat)) / len(meat))
-    return (1 - ROBUST) * level * np.eye(len(meat)) + ROBUST * meat
-
-
-def _nuisance(
-    lib: Library, fit: FreeFit, pi: Array, q: Array, rest: Array, density: float
-) -> Array:
-    """Qᵀ N Λ^½ of nuisance shapes, whose sizes are those of what the causes leave."""
-    samples, n = fit.samples, fit.scale.size
-    if samples.base is not None:
-        return np.zeros((q.shape[1], 0))
-    shapes = nuisance_columns(lib, pi, samples) * fit.scale[:, None]
-    basis = np.hstack([fit.basis, q]).reshape(len(samples), n, -1)
-    rest = rest.reshape(len(samples), n)
-    known, kept = fit.basis.shape[1], []
-    for j in range(n):
-        taken, inner = basis[:, j].T @ shapes[:, j], shapes[:, j].T @ shapes[:, j]
-        along = shapes[:, j].T @ rest[:, j]
-        sizes = likely_sizes(inner - taken.T @ taken, along, density, float(np.trace(inner)))
-        kept.append(taken[known:] * sizes)
-    return np.hstack(kept)

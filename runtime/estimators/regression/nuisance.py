@@ -9,10 +9,12 @@ exported: the estimate x̂ keeps its value, and its covariance gains that of X�
 Source: Kennedy & O'Hagan 2001 for the discrepancy of a model; empirical Bayes for its size.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from runtime.estimators.regression.compression import Statistics
-from runtime.estimators.regression.posterior import ROUNDING, posterior_of
+from runtime.estimators.regression.omitted_columns import FreeFit
+from runtime.estimators.regression.posterior import ROUNDING
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -22,8 +24,6 @@ KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
 friction (load, root of the speed, peak at low speed)."""
 SHAPES = len(KINDS)
-MOST_ROWS = 3000
-"""Rows of a log from which λ is estimated, evenly spread."""
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
 SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
@@ -42,56 +42,35 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     return np.stack(each, axis=2)
 
 
-def nuisance_slopes(
-    lib: Library, samples: Samples, pi: Array, statistics: Statistics, density: float
-) -> Array:
-    """Σ Xᵀ W N λ over all samples, whose product with (XᵀWX)⁻¹ is a root of the added covariance.
+@dataclass(frozen=True, slots=True, eq=False)
+class NuisanceTorque:
+    """Nuisance torque of a free fit."""
 
-    pi (10 n,), density S → (n_b + n k, columns); no column without nuisance torque.
-    """
-    none = np.zeros((len(statistics.factor), 0))
-    rows = np.linspace(0, len(samples) - 1, min(len(samples), MOST_ROWS)).astype(int)
-    some = samples.rows(rows)
-    share = len(samples) / len(rows)
+    scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m); no column without nuisance torque
+    mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
+
+
+def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> NuisanceTorque:
+    """Nuisance torque that the residual of a fit makes likely."""
+    samples, n = fit.samples, fit.scale.size
+    rest = fit.rest.reshape(len(samples), n)
+    mean, kept = np.zeros_like(rest), [np.zeros((fit.basis.shape[1], 0))]
     if samples.base is not None or samples.equations != lib.n_joints:
-        return none
-    x = np.concatenate([some.base_rows(lib), some.friction_rows()], axis=2)
-    if x.shape[2] != len(statistics.factor.T):
-        return none
-    over = np.sqrt(_weights(x, statistics) / share)
-    x *= over[:, None]
-    fit = posterior_of(statistics.factor, statistics.target)
-    # A shape of a joint has rows of that joint alone, so that N' is never formed: with A = XᵀN and
-    # P = root rootᵀ, N'ᵀN' = NᵀN − 2 AᵀPA + AᵀP (XᵀX) PA; (XᵀX) P = 1 if the statistics are of
-    # these rows, which the lengths of the columns show.
-    rest = some.tau * over - x @ fit.mean
-    shapes = nuisance_columns(lib, pi, some) * over[:, None]
-    across = share * np.einsum("njp,njs->pjs", x, shapes, optimize=True)
-    inner = share * np.einsum("njs,njt->jst", shapes, shapes, optimize=True)
-    along = share * np.einsum("njs,nj->js", shapes, rest)
-    left = share * np.einsum("njp,nj->p", x, rest)
-    turned = np.einsum("pq,pjs->qjs", fit.root, across, optimize=True)
-    lengths = share * np.sum(x**2, axis=(0, 1)), np.sum(statistics.factor**2, axis=0)
-    both = np.eye(len(turned))
-    if not np.allclose(*lengths, rtol=1e-9, atol=0.0):
-        flat = x.reshape(-1, x.shape[2]) @ fit.root
-        both = 2 * both - share * (flat.T @ flat)
-    kept = []
-    for j in range(lib.n_joints):
-        gram = inner[j] - turned[:, j].T @ both @ turned[:, j]
-        z = along[j] - turned[:, j].T @ (fit.root.T @ left)
-        sizes = likely_sizes(gram, z, density, float(np.trace(inner[j])))
+        return NuisanceTorque(kept[0], mean)
+    shapes = nuisance_columns(lib, pi, samples) * fit.scale[:, None]
+    basis = fit.basis.reshape(len(samples), n, -1)
+    for j in range(n):
+        taken, inner = basis[:, j].T @ shapes[:, j], shapes[:, j].T @ shapes[:, j]
+        gram, z = inner - taken.T @ taken, shapes[:, j].T @ rest[:, j]
+        sizes = likely_sizes(gram, z, density, float(np.trace(inner)))
         if sizes.any():
-            kept.append(across[:, j] * sizes)
-    return np.hstack(kept) if kept else none
-
-
-def _weights(x: Array, statistics: Statistics) -> Array:
-    """Weights of the joints in statistics of rows x (N, n, p), by the lengths of the columns."""
-    lengths = np.sum(statistics.factor**2, axis=0)
-    used = lengths > 0
-    share = np.sum(x**2, axis=0).T[used] / lengths[used, None]
-    return np.maximum(posterior_of(share, np.ones(len(share))).mean, 0.0)
+            kept.append(taken * sizes)
+            # s | z is normal with the information G / S + Λ⁻¹.
+            within = sizes[:, None] * gram * sizes / density + np.eye(len(sizes))
+            s = sizes * np.linalg.solve(within, sizes * z / density)
+            mean[:, j] += shapes[:, j] @ s
+            mean -= np.einsum("ijk,k->ij", basis, taken @ s)
+    return NuisanceTorque(np.hstack(kept), mean)
 
 
 def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:

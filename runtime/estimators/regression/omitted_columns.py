@@ -38,7 +38,8 @@ class FreeFit:
 
     samples: Samples  # the N samples
     scale: Array  # √w_j that the rows are multiplied by, (n,)
-    basis: Array  # orthonormal basis of the weighted columns, (N n, p)
+    root: Array  # R, which makes the weighted rows X an orthonormal basis Q = X R, (n_b + n k, p)
+    basis: Array  # Q of the weighted columns, (N n, p)
     predicted: Array  # weighted torque of the fit, (N n,)
     rest: Array  # weighted residual, (N n,)
     shares: tuple[Array, ...]  # of every frequency that the basis takes up, by `shares_of_basis`
@@ -73,13 +74,14 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     scale = np.sqrt(weights)
     rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
     target = (s.tau * scale).ravel()
-    basis = rows.reshape(target.size, -1) @ posterior_of(rows, rank=APART).root
+    root = posterior_of(rows, rank=APART).root
+    basis = rows.reshape(target.size, -1) @ root
     predicted = basis @ (basis.T @ target)
     rest = target - predicted
     if np.linalg.norm(rest) <= APART * np.linalg.norm(target):
         return None
     shares = shares_of_basis(basis.reshape(len(s), scale.size, -1))
-    return FreeFit(s, scale, basis, predicted, rest, shares)
+    return FreeFit(s, scale, root, basis, predicted, rest, shares)
 
 
 def with_columns(fit: FreeFit, columns: Array) -> FreeFit:

@@ -74,14 +74,16 @@ def test_an_unknown_payload_is_named(lib, trajectories, payload, method):
 
 
 def test_compare_doubts_what_identify_doubts(lib, trajectories):
-    """Oracle: 3 kg in the hand; of a clean log nothing is doubted."""
-    for payload, is_doubted in ((0.0, False), (3.0, True)):
+    """Oracle: a gain of 1.1; of a clean log, and of 3 kg in the hand, nothing is doubted."""
+    cases = ((0.0, 1.0, False), (3.0, 1.0, False), (0.0, 1.1, True))
+    for payload, gain, is_doubted in cases:
         log = logged(lib, trajectories[0], 1, payload)
+        log = log.replace(tau=log.tau * np.where(np.arange(7) == 1, gain, 1.0))
         assembly = assemble(log, lib, friction=TERMS, preparation=FILTERED)
         rows = compare(assembly, ["pc-ols"]).rows
         sentences = advise(rows, len(lib.base_columns)).sentences
         assert any(s.startswith("Do not trust it") for s in sentences) == is_doubted
-        assert any("the URDF is wrong rather than the log" in s for s in sentences) == is_doubted
+        assert any("the torque is wrong rather than the URDF" in s for s in sentences) == is_doubted
 
 
 def test_a_unit_that_differs_from_its_fleet_is_named(lib, trajectories):
@@ -315,13 +317,13 @@ def test_described_friction_raises_no_alarm(lib, trajectories, seed):
 def test_a_refit_keeps_the_tests_of_the_training_rows(lib, trajectories, monkeypatch):
     """Property: the fit to all rows is not tested again, and its result has the same sentences."""
     calls = []
-    tested = uncertainty.free_fit
+    tested = uncertainty.model_tests
 
-    def counted(*args):
-        calls.append(len(args[1]))
-        return tested(*args)
+    def counted(*args, **keywords):
+        calls.append(args)
+        return tested(*args, **keywords)
 
-    monkeypatch.setattr(uncertainty, "free_fit", counted)
+    monkeypatch.setattr(uncertainty, "model_tests", counted)
     log = gripping(logged(lib, trajectories[0], 1), (1,))
     result = identify_recording(log, lib, friction=TERMS, preparation=FILTERED, refit=True)
     assert len(calls) == 1

@@ -1,0 +1,76 @@
+"""Scatter of scores between blocks, and its part of a posterior."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter
+from runtime.estimators.regression.omitted_columns import free_fit
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Library
+
+RATE, BLOCKS, COLUMNS = 20.0, 60, 3
+
+
+def _rows(rng: np.random.Generator) -> tuple[Samples, np.ndarray]:
+    """Rows of one joint that moves at 1 rad/s, and an orthonormal basis of three columns."""
+    count = round(BLOCKS * BLOCK_S * RATE)
+    q = np.arange(count)[:, None] / RATE
+    still = np.zeros_like(q)
+    samples = Samples(q, np.ones_like(q), still, still, np.zeros((count, 1, 0)))
+    return samples, np.linalg.qr(rng.normal(size=(count, COLUMNS)))[0]
+
+
+def test_white_residuals_scatter_as_their_noise() -> None:
+    """Oracle: V = S 1; 60 blocks know the mean of three variances to a tenth, four σ of that."""
+    samples, q = _rows(np.random.default_rng(0))
+    rest = 0.3 * np.random.default_rng(1).normal(size=(len(q), 1))
+    spread = scatter(samples, q, rest, 0.09)
+    assert np.trace(spread) / COLUMNS == pytest.approx(0.09, rel=0.4)
+    assert np.abs(spread - np.diag(np.diag(spread))).max() < 4 * 0.09 / np.sqrt(BLOCKS)
+
+
+def test_coefficients_that_differ_between_blocks_count_in_their_direction() -> None:
+    """Oracle: with a coefficient s_k in block k, V_ii = S + Σ (q_iᵀ q_0)_k² s_k², to four σ."""
+    samples, q = _rows(np.random.default_rng(0))
+    rng, length = np.random.default_rng(1), round(BLOCK_S * RATE)
+    sizes = np.repeat(5.0 * rng.normal(size=BLOCKS), length)
+    rest = (sizes * q[:, 0] + 0.3 * rng.normal(size=len(q)))[:, None]
+    spread = scatter(samples, q, rest, 0.09)
+    for i in range(COLUMNS):
+        shares = np.add.reduceat(q[:, 0] * q[:, i], np.arange(0, len(q), length))
+        wanted = 0.09 + np.sum((shares * sizes[::length]) ** 2)
+        assert spread[i, i] == pytest.approx(wanted, rel=4 * np.sqrt(2 / BLOCKS))
+
+
+def test_few_blocks_keep_the_noise() -> None:
+    """Property: two blocks say nothing."""
+    samples, q = _rows(np.random.default_rng(0))
+    few = round(2 * BLOCK_S * RATE)
+    spread = scatter(samples.rows(slice(few)), q[:few], np.ones((few, 1)), 0.09)
+    assert np.array_equal(spread, 0.09 * np.eye(COLUMNS))
+
+
+def test_a_posterior_is_widened_where_blocks_scatter(fr3: Library) -> None:
+    """Oracle: the covariance of least squares A⁻¹ V A⁻ᵀ from all rows, in A and in the free fit."""
+    rng = np.random.default_rng(2)
+    t = np.arange(1200) / 20.0
+    phase = np.arange(1, 8) * 0.4
+    q = fr3.home + 0.5 * np.sin(np.outer(t, phase))
+    dq = 0.5 * phase * np.cos(np.outer(t, phase))
+    ddq = -0.5 * phase**2 * np.sin(np.outer(t, phase))
+    tau = fr3.inverse_dynamics(q, dq, ddq, fr3.pi0) + 0.05 * rng.normal(size=q.shape)
+    drift = np.repeat(rng.normal(size=(30, 7)), 40, axis=0)  # steps of every block
+    columns = np.ones((1200, 7, 1))
+    samples = Samples(q, dq, ddq, tau, columns)
+    weights = np.ones(7)
+    sigmas = []
+    for size in (0.0, 0.5):
+        each = replace(samples, tau=tau + size * drift)
+        fit = free_fit(fr3, each, weights)
+        widened = model_error_of(fr3, fit, fr3.pi0, compress(fr3, each, weights)).statistics
+        sigmas.append(np.linalg.norm(np.linalg.pinv(widened.factor), axis=1))
+    offsets = slice(len(fr3.base_matrix), None)
+    assert np.median(sigmas[1][offsets] / sigmas[0][offsets]) > 1.05

@@ -22,6 +22,7 @@ import numpy as np
 from runtime.campaign.estimation import arm_model
 from runtime.campaign.gate import torque_faults
 from runtime.campaign.gear_friction import smoothed
+from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
@@ -125,7 +126,7 @@ def unnoticed(verdicts: tuple[RehearsalVerdict, ...], lib: Library) -> tuple[str
 def _error(verdict: RehearsalVerdict) -> str:
     if np.isnan(verdict.error):
         return "no model was identified"
-    return f"torque error {100 * verdict.error:.2g} %"
+    return f"torque error {significant(100 * verdict.error)} %"
 
 
 def _stiff(settings: VirtualRobotSettings, joint: int) -> VirtualFriction:

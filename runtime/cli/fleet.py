@@ -11,7 +11,7 @@ import typer
 from runtime.cli.common import Overwrite, Yes, counting, open_robot
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import Choices, settings_place
-from runtime.common.tables import Table
+from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
 from runtime.identification.statistics_file import read_statistics
@@ -158,8 +158,8 @@ def _show(lib: Library, units: list[Unit], fit: FleetFit) -> None:
     low, high = (100 / np.sqrt(end) for end in reversed(fit.interval))
     out = int(fit.stands_out.sum())
     say(
-        f"{len(units)} units of '{lib.name}' differ by {100 / np.sqrt(fit.kappa):.2g} % "
-        f"(95 %: {low:.2g} to {high:.2g} %)"
+        f"{len(units)} units of '{lib.name}' differ by {significant(100 / np.sqrt(fit.kappa))} % "
+        f"(95 %: {low:.2g} to {significant(high)} %)"
         + (f"; {out} of them stand out and do not count" if out else "; none stands out")
     )
     rows = []

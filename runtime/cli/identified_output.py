@@ -1,5 +1,6 @@
 """What `symgen identify` writes and prints of a result."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,28 +35,41 @@ class Outputs:
     Attributes:
         report: value of --report.
         statistics: value of --save-statistics.
+        inspect: command that inspects the log.
     """
 
     report: bool
     statistics: bool
+    inspect: str
 
 
 def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
     files = _written(result, folder, outputs)
-    for line in (*_summary(result, record), *files):
+    for line in (*_summary(result, record, outputs.inspect), *files):
         say(line)
     if VERBOSE.get():
         _print_details(result, record)
 
 
-def _summary(result: Identification, record: ResultRecord) -> Iterator[str]:
+def next_command(doubt: str, inspect: str) -> str:
+    """Command that follows a doubt: identify with another option, or inspect; "" without one."""
+    if option := re.search(r"--(?:delay|friction|cutoff) auto", doubt):
+        again = f"{command_line()} {option[0]}"
+        return again if "--overwrite" in again else f"{again} --overwrite"
+    return inspect if re.search(r"\binspect\b|in a recipe", doubt) and inspect not in doubt else ""
+
+
+def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iterator[str]:
     """What a result comes to: at most one doubt, errors, share of friction, bodies, one advice."""
     known, shares = result.uncertainty, record.torque_error_percent
     doubts = doubts_of(result, record)
     if doubts:
-        yield f"warning: {doubts[0]}"
+        doubt = doubts[0].replace("python -m runtime inspect LOG", inspect)
+        yield f"warning: {doubt}"
+        if command := next_command(doubt, inspect):
+            yield f"run: {command}"
     if result.status in UNFINISHED:
         yield f"status: {result.status}"
     before, after = shares.before_overall or 0.0, shares.after_overall or 0.0

@@ -1,6 +1,8 @@
 """`symgen identify` of one log, in memory or streamed, or of several."""
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -54,8 +56,8 @@ from runtime.cli.log_options import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.settings import FILE, Choices
-from runtime.common.terminal import say
-from runtime.errors import IdentificationError
+from runtime.common.terminal import program, say
+from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
@@ -176,6 +178,7 @@ def identify_command(given: IdentifySettings) -> None:
         robust=given.robust,
     )
     settings = settings_for(lib, settings)
+    inspect = _inspection(given)
     runs = runs_of(given.logs, given.run)
     several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
@@ -184,7 +187,7 @@ def identify_command(given: IdentifySettings) -> None:
     settings = replace(
         settings, inputs=inputs_of([chosen], lib, controller=given.controller) or None
     )
-    with counting(state()) as bar:
+    with counting(state()) as bar, _naming(inspect):
         shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, given.preset))
         opened = (
             _named(runs, lib, given.recipe, given.payload_of or (), bool(given.stream))
@@ -194,7 +197,25 @@ def identify_command(given: IdentifySettings) -> None:
         result = identify(opened, lib, settings, progress=shown)
         result = with_row_marks(result, opened, settings.split)
     given.write(folder)
-    finish(result, folder, Outputs(given.report, given.save_statistics))
+    finish(result, folder, Outputs(given.report, given.save_statistics, inspect))
+
+
+def _inspection(given: IdentifySettings) -> str:
+    """Command that inspects the first log and writes a recipe for it."""
+    place = ("--recipe", given.recipe) if given.recipe else ()
+    words = ("inspect", given.logs[0], "--robot", given.robot, *place)
+    return f"{program()} {shlex.join(words)} --recipe-out proposed.toml"
+
+
+@contextmanager
+def _naming(inspect: str) -> Iterator[None]:
+    """Add the command that proposes a recipe to a sentence that asks for one."""
+    try:
+        yield
+    except (IdentificationError, RecordingError) as error:
+        if "in a recipe" not in str(error) or " inspect " in str(error):
+            raise
+        raise type(error)(f"{error}; one is proposed by: {inspect}") from None
 
 
 def _most_iterations(method: str, preset: str | None) -> int | None:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["NOTHING", "Table", "number", "percent"]
+__all__ = ["NOTHING", "Table", "number", "percent", "significant"]
 
 NOTHING = "–"
 
@@ -90,6 +90,19 @@ def percent(value: float | None, digits: int = 2) -> str:
     if value is None or not math.isfinite(value):
         return number(value)
     return f"{value:.{digits if abs(value) < 100 else 0}f}\N{NO-BREAK SPACE}%"
+
+
+def significant(value: float, digits: int = 2) -> str:
+    """Number rounded to significant digits, without an exponent between 1e-4 and 1e6.
+
+    Args:
+        value: number.
+        digits: significant digits.
+
+    Returns:
+        Text, such as 670 and not 6.7e+02.
+    """
+    return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def number(value: float | None) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.estimators.column_faults import column_faults
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
@@ -138,7 +139,8 @@ def remedy_of(lib: Library, cause: Cause) -> str:
         gravity = ",".join(f"{x:.3f}" for x in lib.gravity + cause.vector)
         return f"measure its angles, or build the robot with --gravity={gravity}"
     return {
-        GAIN: f"check the torque constant of {name}, or calibrate with: python -m runtime gains",
+        GAIN: f"check the torque constant of {name}, or calibrate it with a known load, as "
+        "python -m runtime gains --help explains",
         DELAY: "correct it with --delay auto",
         ZERO: f"calibrate the zero of {name}, or state it as offset under [position] of a recipe",
         OFFSET: "add offset to the columns of --friction",
@@ -236,7 +238,7 @@ def _bodies(test: PriorTest, is_of_type: bool) -> str:
 def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
     """Sentence on a prior that is off, while the result follows the data."""
     source, size = _source(is_of_type), f"{test.excess:.2g} times the threshold"
-    missed = f"{100 * test.mismatch:.2g} % of the torque of its links"
+    missed = f"{significant(100 * test.mismatch)} % of the torque of its links"
     if not test.links:
         return (
             f"{source} is off by {missed}: the data contradict its inertias ({size}), while the "

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
@@ -70,8 +71,10 @@ def warnings_of(
         warnings += result.train.gains.sentences()
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
         warnings.append(
-            f"on the test data this model is worse than the URDF ({before.overall:.3g} % became "
-            f"{after.overall:.3g} %): keep the URDF, and record a longer motion for training"
+            "on the test data this model is worse than the URDF "
+            f"({significant(before.overall, 3)} % became "
+            f"{significant(after.overall, 3)} %): keep the URDF, and record a longer motion for "
+            "training"
         )
     if after.overall > UNEXPLAINED:
         warnings.append(_unexplained(result, after))
@@ -144,7 +147,8 @@ def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
     advice = ["no low-pass was used: --cutoff auto"] * (not filtered)
     advice += ["no friction was modelled: --friction auto"] * (not result.phi.size)
     return (
-        f"{after.overall:.3g} % of the test torque is unexplained, too much for a useful model; "
+        f"{significant(after.overall, 3)} % of the test torque is unexplained, too much for a "
+        "useful model; "
         f"{'; '.join(advice)}{'; ' if advice else ''}"
         "check units, order and signs with: python -m runtime inspect LOG"
     )

@@ -25,6 +25,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, fdtri, stdtrit
 
+from runtime.common.tables import significant
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
@@ -150,7 +151,8 @@ class Verdict:
         """One sentence that names the part and the size."""
         if not self.changed:
             return (
-                f"{self.log}: no change; the torque error of {self.error:.2g} % is within the "
+                f"{self.log}: no change; the torque error of {significant(self.error)} % is "
+                "within the "
                 "noise, the errors of the model and the usual change between days "
                 f"(p = {self.p_value:.2g})"
             )

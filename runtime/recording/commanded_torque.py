@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.errors import RecordingError
 from runtime.recording.recipes.recipe import COMMANDED, ControlLaw
 from runtime.recording.recording import FloatArray, Recording
@@ -45,7 +46,9 @@ def commanded_torque(
     tau += parts.get("feed_forward", 0.0)
     bound = np.where(limit > 0, limit, np.inf)
     clipped = float(np.mean(np.any(np.abs(tau) > bound, axis=1)))
-    limits = f"; {100 * clipped:.2g} % of the rows are at the effort limit" if clipped else ""
+    limits = (
+        f"; {significant(100 * clipped)} % of the rows are at the effort limit" if clipped else ""
+    )
     return gear * np.clip(tau, -bound, bound), (
         f"Computed τ by the {law}: it is commanded, not measured{limits}."
     )

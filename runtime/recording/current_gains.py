@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.tables import significant
+
 FloatArray = NDArray[np.float64]
 LARGEST_SIGMA = 0.1
 """Relative standard deviation above which a gain counts as not determined."""
@@ -72,7 +74,8 @@ class CurrentGains:
         percent = 100 * self.common_sigma
         first = (
             "the torque is a motor current times estimated gains, whose common factor comes from "
-            f"{self.scale} and has a standard deviation of {percent:.2g} %; masses, inertias, "
+            f"{self.scale} and has a standard deviation of {significant(percent)} %; masses, "
+            "inertias, "
             "friction and rotor inertia are proportional to the gain of their joint, and the "
             "intervals of this result do not contain its error. Errors in percent and ratios of "
             "the coefficients of one joint do not depend on it"

@@ -10,7 +10,7 @@ import typer
 
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import Choices
-from runtime.common.tables import Table
+from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
 from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
@@ -152,7 +152,8 @@ def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
     else:
         report(
             "repair: no consistent bodies have these base parameters; the torques change by "
-            f"{100 * changes.torque_change:.2g} % (root mean square, each relative to its joint)"
+            f"{significant(100 * changes.torque_change)} % (root mean square, each relative to "
+            "its joint)"
         )
 
 

@@ -15,6 +15,7 @@ from math import comb
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
@@ -106,7 +107,8 @@ def noisy_accelerations(
         return ()
     worst, cutoff = int(np.argmax(quality.noise)), float(f"{quality.harmless_hz:.2g}")
     return (
-        f"{100 * quality.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} is "
+        f"{significant(100 * quality.noise[worst])} % of the power of ddq of "
+        f"{lib.joint_names[worst]} is "
         f"noise, by which the values are biased beyond their intervals; give --cutoff {cutoff:g} "
         "or less",
     )
@@ -123,13 +125,15 @@ def choose_regressor(
     worst, reasons = int(np.argmax(quality.noise)), []
     if quality.noise[worst] > NOISY:
         reasons.append(
-            f"{100 * quality.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} "
+            f"{significant(100 * quality.noise[worst])} % of the power of ddq of "
+            f"{lib.joint_names[worst]} "
             "is noise, which reduces its identified inertia by about the same share"
         )
     if quality.distortion > BENT:
         reasons.append(
             "the low-pass of q and dq changes the torque by "
-            f"{100 * quality.distortion:.2g} %, because the motion is too fast for the cut-off or "
+            f"{significant(100 * quality.distortion)} %, because the motion is too fast for the "
+            "cut-off or "
             "the rate"
         )
     cutoff = float(f"{quality.harmless_hz:.2g}")

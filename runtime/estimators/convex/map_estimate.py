@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.constraints import Constraints, constrained
@@ -133,7 +134,7 @@ def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
         return fit
     note = (
         f"the inertial prior is that of {prior.units} units of the fleet, which differ by about "
-        f"{100 / np.sqrt(kappa):.2g} %"
+        f"{significant(100 / np.sqrt(kappa))} %"
     )
     return replace(fit, notes=(note, *fit.notes))
 

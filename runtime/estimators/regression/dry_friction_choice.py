@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.estimators.regression.recorded_delay import (
     EARLIEST_S,
     FEWEST_ROWS,
@@ -127,7 +128,7 @@ def with_dry_friction(
     fall = 100 * (1 - np.exp((least - simplest[at]) / 2))
     return chosen, (
         f"dry friction {_kind(stroke, has_position)}: the error of cross-validation falls by "
-        f"{fall:.2g} %; --friction {','.join(terms.columns)} leaves it out"
+        f"{significant(fall)} %; --friction {','.join(terms.columns)} leaves it out"
     )
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from runtime.common.files import replacing
+from runtime.common.tables import significant
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.identification.comparison.run import (
     HEAD,
@@ -234,9 +235,11 @@ def _truth(ran: dict[str, Figures], take: str) -> str:
     best = min(errors, key=lambda name: errors[name])
     nearest = (
         f"the true parameters are known: the base parameters of {best} have the smallest error, "
-        f"{errors[best]:.3g} %"
+        f"{significant(errors[best], 3)} %"
     )
-    return nearest if best == take else f"{nearest}, those of {take} {errors[take]:.3g} %"
+    return (
+        nearest if best == take else f"{nearest}, those of {take} {significant(errors[take], 3)} %"
+    )
 
 
 def _absent(rows: Sequence[MethodRow]) -> str:
@@ -262,11 +265,11 @@ def _growth(f: Figures) -> float:
 
 
 def _percent(f: Figures) -> str:
-    return f"{f.test_percent:.3g} %"
+    return f"{significant(f.test_percent, 3)} %"
 
 
 def _held(f: Figures) -> str:
-    return f"{f.validation_percent:.3g} %"
+    return f"{significant(f.validation_percent, 3)} %"
 
 
 def _capital(sentence: str) -> str:

@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.tables import significant
 from runtime.errors import RecordingError
 from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
@@ -234,7 +235,8 @@ def _stale(
             remedy = (
                 "without them, and on a clock rebuilt from Δq = v Δt in ticks of "
                 f"{1e3 * tick:g} ms ({skipped} ticks were skipped), velocities explain the steps "
-                f"of q to {100 * rebuilt:.2g} % instead of {100 * before:.2g} %; set "
+                f"of q to {significant(100 * rebuilt)} % instead of {significant(100 * before)} "
+                "%; set "
                 f"clock_tick = {tick:g} under [preparation]"
             )
     return preparation, [_repeated(WARNING, count, share, remedy, evidence)]

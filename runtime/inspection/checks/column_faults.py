@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.estimators import column_faults as faults
 from runtime.estimators.column_faults import ColumnFault, ColumnFaults
 from runtime.inspection.checks.torque_rows import TorqueRows
@@ -63,8 +64,9 @@ def _finding(
         fault.kind,
         WARNING,
         f"{fault.sentence(names)}{other}: the model with friction that brakes leaves "
-        f"{100 * before:.2g} % of the squared torque of these joints unexplained, so corrected "
-        f"{100 * after:.2g} %; compare with the logger, and {remedy}",
+        f"{significant(100 * before)} % of the squared torque of these joints unexplained, so "
+        "corrected "
+        f"{significant(100 * after)} %; compare with the logger, and {remedy}",
         evidence,
     )
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.tables import significant
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import reduced_of
 from runtime.estimators.convex.entropic_prior import NONE, prior_of
@@ -206,9 +207,11 @@ def _reversed(
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
     doubt = f" (the motion is too slow to exclude {_name(rivals[0])})" if rivals else ""
     comparison = (
-        f"with {_name(best)}, physically consistent bodies leave {100 * best.consistent:.2g} % of "
-        f"the torque unexplained, in the present case {100 * present.consistent:.2g} % (least "
-        f"squares with negative masses {100 * present.free:.2g} %){doubt}"
+        f"with {_name(best)}, physically consistent bodies leave "
+        f"{significant(100 * best.consistent)} % of "
+        f"the torque unexplained, in the present case {significant(100 * present.consistent)} % "
+        "(least "
+        f"squares with negative masses {significant(100 * present.free)} %){doubt}"
     )
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
         return _negated(plan), [

@@ -14,6 +14,7 @@ import shlex
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.causes import potential_rows
 from runtime.estimators.regression.posterior import least_squares, orthonormal
@@ -100,9 +101,10 @@ def _finding(
         "gravity",
         ERROR if exact else WARNING,
         f"gravity of the model ({_numbers(lib.gravity)} m/s² in the base frame) leaves "
-        f"{100 * along:.2g} % of the torque unexplained even with negative masses, the fitted "
+        f"{significant(100 * along)} % of the torque unexplained even with negative masses, the "
+        "fitted "
         f"gravity ({_numbers(fitted)} m/s²{f', nearly along {name}' if exact else ''}) "
-        f"{100 * left:.2g} %: {cause}",
+        f"{significant(100 * left)} %: {cause}",
         evidence | {"gravity": [float(x) for x in vector], "along": along, "left": left},
     )
 

@@ -7,6 +7,7 @@ joint, another robot, and a torque that no sensor has measured.
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.estimators.contradictions import remedy_of, sentence_of
 from runtime.estimators.convex.prior_agreement import OTHER
 from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, causes_of_rows
@@ -347,11 +348,12 @@ def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list
     if misfit > PERFECT and not (floor < SILENT and misfit < GOOD) and not frictionless:
         return []
     why = (
-        f"the model fits it to {100 * misfit:.2g} %, and friction columns reduce the residual by a "
+        f"the model fits it to {significant(100 * misfit)} %, and friction columns reduce the "
+        "residual by a "
         f"factor of {friction:.2g} only, whereas real joints have friction"
         if frictionless
-        else f"the model fits it to {100 * misfit:.2g} %, and its noise is {100 * floor:.2g} % of "
-        "its RMS"
+        else f"the model fits it to {significant(100 * misfit)} %, and its noise is "
+        f"{significant(100 * floor)} % of its RMS"
     )
     return [
         Finding(

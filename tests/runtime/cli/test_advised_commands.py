@@ -1,0 +1,54 @@
+"""Commands that `identify` prints with a doubt or a refusal: each works as it is printed."""
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording, write_recording
+from runtime.library import Library
+from tests.runtime.conftest import Command
+
+LATE_S = 0.03
+
+
+def _late(log: Recording) -> Recording:
+    """The torque stamped too late."""
+    tau = log.required("tau")
+    late = [np.interp(log.t - LATE_S, log.t, column) for column in tau.T]
+    return log.replace(tau=np.stack(late, axis=1))
+
+
+def _negated(log: Recording) -> Recording:
+    return log.replace(tau=-log.required("tau"))
+
+
+def _exchanged(log: Recording) -> Recording:
+    return log.replace(tau=log.required("tau")[:, [0, 3, 2, 1, 4, 5, 6]])
+
+
+@pytest.mark.parametrize(
+    ("put", "code", "mark"),
+    [(_late, 0, "run: "), (_negated, 2, "proposed by: "), (_exchanged, 0, "run: ")],
+    ids=["late", "negated", "exchanged"],
+)
+def test_a_command_of_an_advice_removes_the_doubt(
+    put, code: int, mark: str, clean: Recording, lib: Library, command: Command, tmp_path: Path
+) -> None:
+    """Property: the printed command runs, and then, by the recipe that it wrote, no doubt is left
+    of the same kind.
+    """
+    write_recording(put(clean), tmp_path / "log.npz")
+    words = ("log.npz", "--robot", lib.folder, "--no-report", "--out", "out")
+    ran = command("identify", *words)
+    assert ran.code == code, ran.err
+    printed = (ran.out + ran.err).split(mark)[1].splitlines()[0]
+    shown = shlex.split(printed.removeprefix("python -m runtime "))
+    again = command(*shown)
+    if shown[0] == "inspect":
+        assert again.code == 1, again.err
+        again = command("identify", *words, "--recipe", shown[-1], "--overwrite")
+    assert again.code == 0, again.err
+    said = " ".join(again.out.split())
+    assert not any(word in said for word in ("too late", "against the model", "exchanged")), said

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from runtime.identification.payload.body import Payload
     from runtime.identification.payload.estimate import identify_payload
     from runtime.identification.saved_result import SavedResult, read_result
-    from runtime.identification.sensor_gains.estimate import Gains, identify_gains
+    from runtime.identification.sensor_gains import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.inspection.inspection import Inspection
     from runtime.inspection.inspection import inspect_log as inspect
@@ -96,7 +96,7 @@ _MODULES = {
     "Design": "runtime.excitation.search.design",
     "DesignSettings": "runtime.excitation.search.design_settings",
     "Evaluation": "runtime.identification.evaluation",
-    "Gains": "runtime.identification.sensor_gains.estimate",
+    "Gains": "runtime.identification.sensor_gains",
     "Identification": "runtime.identification.identified",
     "Inspection": "runtime.inspection.inspection",
     "Library": "runtime.library",
@@ -116,7 +116,7 @@ _MODULES = {
     "excite": "runtime.excitation.search.design",
     "export": "runtime.outputs.model_files.in_memory",
     "identify": "runtime.identification.identify",
-    "identify_gains": "runtime.identification.sensor_gains.estimate",
+    "identify_gains": "runtime.identification.sensor_gains",
     "identify_payload": "runtime.identification.payload.estimate",
     "inspect": "runtime.inspection.inspection:inspect_log",
     "jax": "runtime.tapes.doors",

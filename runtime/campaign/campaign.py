@@ -21,11 +21,9 @@ from typing import Any
 import numpy as np
 
 from runtime.campaign.driver import START, Driver
-from runtime.campaign.estimation import ArmModel, agreement_of, arm_model
-from runtime.campaign.gate import EMPTY_CELL, released
-from runtime.campaign.gear_friction import smoothed
+from runtime.campaign.gate import EMPTY_CELL, rehearse, released, unnoticed
+from runtime.campaign.gear_friction import ArmModel, agreement_of, arm_model, smoothed
 from runtime.campaign.guards import model_error, usual_guards
-from runtime.campaign.rehearsal import rehearse, unnoticed
 from runtime.campaign.target import Target, known_before, reached, torque_noise
 from runtime.common.files import DRAFT, json_of, replacing
 from runtime.errors import IdentificationError

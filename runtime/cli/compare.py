@@ -48,7 +48,7 @@ from runtime.identification.comparison.run import (
     compare,
     read_truth,
 )
-from runtime.identification.long_logs.rows import assemble_streamed, require_streamable
+from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.identification.settings import AUTO, Settings

@@ -19,7 +19,7 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.sensor_gains.estimate import Gains, identify_gains
+from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.identification.settings import Settings, friction_of
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units

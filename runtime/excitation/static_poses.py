@@ -26,7 +26,7 @@ from scipy.linalg import qr
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.joint_limits import DEFAULT_RANGE
+from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
 from runtime.library import Array, Library
 

@@ -28,7 +28,7 @@ from runtime.identification.drive.requested import (
 from runtime.identification.drive.result import DriveFit
 from runtime.identification.drive.symmetry import identify_tied, with_sides
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs.rows import require_streamable
+from runtime.identification.long_logs import require_streamable
 from runtime.identification.prepared_log import (
     PreparedLog,
     prepared_log,

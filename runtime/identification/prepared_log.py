@@ -17,10 +17,10 @@ from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_fr
 from runtime.estimators.choice.regressor_choice import choose_regressor
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
-from runtime.identification.long_logs.blocks import head_of
+from runtime.identification.long_logs import head_of
 from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
-from runtime.identification.torque_columns import without_torque_columns
+from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
 from runtime.recording import (
     EVERYTHING,

@@ -64,7 +64,7 @@ class FrictionColumn:
         has_memory: depends on the path, not on the present motion alone.
         takes_memory: depends on the path, too, where a column beside it does.
         is_torque: the torque of the log itself; fits take that of the model instead
-            (`runtime.identification.torque_columns`).
+            (`runtime.identification.single_log`).
         needs_prior: its scale is that of the inertial prior, which the method has to have.
         of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
         model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),

@@ -2,7 +2,7 @@
 
     [inertia]     spread (of the truth about the model), rotor [kg·m²]
     [friction]    see `runtime.simulation.virtual_robot`
-    [sensors]     quanta, noise, bias, gain; see `runtime.simulation.sensors`
+    [sensors]     quanta, noise, bias, gain; see `runtime.simulation.virtual_robot`
     [drive]       delay_s of the torque, step_s of the engine
     [controller]  law, stiffness K_p [1/s²], damping K_d [1/s], rate_hz
 

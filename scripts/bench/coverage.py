@@ -20,7 +20,7 @@ from runtime.excitation import Trajectory
 from runtime.identification.payload.arm import ArmModel
 from runtime.identification.payload.body import Body, body_of, mount_of
 from runtime.identification.payload.known import KnownPayload
-from runtime.identification.sensor_gains.estimate import identify_gains
+from runtime.identification.sensor_gains import identify_gains
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.library.parameters import links

@@ -27,7 +27,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
-from runtime.excitation.motion.fourier import fourier_basis
+from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledLevenberg

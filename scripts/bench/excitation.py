@@ -18,8 +18,8 @@ from bench.front import BenchError, Sheet
 from bench.peers import parameter_order, pinocchio_in_order
 from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES, ConditionCost
-from runtime.excitation.limits.joint_limits import Limits, inside, whitening
-from runtime.excitation.motion.fourier import fourier_basis
+from runtime.excitation.limits.limit_rows import Limits, inside, whitening
+from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.single_start import START, Search
 from runtime.library import Array, Library

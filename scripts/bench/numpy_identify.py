@@ -11,7 +11,7 @@ import numpy as np
 from runtime.estimators.optimizers import AdamOptions, AdamState, adam_step
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import COST_SAMPLES
-from runtime.excitation.motion.fourier import fourier_basis
+from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.library import Array, Library
 
 STEP = 1e-7  # step of the forward differences

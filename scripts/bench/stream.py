@@ -18,7 +18,7 @@ import numpy as np
 from bench.front import ROOT, Sheet, peak_memory, python
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.long_logs.blocks import blocks_of
+from runtime.identification.long_logs import blocks_of
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library, load
 from runtime.recording import Friction, Preparation, open_streamed

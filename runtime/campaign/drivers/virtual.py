@@ -16,9 +16,14 @@ from runtime.campaign.drivers import DriverKind, DriverSettings
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.simulation.plant_engine import plant_engine
-from runtime.simulation.sensors import Encoders, calibration, measured_torque
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
-from runtime.simulation.virtual_robot import SimulatedFriction, perturbed
+from runtime.simulation.virtual_robot import (
+    Encoders,
+    SimulatedFriction,
+    calibration,
+    measured_torque,
+    perturbed,
+)
 
 FAULTS = ("stuck", "collision", "dead", "clock")
 TIMEOUT = 0.003

@@ -1,10 +1,15 @@
-"""Bases of motions: what each of them provides, and the record by which a user selects it."""
+"""Bases of motions: what each of them provides, and the record by which a user selects it.
+
+Here: quintic B-splines on equal intervals without the outermost ones, or ending at another place.
+"""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from runtime.library import Array, Library
 
@@ -98,3 +103,103 @@ class BasisFamily:
     name: str  # word by which a user selects it, as in trajectory files
     sentence: str  # what the functions are, for help texts
     make: Callable[[bool], Basis]  # the basis; true for a third derivative of zero at both ends
+
+
+DEGREE = 5
+"""Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spline(ClosedForm):
+    """Local functions: a joint may rest while others move."""
+
+    zero_jerk: bool = False
+    name = "bspline"
+    arrives = False
+    is_symmetric = False
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        gone = self._gone
+        return (
+            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
+            f"equal intervals of 0..1, M + {2 * gone} of them without the first and last {gone}"
+        )
+
+    @property
+    def _gone(self) -> int:
+        """Splines left out at each end: a k-th derivative there needs the first k + 1 splines."""
+        return 4 if self.zero_jerk else 3
+
+    def size(self, harmonics: int) -> int:
+        """Number of functions: as many splines."""
+        return harmonics
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """Derivatives of piecewise polynomials; the fifth is constant between knots.
+
+        Args:
+            orders: number of derivatives, the function itself included.
+            size: number of functions.
+            s: t / t_f, (N,), 0 ≤ s ≤ 1.
+
+        Returns:
+            d^k φ_m/ds^k, k < orders, (orders, N, size).
+        """
+        return np.stack([_spline(size, self._gone, k, self.arrives)(s) for k in range(orders)])
+
+    def bound(self, order: int, size: int) -> Array:
+        """Largest coefficient: a spline lies in the convex hull of its coefficients.
+
+        Args:
+            order: k of the derivative.
+            size: number of functions.
+
+        Returns:
+            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
+        """
+        return np.asarray(np.abs(_spline(size, self._gone, order, self.arrives).c).max(axis=0))
+
+
+class Transfer(Spline):
+    """Splines from home to another place: the last function is the sum of the outermost ones.
+
+    The only function of one is the quintic 10 s³ − 15 s⁴ + 6 s⁵. The coefficients are control
+    points less home: the motion stays in their convex hull, and the last one is its end.
+    """
+
+    __slots__ = ()
+    name = "transfer"
+    arrives = True
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        gone = self._gone
+        return (
+            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
+            f"equal intervals of 0..1, M + {2 * gone - 1} of them without the first {gone}, the "
+            f"last {gone} added up; the motion ends at home + a_M"
+        )
+
+
+@lru_cache(maxsize=48)
+def _spline(size: int, gone: int, order: int, arrives: bool) -> BSpline:
+    """Derivative d^k/ds^k of all splines but the outermost `gone` at each end.
+
+    With `arrives` the sum of those at the upper end is the last function.
+    """
+    total = size + 2 * gone - arrives
+    inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    unit = np.eye(total)[:, gone : gone + size]
+    if arrives:
+        unit[total - gone :, -1] = 1.0
+    if order > DEGREE:
+        return BSpline(knots, np.zeros_like(unit), DEGREE)
+    spline = BSpline(knots, unit, DEGREE)
+    return spline.derivative(order) if order else spline
+
+
+SPLINE_FAMILY = BasisFamily("bspline", "quintic B-splines", Spline)

@@ -4,18 +4,189 @@ The functions φ of s = t/t_f vanish at both ends with two derivatives. On reque
 derivative vanishes at both ends too; the polynomials gain two degrees then. Another package adds a
 basis by an entry point of the group "symgen.bases". Motions can be joined one after another, each
 from the rest in which the one before ends.
+
+Cosines, and cosines with sines, whose polynomials bring both ends to rest.
+
+With w = 2πm and u = s(1−s):
+cosine   cos ws − 1 + ½w² u² (Eqs. 3.24–3.27), its own mirror image about t_f/2: out and back
+fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from runtime.errors import IdentificationError
-from runtime.excitation.motion.family import Basis, BasisFamily
-from runtime.excitation.motion.fourier import Cosine
-from runtime.excitation.motion.spline import Transfer
+from runtime.excitation.motion.family import Basis, BasisFamily, ClosedForm, Transfer
 from runtime.library import Array, Library
 from runtime.registry import Registry
+
+_S = Polynomial([0.0, 1.0])
+_U = Polynomial([0.0, 1.0, -1.0])
+
+
+class UnitPolynomial:
+    """A polynomial on 0 ≤ s ≤ 1, with its derivatives and the largest size of each."""
+
+    def __init__(self, polynomial: Polynomial) -> None:
+        every = [polynomial]
+        for _ in range(polynomial.degree() + 1):
+            every.append(every[-1].deriv())
+        self._coefficients = [one.coef for one in every]
+        self._suprema = [_supremum(one) for one in every]
+
+    def derivative(self, order: int, s: Array) -> Array:
+        """Derivative of the polynomial.
+
+        s (N,) → (N,).
+        """
+        k = min(order, len(self._coefficients) - 1)
+        return np.asarray(polyval(s, self._coefficients[k]))
+
+    def supremum(self, order: int) -> float:
+        """Largest |d^k p/ds^k| over 0 ≤ s ≤ 1."""
+        return self._suprema[min(order, len(self._suprema) - 1)]
+
+
+def _supremum(polynomial: Polynomial) -> float:
+    """Largest |p| over 0 ≤ s ≤ 1: at an end or where the slope vanishes."""
+    turns = polynomial.deriv().roots()
+    inside = turns.real[(abs(turns.imag) < 1e-6) & (turns.real > 0) & (turns.real < 1)]
+    return float(np.abs(polynomial(np.concatenate([[0.0, 1.0], inside]))).max() * (1 + 1e-12))
+
+
+_HUMPS = UnitPolynomial(_U**2), UnitPolynomial(_U**2 + 2 * _U**3)
+"""Polynomials with curvature 2 at both ends; the second has no third derivative there."""
+_RAMPS = (
+    UnitPolynomial(_S - _S**3 * Polynomial([10.0, -15.0, 6.0])),
+    UnitPolynomial(_S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0])),
+)
+"""Polynomials with slope 1 at both ends; third derivative −60 there, and none."""
+_JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)
+"""Polynomial with third derivative 1 at both ends and no lower ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cosine(ClosedForm):
+    """Basis of the document: inertia, even in dq, and friction, odd in dq, are orthogonal."""
+
+    zero_jerk: bool = False
+    name = "cosine"
+    is_symmetric = True
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        u = "(s^2 (1-s)^2 + 2 s^3 (1-s)^3)" if self.zero_jerk else "s^2 (1-s)^2"
+        return f"q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 {u}), s = t/t_f"
+
+    def size(self, harmonics: int) -> int:
+        """Number of functions: one cosine per harmonic."""
+        return harmonics
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """Functions in time, by the generated kernel where there is one.
+
+        t (N,) → (N, size, 4).
+        """
+        if self.zero_jerk:
+            return ClosedForm.at(self, lib, size, t, duration)
+        return fourier_basis(lib, size, t, duration)
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """Derivatives w^k cos(ws + kπ/2) − [k = 0] + ½w² dᵏ/dsᵏ of the polynomial.
+
+        s (N,) → (orders, N, size).
+        """
+        w = _frequencies(size)
+        result = _waves(orders, w, s, 0)
+        result[0] -= 1
+        for k in range(orders):
+            result[k] += np.multiply.outer(_HUMPS[self.zero_jerk].derivative(k, s), w**2 / 2)
+        return result
+
+    def bound(self, order: int, size: int) -> Array:
+        """Sum of the bounds of the wave and of the polynomial."""
+        w = _frequencies(size)
+        hump = _HUMPS[self.zero_jerk].supremum(order)
+        return np.asarray(w**order * (2 if order == 0 else 1) + w**2 / 2 * hump)
+
+
+@dataclass(frozen=True, slots=True)
+class Fourier(ClosedForm):
+    """Cosines and sines: half the condition number with as many harmonics, but not out and back."""
+
+    zero_jerk: bool = False
+    name = "fourier"
+    is_symmetric = False
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        ramp, jolt = "s - 10 s^3 + 15 s^4 - 6 s^5", ""
+        if self.zero_jerk:
+            ramp = "s - 35 s^4 + 84 s^5 - 70 s^6 + 20 s^7"
+            jolt = " + w^3 s^3 (1-s)^3 (1-2s) / 6"
+        cosine = Cosine(self.zero_jerk).equation.removesuffix(", s = t/t_f")
+        return (
+            f"{cosine} + sum_m b_m (sin w s - w ({ramp}){jolt}), w = 2 pi m, s = t/t_f; "
+            "the coefficients are a_1..a_M, b_1..b_M"
+        )
+
+    def size(self, harmonics: int) -> int:
+        """Number of functions: a cosine and a sine per harmonic."""
+        return 2 * harmonics
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """Derivatives of the cosines, then of the sines.
+
+        s (N,) → (orders, N, size).
+        """
+        w = _frequencies(size // 2)
+        sines = _waves(orders, w, s, 1)
+        for k in range(orders):
+            sines[k] -= np.multiply.outer(_RAMPS[self.zero_jerk].derivative(k, s), w)
+            if self.zero_jerk:
+                sines[k] += np.multiply.outer(_JOLT.derivative(k, s), w**3)
+        cosines = Cosine(self.zero_jerk).derivatives(orders, size // 2, s)
+        return np.concatenate([cosines, sines], axis=2)
+
+    def bound(self, order: int, size: int) -> Array:
+        """Sum of the bounds of the wave and of the polynomials."""
+        w = _frequencies(size // 2)
+        sines = w**order + w * _RAMPS[self.zero_jerk].supremum(order)
+        if self.zero_jerk:
+            sines += w**3 * _JOLT.supremum(order)
+        return np.concatenate([Cosine(self.zero_jerk).bound(order, size // 2), sines])
+
+
+def fourier_basis(lib: Library, harmonics: int, t: Array, duration: float) -> Array:
+    """Cosines φ_m(t) by the generated kernel."""
+    m = np.arange(1, harmonics + 1, dtype=float)
+    times, orders = np.repeat(t, harmonics), np.tile(m, len(t))
+    return lib.harmonic_basis(orders, times, duration).reshape(len(t), harmonics, 4)
+
+
+def _frequencies(harmonics: int) -> Array:
+    return 2 * np.pi * np.arange(1, harmonics + 1, dtype=float)
+
+
+def _waves(orders: int, w: Array, s: Array, sine: int) -> Array:
+    """Derivatives d^k/ds^k of cos ws, or of sin ws, (orders, N, M): w^k cos(ws + kπ/2)."""
+    angle = np.multiply.outer(s, w)
+    waves, signs = (np.cos(angle), np.sin(angle)), (1, -1, -1, 1)
+    result = np.empty((orders, *angle.shape))
+    for k in range(orders):
+        turn = (k - sine) % 4
+        np.multiply(waves[turn % 2], signs[turn] * w**k, out=result[k])
+    return result
+
+
+COSINE_FAMILY = BasisFamily("cosine", "cosines, out and back, the document's", Cosine)
+FOURIER_FAMILY = BasisFamily("fourier", "cosines and sines", Fourier)
+
 
 GAP = 1e-6
 """Largest distance between the end of a motion and the start of the next [rad, m]."""
@@ -28,9 +199,9 @@ BASES = Registry(
     BasisFamily,
     "basis",
     {
-        "cosine": "runtime.excitation.motion.fourier:COSINE_FAMILY",
-        "fourier": "runtime.excitation.motion.fourier:FOURIER_FAMILY",
-        "bspline": "runtime.excitation.motion.spline:SPLINE_FAMILY",
+        "cosine": "runtime.excitation.motion.trajectory:COSINE_FAMILY",
+        "fourier": "runtime.excitation.motion.trajectory:FOURIER_FAMILY",
+        "bspline": "runtime.excitation.motion.family:SPLINE_FAMILY",
     },
 )
 """All bases of excitation motions by name; these return home."""

@@ -4,9 +4,14 @@ import numpy as np
 
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
-from runtime.excitation.search.information import Information
+from runtime.excitation.search.information import (
+    Information,
+    Projection,
+    even_columns,
+    in_time,
+    projected,
+)
 from runtime.excitation.search.measures import Measure, log_cond, normalised
-from runtime.excitation.search.nuisance import Projection, even_columns, in_time, projected
 from runtime.library import Array, Library
 
 COST_SAMPLES = 80

@@ -33,9 +33,8 @@ from runtime.excitation.search.design_settings import (
     settings_from,
 )
 from runtime.excitation.search.finish import Finished, finished
-from runtime.excitation.search.information import Information
+from runtime.excitation.search.information import Information, in_time, projected
 from runtime.excitation.search.measures import covariance
-from runtime.excitation.search.nuisance import in_time, projected
 from runtime.excitation.search.processes import Rounds, Started, in_turn, on_workers, side_by_side
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_motions import unseen_joints

@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.distance_limits import use_of
-from runtime.excitation.limits.joint_limits import Limits, inside
+from runtime.excitation.limits.limit_rows import Limits, inside
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library

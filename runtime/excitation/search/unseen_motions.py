@@ -3,8 +3,7 @@
 import numpy as np
 
 from runtime.excitation.limits.dependent_joints import dependent_joints
-from runtime.excitation.limits.joint_limits import Limits, whitening
-from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.limits.limit_rows import LimitRows, Limits, whitening
 from runtime.excitation.motion.trajectory import COSINE, Trajectory
 from runtime.excitation.search.measures import mean_gram
 from runtime.library import Array, Library

@@ -13,9 +13,8 @@ from runtime.campaign import campaign
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
-from runtime.campaign.estimation import ArmModel
-from runtime.campaign.gate import EMPTY_CELL, released
-from runtime.campaign.rehearsal import rehearsed
+from runtime.campaign.gate import EMPTY_CELL, rehearsed, released
+from runtime.campaign.gear_friction import ArmModel
 from runtime.campaign.target import base_covariance, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory

@@ -8,10 +8,15 @@ import pytest
 
 from runtime import load
 from runtime.campaign.campaign import Plan, _rehearsed
-from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
-from runtime.campaign.gate import torque_faults
-from runtime.campaign.gear_friction import GearFriction, gear_of, smoothed
-from runtime.campaign.rehearsal import RehearsalVerdict, unnoticed
+from runtime.campaign.gate import RehearsalVerdict, torque_faults, unnoticed
+from runtime.campaign.gear_friction import (
+    PREPARATION,
+    GearFriction,
+    agreement_of,
+    arm_model,
+    gear_of,
+    smoothed,
+)
 from runtime.campaign.target import base_covariance
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory

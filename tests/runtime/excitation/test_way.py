@@ -181,7 +181,7 @@ def test_a_start_without_a_way(lib: Library, joint: int, value: float, match: st
 
 def test_no_way_at_all(tiny_built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: a hinge whose range is cut in two by a limit of its torque has no way."""
-    monkeypatch.setattr("runtime.excitation.free_path.MOST_POSES", 50)
+    monkeypatch.setattr("runtime.excitation.way.MOST_POSES", 50)
     lib = load(tiny_built)
     # Gravity needs up to 3.3 N·m inside the range, 25 % of 10 N·m are allowed.
     poses = np.linspace(-0.9, 1.9, 57)[:, None]

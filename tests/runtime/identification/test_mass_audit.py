@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.identification.mass_audit import audit_mass, joint_box
+from runtime.identification.evaluation import audit_mass, joint_box
 from runtime.library import Library
 
 

@@ -13,9 +13,15 @@ from runtime.errors import IdentificationError, SimulationError
 from runtime.library import Library, load
 from runtime.simulation import settings_of
 from runtime.simulation.plant_engine import engine
-from runtime.simulation.sensors import Calibration, Encoders, measured_torque, quantised
 from runtime.simulation.settings import Sensors, VirtualFriction
-from runtime.simulation.virtual_robot import SimulatedFriction, perturbed
+from runtime.simulation.virtual_robot import (
+    Calibration,
+    Encoders,
+    SimulatedFriction,
+    measured_torque,
+    perturbed,
+    quantised,
+)
 from tests.oracle import random_states
 
 ROBOTS = ("fr3", "tree", "gantry", "iiwa14")

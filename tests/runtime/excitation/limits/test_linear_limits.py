@@ -7,7 +7,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.distance_limits import TipSpeed
-from runtime.excitation.limits.joint_limits import Limits
+from runtime.excitation.limits.limit_rows import Limits
 from runtime.excitation.limits.safety import RATE, unchecked
 from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Library

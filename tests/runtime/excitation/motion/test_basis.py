@@ -11,10 +11,8 @@ from scipy.interpolate import make_interp_spline
 from runtime import to_pinocchio_order
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Trajectory
-from runtime.excitation.motion.family import Basis
-from runtime.excitation.motion.fourier import Cosine, Fourier
-from runtime.excitation.motion.spline import Spline
-from runtime.excitation.motion.trajectory import BASES, basis_of
+from runtime.excitation.motion.family import Basis, Spline
+from runtime.excitation.motion.trajectory import BASES, Cosine, Fourier, basis_of
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory

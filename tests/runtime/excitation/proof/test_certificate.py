@@ -9,8 +9,7 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED
-from runtime.excitation.motion.fourier import fourier_basis
-from runtime.excitation.motion.trajectory import COSINE
+from runtime.excitation.motion.trajectory import COSINE, fourier_basis
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside, slowed
 from runtime.library import Library

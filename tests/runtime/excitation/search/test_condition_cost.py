@@ -7,7 +7,7 @@ import pytest
 
 from runtime import load
 from runtime.excitation import ConditionCost, Trajectory, log_condition
-from runtime.excitation.motion.fourier import fourier_basis
+from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.library import Library
 from tests.robots import levels_here
 from tests.taylor import assert_second_order, taylor_slope

@@ -14,9 +14,8 @@ from runtime.excitation.search.condition_cost import INFORMED_SAMPLES
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import SearchProblem
-from runtime.excitation.search.information import FRICTION, information
+from runtime.excitation.search.information import FRICTION, even_columns, information
 from runtime.excitation.search.measures import Measure, log_variance, log_volume, weighted
-from runtime.excitation.search.nuisance import even_columns
 from runtime.excitation.search.prediction import SAMPLES, covariance_of, predict
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_motions import unseen_torque

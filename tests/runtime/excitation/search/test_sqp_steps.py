@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.excitation.motion.fourier import _supremum
+from runtime.excitation.motion.trajectory import _supremum
 from runtime.excitation.search import sqp
 
 

@@ -7,11 +7,10 @@ import pytest
 
 from runtime.excitation.search import single_start
 from runtime.excitation.search.condition_cost import ConditionCost
-from runtime.excitation.search.coordinates import FAR_NOISE, varied_far
 from runtime.excitation.search.criteria import RELATIVE, SHARE, sizes
 from runtime.excitation.search.design_settings import SearchProblem
 from runtime.excitation.search.information import information
-from runtime.excitation.search.single_start import Search
+from runtime.excitation.search.single_start import FAR_NOISE, Search, varied_far
 from runtime.excitation.search.sqp import Descended
 from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.identification.long_logs import blocks
+from runtime.identification import long_logs as blocks
 from runtime.library import load
 from tests.runtime.conftest import Command
 from tests.runtime.servo_logs import random_servo, servo_arrays

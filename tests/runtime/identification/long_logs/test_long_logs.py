@@ -17,11 +17,10 @@ from runtime.errors import RecordingError
 from runtime.estimators.regression.compression import compress, compress_all
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification import long_logs as blocks
+from runtime.identification import long_logs as passes
 from runtime.identification.identified import torque_errors
-from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import rows as passes
-from runtime.identification.long_logs.blocks import blocks_of
-from runtime.identification.long_logs.rows import parts_of_log
+from runtime.identification.long_logs import blocks_of, parts_of_log
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording

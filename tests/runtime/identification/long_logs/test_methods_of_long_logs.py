@@ -11,10 +11,10 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
+from runtime.identification import long_logs as blocks
+from runtime.identification import long_logs as passes
 from runtime.identification import problem_setup
 from runtime.identification.identified import torque_errors
-from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import rows as passes
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording

@@ -12,9 +12,9 @@ import pytest
 from runtime.estimators.regression import compression
 from runtime.estimators.regression.compression import compress, compress_all
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs import rows as passes
-from runtime.identification.long_logs.rows import first_row, parts_of_log
+from runtime.identification import long_logs as blocks
+from runtime.identification import long_logs as passes
+from runtime.identification.long_logs import first_row, parts_of_log
 from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import parquet_format

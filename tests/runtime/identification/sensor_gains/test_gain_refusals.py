@@ -6,7 +6,7 @@ import pytest
 from runtime import Recording, write_recording
 from runtime.errors import RuntimeFault
 from runtime.identification.payload.known import KnownPayload, read_known_payload
-from runtime.identification.sensor_gains.estimate import identify_gains
+from runtime.identification.sensor_gains import identify_gains
 from runtime.recording import Friction, Recipe
 from tests.runtime.identification.sensor_gains.weighed import BODY, COM, NOISE, TERMS, measured
 
@@ -79,7 +79,7 @@ def test_bad_runs_are_one_sentence_of_advice(case, runs, lib):
 def test_a_search_that_has_not_converged_is_no_answer(runs, lib, monkeypatch):
     """Property: one step from the linear answer is not the optimum, however small its σ."""
     noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
-    monkeypatch.setattr("runtime.identification.sensor_gains.problem._ITERATIONS", 1)
+    monkeypatch.setattr("runtime.identification.sensor_gains._ITERATIONS", 1)
     with pytest.raises(RuntimeFault, match="changes the torques of these runs too little"):
         identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
 

@@ -5,11 +5,17 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.coloured_noise import ColouredNoise
+from runtime.identification import sensor_gains as estimate
 from runtime.identification.payload.body import mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload
-from runtime.identification.sensor_gains import estimate
-from runtime.identification.sensor_gains.estimate import _common, _percent, identify_gains
-from runtime.identification.sensor_gains.problem import linear, reduced, solve
+from runtime.identification.sensor_gains import (
+    _common,
+    _percent,
+    identify_gains,
+    linear,
+    reduced,
+    solve,
+)
 
 BODY = KnownPayload(3.0, np.array([0.08, 0.02, 0.05]), np.diag([0.004, 0.005, 0.003]))
 

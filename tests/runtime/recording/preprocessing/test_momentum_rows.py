@@ -10,9 +10,9 @@ from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification import long_logs as blocks
 from runtime.identification import metrics
-from runtime.identification.long_logs import blocks
-from runtime.identification.long_logs.blocks import blocks_of
+from runtime.identification.long_logs import blocks_of
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

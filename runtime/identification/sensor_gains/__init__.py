@@ -1,1 +1,0 @@
-"""Gains of torque sensors and drives, from a run without and a run with a known payload."""

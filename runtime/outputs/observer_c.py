@@ -21,6 +21,7 @@ from runtime.monitoring.observation import (
     direct_steps,
     unknown_dry_friction,
 )
+from runtime.recording.friction import ROTOR
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
 FORMS = {
@@ -329,7 +330,7 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         name for name, is_rotor in zip(model.terms.columns, inertial, strict=True) if not is_rotor
     ]
     foreign = [name for name in names if name not in FORMS]
-    foreign += [n for n in np.array(model.terms.columns)[inertial].tolist() if n != "rotor"]
+    foreign += [n for n in np.array(model.terms.columns)[inertial].tolist() if n != ROTOR.name]
     if foreign or model.delay_s or "known_torque" in lib.manifest.kernels:
         what = ", ".join(foreign) or "a delay or a known torque"
         raise ExportError(f"observer.c is not written: there is no C code for {what}")

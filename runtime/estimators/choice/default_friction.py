@@ -45,6 +45,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names, unresolved, without_columns
+from runtime.recording.friction.columns import COULOMB, DAHL, LOAD, OFFSET, ROTOR, VISCOUS
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.settings import SPRING
@@ -68,11 +69,11 @@ FINER = 2.0 ** (np.arange(-3, 4) / 4)
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
 of a slow log differ so much that one standard error would admit any loss."""
-DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
+DEFAULT_COLUMNS = tuple(each.name for each in (OFFSET, VISCOUS, COULOMB, ROTOR))
 """Columns of the candidates without memory."""
-MEMORY = "dahl"
+MEMORY = DAHL.name
 """Column that replaces "coulomb" where friction depends on the path."""
-LOADED = "load"
+LOADED = LOAD.name
 """Column beside "coulomb" or "dahl" of gears whose dry friction grows with their load."""
 SPRINGS = SPRING
 """Word for the columns of all springs of unknown stiffness, which every candidate has."""
@@ -130,7 +131,8 @@ def choose_default_friction(
     """
     bare = before_test(recording, split).replace(columns=None, column_names=())
     springs = spring_names(lib) if SPRINGS in allowed else ()
-    shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed) + springs
+    beside = (OFFSET.name, VISCOUS.name, ROTOR.name)
+    shared = (*(name for name in beside if name in allowed), *springs)
 
     def trial_of(*terms: Friction) -> FrictionTrial:
         return trial_on(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
@@ -139,31 +141,25 @@ def choose_default_friction(
     try:
         trial = trial_of(*_coulomb(speeds))
         speed = float(speeds[0])
-        if "coulomb" in allowed and coulomb_speed is None:
+        if COULOMB.name in allowed and coulomb_speed is None:
             speeds = _best_width(trial, len(shared), speeds) * FINER
             trial = trial_of(*_coulomb(speeds))
             speed = _best_width(trial, len(shared), speeds)
     except IdentificationError as fault:
         return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
-    names = [*shared, *("coulomb" for _ in speeds)]
     width = len(shared) + int(np.argmin(np.abs(np.log(speeds / speed))))
-    kinds = [name for name in DEFAULT_COLUMNS if name in allowed and name != "rotor"]
+    kinds = [name for name in DEFAULT_COLUMNS[:-1] if name in allowed]
     stages = [tuple(kinds[:k]) for k in range(len(kinds) + 1)]
-    rotors: list[tuple[str, ...]] = [()]
-    if "rotor" in allowed:
-        rotors.append(("rotor",))
+    rotors = [(), (ROTOR.name,)][: 1 + (ROTOR.name in allowed)]
     candidates = [(*stage, *rotor, *springs) for stage in stages for rotor in rotors]
-    places = {
-        name: width if name == "coulomb" else names.index(name) for name in (*kinds, *springs)
-    }
-    places |= {"rotor": names.index("rotor")} if "rotor" in allowed else {}
+    places = {name: place for place, name in enumerate(shared)} | {COULOMB.name: width}
     scores = [trial.scores(tuple(places[name] for name in each)) for each in candidates]
     chosen = _simplest(scores)
     usual = Friction(candidates[chosen])
-    if "coulomb" in candidates[chosen]:
+    if COULOMB.name in candidates[chosen]:
         usual = replace(usual, coulomb_speed=speed)
     gain = ""
-    if "coulomb" in usual.columns and coulomb_speed is None and MEMORY in allowed:
+    if COULOMB.name in usual.columns and coulomb_speed is None and MEMORY in allowed:
         with_memory, share = _with_memory(trial_of, shared, usual)
         if with_memory is not None:
             gain = (
@@ -171,7 +167,7 @@ def choose_default_friction(
                 f"--friction {','.join(usual.columns)} fits friction without memory)"
             )
             usual = with_memory
-    if LOADED in allowed and {"coulomb", MEMORY} & set(usual.columns):
+    if LOADED in allowed and {COULOMB.name, MEMORY} & set(usual.columns):
         usual, share, score = _with_load(trial_of, shared, usual)
         if share:
             candidates.append(usual.columns)
@@ -189,16 +185,16 @@ def choose_default_friction(
 
 
 def _coulomb(speeds: Array) -> list[Friction]:
-    return [Friction(("coulomb",), float(speed)) for speed in speeds]
+    return [Friction((COULOMB.name,), float(speed)) for speed in speeds]
 
 
 def _with_memory(
     trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction | None, float]:
     """The model with a Dahl column in place of the Coulomb column, if it predicts much better."""
-    coulomb = Friction(("coulomb",), usual.coulomb_speed)
-    plain = tuple(k for k, name in enumerate(shared) if name != "rotor")
-    geared = (*plain, shared.index("rotor")) if "rotor" in shared else plain
+    coulomb = Friction((COULOMB.name,), usual.coulomb_speed)
+    plain = tuple(k for k, name in enumerate(shared) if name != ROTOR.name)
+    geared = (*plain, shared.index(ROTOR.name)) if ROTOR.name in shared else plain
     before = tuple(k for k, name in enumerate(shared) if name in usual.columns)
     strokes, share, columns = np.array(STROKES), 0.0, plain
     one = np.ones(1)
@@ -217,8 +213,8 @@ def _with_memory(
             return None, 0.0
         share, strokes = 1.0 - np.sqrt(1.0 - ratio), best * factors
     names = tuple(shared[k] for k in columns)
-    dry = tuple(name for name in names if name != "rotor")
-    rotor = ("rotor",) if "rotor" in names else ()
+    dry = tuple(name for name in names if name != ROTOR.name)
+    rotor = (ROTOR.name,) if ROTOR.name in names else ()
     return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
 
 
@@ -226,7 +222,7 @@ def _with_load(
     trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction, float, Array]:
     """The model with a column of the load, the share of the error it saves, else 0, and scores."""
-    dry = next(name for name in usual.columns if name in {"coulomb", MEMORY})
+    dry = next(name for name in usual.columns if name in {COULOMB.name, MEMORY})
     kept = tuple(k for k, name in enumerate(shared) if name in usual.columns)
     trial = trial_of(replace(usual, columns=(dry,)), replace(usual, columns=(LOADED,)))
     without = trial.scores((*kept, len(shared)))

@@ -141,17 +141,17 @@ def _with_widths(
     trial: "_Trial", names: Sequence[str], coulomb_speed: float | None, extra: tuple[str, ...]
 ) -> dict[str, Friction]:
     """Every candidate with its best widths; ε starts from that of the candidate "coulomb"."""
-    free = coulomb_speed is None
+    free, dry = coulomb_speed is None, _BASE[-1]
     start = Friction((*_BASE, *extra), *(() if free else (coulomb_speed,)))
-    if free and any("coulomb" in FRICTION_MODELS[name] for name in names):
-        start = trial.best_width(start, "coulomb")
+    if free and any(dry in FRICTION_MODELS[name] for name in names):
+        start = trial.best_width(start, dry)
     terms_of = {}
     for name in names:
         terms = replace(start, columns=(*FRICTION_MODELS[name], *extra))
-        if name in WIDTHS and name != "coulomb":
+        if name in WIDTHS and name != dry:
             terms = trial.best_width(terms, name)
-        if free and name in {"asymmetric", "stribeck", "load"}:
-            terms = trial.best_width(terms, "coulomb", near=True)
+        if free and len(FRICTION_MODELS[name]) > len(_BASE):
+            terms = trial.best_width(terms, dry, near=True)
             terms = trial.best_width(terms, name, near=True) if name in WIDTHS else terms
         terms_of[name] = terms
     return terms_of

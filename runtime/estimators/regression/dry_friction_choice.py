@@ -26,10 +26,11 @@ from runtime.estimators.regression.recorded_delay import (
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.friction.columns import COULOMB, DAHL, POSITION
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recipes.recipe import COMMANDED
 
-DRY, MEMORY, POSITION = "coulomb", "dahl", "position"
+DRY, MEMORY, ALONG = COULOMB.name, DAHL.name, POSITION.name
 """Names of the columns."""
 STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
 """Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
@@ -99,8 +100,8 @@ def with_dry_friction(
         return terms, ""
     known = None if late else preparation.torque_delay_s
     usual = replace(filtered(recording, preparation), torque_delay_s=known)
-    more = replace(terms, columns=(*terms.columns, POSITION))
-    others = [Friction((MEMORY, POSITION), dahl_stroke=stroke) for stroke in STROKES]
+    more = replace(terms, columns=(*terms.columns, ALONG))
+    others = [Friction((MEMORY, ALONG), dahl_stroke=stroke) for stroke in STROKES]
     trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)
     if trial is None:
         return terms, ""
@@ -124,7 +125,7 @@ def with_dry_friction(
         names = tuple(MEMORY if name == DRY else name for name in terms.columns)
         chosen = replace(terms, columns=names, dahl_stroke=stroke)
     if has_position:
-        chosen = replace(chosen, columns=(*chosen.columns, POSITION))
+        chosen = replace(chosen, columns=(*chosen.columns, ALONG))
     fall = 100 * (1 - np.exp((least - simplest[at]) / 2))
     return chosen, (
         f"dry friction {_kind(stroke, has_position)}: the error of cross-validation falls by "

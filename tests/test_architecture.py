@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from runtime.recording.settings import COLUMNS
 from tests.conftest import FIRST, REPOSITORY
 
 PACKAGES = ("symgen", "runtime")
@@ -393,5 +394,26 @@ def test_run_time_names_no_build_tool() -> None:
         for path in MODULES
         if path.is_relative_to(REPOSITORY / "runtime")
         and pattern.search(path.read_text(encoding="utf-8"))
+    ]
+    assert guilty == []
+
+
+RECORDING = REPOSITORY / "runtime" / "recording"
+PLAIN_WORDS = {"offset", "load", "position"}
+"""Names of friction columns that mean other things, too."""
+
+
+def test_friction_columns_are_known_by_their_records() -> None:
+    """Property: no name of a column is compared with a string outside of its own room."""
+    names = {*COLUMNS} - PLAIN_WORDS
+    rooms = (RECORDING / "friction", RECORDING / "settings.py")
+    guilty = [
+        f"{path.relative_to(REPOSITORY)}:{node.lineno}"
+        for path in MODULES
+        if not any(path.is_relative_to(room) for room in rooms)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Compare)
+        for part in ast.walk(node)
+        if isinstance(part, ast.Constant) and part.value in names
     ]
     assert guilty == []

@@ -21,7 +21,7 @@ from runtime.monitoring.observation import (
     direct_steps,
     unknown_dry_friction,
 )
-from runtime.recording.friction import ROTOR
+from runtime.recording.friction.columns import OFFSET, ROTOR, VISCOUS
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
 FORMS = {
@@ -383,8 +383,8 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
     where = {name: f"friction[j][{k}]" for k, name in enumerate(names)}
     parts = {
         "terms": terms,
-        "viscous": f" + {where['viscous']} * v" if "viscous" in where else "",
-        "offset": _row(kept[:, names.index("offset")] if "offset" in names else np.zeros(n)),
+        "viscous": f" + {where[VISCOUS.name]} * v" if VISCOUS.name in where else "",
+        "offset": _row(kept[:, names.index(OFFSET.name)] if OFFSET.name in names else np.zeros(n)),
     }
     source = source[:place] + FRICTION.substitute(parts) + source[place:]
     return dict(

@@ -49,6 +49,7 @@ from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction import COLUMNS, names_where, spread
+from runtime.recording.friction.columns import COULOMB
 from runtime.simulation import Controller, Plant, sample_times
 from runtime.simulation.closed_loop import follow
 from runtime.simulation.plant import per_joint
@@ -270,7 +271,7 @@ def _along(problem: Problem, now: Solution, log: Origin, controller: ClosedLoop)
         name: np.maximum(value, 0.0) if COLUMNS[name].is_passive else value
         for name, value in zip(names, now.phi.T, strict=True)
     }
-    speed = {"coulomb_speed": log.friction.coulomb_speed} if "coulomb" in names else {}
+    speed = {"coulomb_speed": log.friction.coulomb_speed} if COULOMB.name in names else {}
     pi = pi_of_beta(problem, now.beta)
     motion = controller.simulate(problem.lib, pi, friction | speed, log.recording.t)
     return log.aligned(motion)

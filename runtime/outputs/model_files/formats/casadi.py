@@ -19,6 +19,7 @@ from runtime.outputs.model_files.reload_check import (
     unchecked,
     verified,
 )
+from runtime.recording.friction import ROTOR
 from runtime.recording.friction import model as friction
 from runtime.recording.settings import JointMotion
 
@@ -31,7 +32,7 @@ def casadi_texts(model: IdentifiedModel) -> dict[str, str]:
     joints = model.friction
     terms, phi = joints.terms, joints.values
     kept = [name for name in terms.columns if name in OF_SPEED]
-    left_out = [name for name in terms.columns if name not in (*OF_SPEED, "rotor")]
+    left_out = [name for name in terms.columns if name not in (*OF_SPEED, ROTOR.name)]
     note = f"Friction columns left out: {', '.join(left_out) or 'none'}."
     lines = "".join(f" * {comment_text(line)}\n" for line in model.comment("Functions", note))
     columns = {} if phi is None else {n: phi[:, terms.columns.index(n)].tolist() for n in kept}

@@ -21,10 +21,12 @@ if (
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from symgen.make import VERSION
+
 if TYPE_CHECKING:
     from symgen.make.in_memory import build
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = ["build"]
 

@@ -148,6 +148,11 @@ def test_a_circle_of_rooms_is_refused() -> None:
         floors_of({"a": {"b"}, "b": {"c"}, "c": {"a"}})
 
 
+def test_modules_form_no_circle(imports: Imports) -> None:
+    """Property: a topological order of all modules exists; its error names the circle."""
+    assert floors_of({name: imported & imports.keys() for name, imported in imports.items()}) > 1
+
+
 def test_the_packages_are_independent(imports: Imports) -> None:
     """Property: symgen writes files, runtime reads them; `runtime.common` is all they share."""
     crossing = [

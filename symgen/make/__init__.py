@@ -5,6 +5,8 @@ Here are the names and files of the robots that come with symgen; nothing of the
 
 from pathlib import Path
 
+VERSION = "0.1.0"
+"""Version of symgen."""
 ROBOTS = Path(__file__).parents[1] / "robots"
 """Folder with a URDF and a configuration per robot."""
 

@@ -23,7 +23,6 @@ from filelock import FileLock
 
 from runtime.common.files import json_of, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
-from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
@@ -31,6 +30,7 @@ from symgen.emit.controller import controller_files
 from symgen.emit.files import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
+from symgen.make import VERSION
 from symgen.make.compiler import (
     PORTABLE,
     REFERENCE,
@@ -168,7 +168,7 @@ def write_controller(
 
 
 def _versions() -> dict[str, str]:
-    return {"symgen": __version__, "casadi": version("casadi")}
+    return {"symgen": VERSION, "casadi": version("casadi")}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,10 @@ from msgspec import to_builtins
 
 from runtime.common.compiler import find_compiler
 from runtime.common.files import json_of, text_of
-from symgen import __version__
 from symgen.chain import ChainOptions
 from symgen.chain.mechanism import mechanism_from_table
 from symgen.errors import BuildError
-from symgen.make import ROBOTS, bundled_robots
+from symgen.make import ROBOTS, VERSION, bundled_robots
 from symgen.make.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
 
 
@@ -56,7 +55,7 @@ class BuildRequest:
         for path in sorted(package.rglob("*")):
             if path.suffix in {".py", ".jinja2", ".h"}:
                 digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
-        digest.update(__version__.encode())
+        digest.update(VERSION.encode())
         for tool in ("casadi", "pin", "numpy", "jinja2"):
             digest.update(f"{tool} {version(tool)}".encode())
         digest.update(" ".join(find_compiler()).encode())

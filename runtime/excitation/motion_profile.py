@@ -97,7 +97,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
     tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
     for constraint in constraints(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
         if isinstance(constraint, Torque):
-            tau, torque_band = constraint.torques(motion), Band(-constraint.limit, constraint.limit)
+            tau, torque_band = constraint.smooth(motion), Band(-constraint.limit, constraint.limit)
         elif isinstance(constraint, _DISTANCES):
             margins = np.broadcast_to(constraint.margin, len(constraint.labels))
             rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)

@@ -21,6 +21,7 @@ it: of a spring they are exact to 1e-8, and across a corner of a piecewise linea
 those of its chord.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -51,38 +52,29 @@ class ModelBand:
     pi: Array  # Δ of the parameters of all links, (10 L,) [kg, kg·m, kg·m²]
     viscous: Array  # Δf of viscous friction, (n,) [N·m·s/rad]
 
-    def torques(self, motion: Array) -> Array:
-        """Largest change of the torque of a motion (3 or more, N, n), (N, n) N·m."""
-        columns = np.abs(self._columns(motion, 0)) @ self.pi[self._used]
-        return np.asarray(columns + self.viscous * np.abs(motion[1]))
+    def widths(self, motion: Array, order: int) -> Array:
+        """Largest change of the torque (order 0) or its rate (order 1) of a motion, (N, n)."""
+        columns = np.abs(self._columns(motion, order)) @ self.pi[self._used]
+        return np.asarray(columns + self.viscous * np.abs(motion[order + 1]))
 
-    def rates(self, motion: Array) -> Array:
-        """Largest change of the torque rate of a motion (4 or more, N, n), (N, n) N·m/s."""
-        columns = np.abs(self._columns(motion, 1)) @ self.pi[self._used]
-        return np.asarray(columns + self.viscous * np.abs(motion[2]))
-
-    def torque_slopes(self, motion: Array) -> Array:
-        """Slopes of `torques` by q, dq and ddq, (N, n, 3, n); of the corner that is reached."""
-        slopes = np.zeros((motion.shape[1], motion.shape[2], 3, motion.shape[2]))
-        for j, corner in enumerate(self._corners(motion, 0)):
-            parts = self.lib.torque_derivatives(motion[0], motion[1], motion[2], corner)[1:]
-            slopes[:, j] = np.stack([part[:, j] for part in parts], axis=1)
-            slopes[:, j, 1, j] += self.viscous[j] * np.sign(motion[1, :, j])
-        return slopes
-
-    def rate_slopes(self, motion: Array) -> Array:
-        """Slopes of `rates` by q, dq, ddq and dddq, (N, n, 4, n)."""
+    def slopes(self, motion: Array, order: int) -> Array:
+        """Slopes of `widths` by q, dq, ddq and dddq, (N, n, 3 + order, n), of the corner that is
+        reached.
+        """
         n = motion.shape[2]
-        slopes = np.zeros((motion.shape[1], n, 4, n))
-        for j, corner in enumerate(self._corners(motion, 1)):
-            seed = np.broadcast_to(np.eye(n)[j], motion[0].shape)
-            q, dq, ddq, dddq = motion[:4]
-            slopes[:, j] = self.lib.torque_rate_adjoint(q, dq, ddq, dddq, corner, seed)
-            slopes[:, j, 2, j] += self.viscous[j] * np.sign(motion[2, :, j])
+        slopes = np.zeros((motion.shape[1], n, 3 + order, n))
+        for j, corner in enumerate(self._corners(motion, order)):
+            if order:
+                seed = np.broadcast_to(np.eye(n)[j], motion[0].shape)
+                slopes[:, j] = self.lib.torque_rate_adjoint(*_four(motion), corner, seed)
+            else:
+                parts = self.lib.torque_derivatives(*_three(motion), corner)[1:]
+                slopes[:, j] = np.stack([part[:, j] for part in parts], axis=1)
+            slopes[:, j, order + 1, j] += self.viscous[j] * np.sign(motion[order + 1, :, j])
         return slopes
 
     def changes(self, motion: Array, order: int) -> Array:
-        """Rate in time of `torques` (order 0) or `rates` (order 1).
+        """Rate in time of `widths`.
 
         motion (5, N, n) → (N, n).
         """
@@ -94,7 +86,7 @@ class ModelBand:
         return np.asarray(change)
 
     def bend(self, bounds: IntervalBounds, order: int) -> Array:
-        """Rise of `torques` (order 0) or `rates` (order 1) within intervals."""
+        """Rise of `widths` within intervals."""
         tau = bounds.torques(self.pi)
         second = tau[order + 2] + self.viscous * bounds.motion[order + 3]
         size = tau[order] + self.viscous * bounds.motion[order + 1]
@@ -112,9 +104,9 @@ class ModelBand:
         for p in self._used:
             unit = np.eye(len(self.pi))[p]
             if order:
-                column = self.lib.torque_rate(motion[0], motion[1], motion[2], motion[3], unit)
+                column = self.lib.torque_rate(*_four(motion), unit)
             else:
-                column = self.lib.inverse_dynamics(motion[0], motion[1], motion[2], unit)
+                column = self.lib.inverse_dynamics(*_three(motion), unit)
             columns.append(column[..., None])
         return np.concatenate(columns, axis=-1)
 
@@ -163,9 +155,10 @@ def known_torque_of(lib: Library) -> KnownTorque | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfJoints:
-    """Constraint ±(smooth part) / limit − 1, row by joint, positive sign first."""
+class _OfJoints(ABC):
+    """Constraint ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1, row by joint, positive sign first."""
 
+    order: ClassVar[int]
     unit: ClassVar[str]
     precision: ClassVar[tuple[float, float]] = SMOOTH
     lib: Library
@@ -199,36 +192,53 @@ class _OfJoints:
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, self.unit
 
-    def _rise(self, bounds: IntervalBounds, order: int) -> Array:
-        """Rise of ±dᵏ(τ + f_v dq)/dtᵏ over the limit, with the derivative of two orders more."""
-        tau, motion = bounds.torques(self.pi), bounds.motion
-        second = tau[order + 2] + self.viscous * motion[order + 3]
-        size = tau[order] + self.viscous * motion[order + 1]
+    @abstractmethod
+    def smooth(self, motion: Array) -> Array:
+        """Torque or its rate with springs and curves, (N, n) N·m or N·m/s, N or N/s for a slide."""
+
+    def values(self, motion: Array) -> Array:
+        """Values ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1."""
+        g = _both(self.smooth(motion) / self.limit)
+        return g if self.band is None else self._widened(g, self.band.widths(motion, self.order))
+
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+        """Values, and rates with the derivative of one order more."""
+        k, motion = self.order, sampled.motion
+        value, rate = sampled.torques(self.pi)[k : k + 2]
+        if self.springs is not None:
+            held = self.springs.along(motion)
+            value, rate = value + held[k], rate + held[k + 1]
+        g = _both((value + self.viscous * motion[k + 1]) / self.limit)
+        slope = (rate + self.viscous * motion[k + 2]) / self.limit
+        rate = np.concatenate([slope, -slope], axis=1)
+        if self.band is None:
+            return g, rate
+        more, change = self.band.widths(motion, k), self.band.changes(motion, k)
+        return self._widened(g, more), self._widened(rate, change)
+
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by the derivative of two orders more."""
+        k, tau, motion = self.order, bounds.torques(self.pi), bounds.motion
+        second = tau[k + 2] + self.viscous * motion[k + 3]
+        size = tau[k] + self.viscous * motion[k + 1]
         rise = bounds.bend(second) + ROUNDING * size
         if self.band is not None:
-            rise = rise + self.band.bend(bounds, order)
+            rise = rise + self.band.bend(bounds, k)
         return np.tile(rise / self.limit, 2)
 
     def _widened(self, g: Array, more: Array) -> Array:
         """Values of both signs, with the largest change within the band (N, n)."""
         return np.asarray(g + np.tile(more / self.limit, 2))
 
-    @property
-    def _columns(self) -> Array:
-        """Limits beside slopes (N, n, orders, n)."""
-        return self.limit[:, None, None]
-
-    def _signed(self, slope: Array, order: int) -> Array:
-        """Slopes of both signs over the limit, with f_v at the derivative `order`."""
-        slope[:, :, order] += np.diag(self.viscous)
-        slope /= self._columns
-        return np.concatenate([slope, -slope], axis=1)
-
-    def _with_rate(self, value: Array, rate: Array, rubbing: Array) -> tuple[Array, Array]:
-        """Values g and rates of ±(value + f_v rubbing[0]) / limit − 1, with rubbing[1] in rates."""
-        share = (value + self.viscous * rubbing[0]) / self.limit
-        slope = (rate + self.viscous * rubbing[1]) / self.limit
-        return _both(share), np.concatenate([slope, -slope], axis=1)
+    def _signed(self, slope: Array, motion: Array) -> Array:
+        """Slopes of both signs over the limit, with f_v and the change within the band."""
+        slope[:, :, self.order + 1] += np.diag(self.viscous)
+        limit = self.limit[:, None, None]  # beside slopes (N, n, orders, n)
+        slope /= limit
+        signed = np.concatenate([slope, -slope], axis=1)
+        if self.band is not None:
+            signed += np.tile(self.band.slopes(motion, self.order) / limit, (1, 2, 1, 1))
+        return signed
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,46 +250,23 @@ class Torque(_OfJoints):
     """
 
     kind: ClassVar[str] = "torque"
+    order: ClassVar[int] = 0
     orders: ClassVar[int] = 3
     unit: ClassVar[str] = "N·m"
 
-    def torques(self, motion: Array) -> Array:
+    def smooth(self, motion: Array) -> Array:
         """Torque τ + f_v dq with springs and curves, (N, n) N·m, N for a slide."""
         smooth = self.lib.inverse_dynamics(*_three(motion), self.pi)
         if self.springs is not None:
             smooth = smooth + self.springs.torque(motion[0])
         return smooth + self.viscous * motion[1]
 
-    def values(self, motion: Array) -> Array:
-        """Values ±(τ + f_v dq) / limit − 1."""
-        g = _both(self.torques(motion) / self.limit)
-        return g if self.band is None else self._widened(g, self.band.torques(motion))
-
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """Values, and rates with dτ/dt + f_v ddq."""
-        tau, dtau, _ = sampled.torques(self.pi)
-        if self.springs is not None:
-            held, change, _ = self.springs.along(sampled.motion)
-            tau, dtau = tau + held, dtau + change
-        g, rate = self._with_rate(tau, dtau, sampled.motion[1:3])
-        if self.band is None:
-            return g, rate
-        more, change = self.band.torques(sampled.motion), self.band.changes(sampled.motion, 0)
-        return self._widened(g, more), self._widened(rate, change)
-
-    def rise(self, bounds: IntervalBounds) -> Array:
-        """Rise by d²τ/dt² + f_v dddq."""
-        return self._rise(bounds, 0)
-
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
         if self.springs is not None:
             slope[:, :, 0] += self.springs.slope(motion[0])
-        signed = self._signed(slope, 1)
-        if self.band is not None:
-            signed += np.tile(self.band.torque_slopes(motion) / self._columns, (1, 2, 1, 1))
-        return signed
+        return self._signed(slope, motion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,32 +274,16 @@ class TorqueRate(_OfJoints):
     """Limit |dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is left out."""
 
     kind: ClassVar[str] = "torque rate"
+    order: ClassVar[int] = 1
     orders: ClassVar[int] = 4
     unit: ClassVar[str] = "N·m/s"
 
-    def values(self, motion: Array) -> Array:
-        """Values ±(dτ/dt + f_v ddq) / limit − 1."""
+    def smooth(self, motion: Array) -> Array:
+        """Torque rate dτ/dt + f_v ddq with springs and curves, (N, n) N·m/s, N/s for a slide."""
         smooth = self.lib.torque_rate(*_four(motion), self.pi)
         if self.springs is not None:
             smooth = smooth + self.springs.along(motion)[1]
-        g = _both((smooth + self.viscous * motion[2]) / self.limit)
-        return g if self.band is None else self._widened(g, self.band.rates(motion))
-
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """Values, and rates with d²τ/dt² + f_v dddq."""
-        _, dtau, ddtau = sampled.torques(self.pi)
-        if self.springs is not None:
-            _, change, bend = self.springs.along(sampled.motion)
-            dtau, ddtau = dtau + change, ddtau + bend
-        g, rate = self._with_rate(dtau, ddtau, sampled.motion[2:4])
-        if self.band is None:
-            return g, rate
-        more, change = self.band.rates(sampled.motion), self.band.changes(sampled.motion, 1)
-        return self._widened(g, more), self._widened(rate, change)
-
-    def rise(self, bounds: IntervalBounds) -> Array:
-        """Rise by d³τ/dt³ + f_v ddddq."""
-        return self._rise(bounds, 1)
+        return smooth + self.viscous * motion[2]
 
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
@@ -322,10 +293,7 @@ class TorqueRate(_OfJoints):
             by_q, by_dq = self.springs.rate_slopes(motion)
             slope[:, :, 0] += by_q
             slope[:, :, 1] += by_dq
-        signed = self._signed(slope, 2)
-        if self.band is not None:
-            signed += np.tile(self.band.rate_slopes(motion) / self._columns, (1, 2, 1, 1))
-        return signed
+        return self._signed(slope, motion)
 
 
 def _three(motion: Array) -> tuple[Array, Array, Array]:

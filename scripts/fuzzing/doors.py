@@ -51,8 +51,7 @@ from symgen.cli.make import read_mechanism
 from symgen.inspect import inspect_file, repaired
 from symgen.make.config import read_config, read_masses
 from symgen.make.request import request_from_folder
-from symgen.ros.packages import Packages
-from symgen.ros.xacro_file import expanded
+from symgen.ros.packages import Packages, expanded
 from symgen.sources import Source, read_source, urdf_text
 
 Furnish = Callable[[Path, Library], None]

@@ -2,6 +2,24 @@
 
 The files are rendered from `templates/`, which hold loops and names, never mathematics. Names of
 links and joints come from a URDF and may hold anything; they are escaped in comments and Markdown.
+
+The stack of the emitted functions is bounded for any compiler. A straight-line function keeps at
+most each value, argument and buffer on the stack once: a compiler may share places, but never needs
+more. Bounds are for the deepest chain of calls within a file; functions of the C library come on
+top.
+
+The CUDA header has one thread per sample, arrays of entries, both precisions.
+
+A body is a template over the type T of its numbers and over what it reads from, since inputs that
+all samples share are read where they lie and the others from registers.
+
+Loss and gradient of many parameter vectors β on the same samples, r = √W (Y_b β − τ):
+
+    L(β) = r'r / 2      ∂L/∂β = (√W Y_b)' r
+
+One thread per sample writes the nonzeros of √W Y_b and √W τ once. Then one thread per β keeps β and
+gradient in registers, and its block reads the rows through shared memory: two multiply-adds per
+nonzero, and no traffic but the β and their gradients.
 """
 
 import hashlib
@@ -16,12 +34,167 @@ from typing import Any
 
 import jinja2
 
-from symgen.emit.cuda import cuda_context
-from symgen.emit.forms import forms_of
+from symgen.emit.forms import Forms, Kernels, composed_numbers, compositions, forms_of
 from symgen.emit.programs import programs
-from symgen.emit.sample import LONG, parts_of, reference_code
-from symgen.emit.stack import BLOCK, stack_bounds
+from symgen.emit.sample import LONG, Numbers, ReferenceCode, c_body, parts_of, reference_code
+from symgen.emit.ssa import TileProgram
 from symgen.kernel import Argument, Kernel
+
+NUMBER = 8
+"""Bytes of a double."""
+ROW = 64
+"""Bytes of one row of a tile."""
+BLOCK = 4
+"""Tiles whose sines are computed together."""
+FRAMES = 4096
+"""Bytes of saved registers, alignment and loop counters of all functions in a chain of calls.
+
+Includes the W × W numbers that lanes.h transposes in registers, all spilled.
+"""
+INLINED = {"sincos": 40, "exp": 24, "all": 0}
+"""Values of a function of lanes.h or sines.h that may be inlined; others have two."""
+
+
+@dataclass(frozen=True, slots=True)
+class StackBounds:
+    """Bytes per kernel."""
+
+    one: dict[str, int]  # the function of kernels.c
+    reference: dict[str, int]  # the loop of reference.c and the functions it calls
+    # lanes W → the deeper one of `_batch` and `_tiles`, with the functions they call
+    tiles: dict[int, dict[str, int]]
+
+
+def stack_bounds(
+    kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
+) -> StackBounds:
+    """Bounds for every kernel and every vector width."""
+    by_name = {k.name: k for k in kernels}
+    composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
+    one = {k: FRAMES + NUMBER * _values(lines) for k, lines in forms.bodies.items()}
+    for name, images in composed.items():
+        one[name] += images + max(one[called] for called in by_name[name].through)
+    for name, p in forms.products.items():
+        factors = p.joints * p.links * p.size + p.size + p.size**2
+        one[name] = FRAMES + NUMBER * factors + max(one[p.regressor], one[p.block])
+    tiles: dict[int, dict[str, int]] = {}
+    for w in (1, 2, 4, 8):
+        tiles[w] = {k.name: _tiles(k, forms.tiles[k.name], w) for k in kernels if not k.rare}
+        for name, p in forms.products.items():
+            if by_name[name].rare:
+                continue
+            tiles[w][name] += ROW * p.joints * p.links * p.size + tiles[w][p.regressor]
+        for name, images in composed.items():
+            *maps, last = by_name[name].through
+            tiles[w][name] += images + max([tiles[w][last], *(one[called] for called in maps)])
+    return StackBounds(
+        {k.name: one[k.name] + NUMBER * _arguments(k) for k in kernels},
+        {
+            k.name: _reference(k, reference.bodies[k.name])
+            for k in kernels
+            if k.name in reference.bodies
+        },
+        tiles,
+    )
+
+
+def _values(lines: list[str]) -> int:
+    """Named values, and one per operation or call within an expression."""
+    text = "\n".join(lines)
+    operators = sum(text.count(f" {sign}") for sign in "-+*/<=!&|?")
+    operators -= text.count("= -") + text.count("; ++")  # signs and loop counters
+    return len(lines) + operators + text.count("(-") + len(_CALLED.findall(text))
+
+
+def _arguments(kernel: Kernel) -> int:
+    return len(kernel.inputs) + len(kernel.outputs)
+
+
+def _reference(kernel: Kernel, body: str) -> int:
+    summed = sum(a.size for a in kernel.outputs if a.summed)
+    values = sum(line.count(",") + 1 for line in _DECLARED.findall(body))
+    return FRAMES + NUMBER * (values + summed + 3 * _arguments(kernel))
+
+
+def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
+    per_sample = [a for a in kernel.inputs if not a.shared]
+    rows = sum(a.size * (2 if a.summed else 1) for a in kernel.outputs)
+    for argument in per_sample:
+        rows += argument.size * (3 * BLOCK if argument.name == program.turned else 1)
+    values = sum(line.startswith("const vd") for line in program.body)
+    called = _CALL.findall("\n".join(program.body))
+    body = NUMBER * width * (values + sum(INLINED.get(name, 2) for name in called))
+    prepare = NUMBER * len(program.prepare)
+    fixed = ROW * rows + NUMBER * (program.uniform + 4 * _arguments(kernel))
+    return FRAMES + fixed + max(body, prepare)
+
+
+_DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
+_CALLED = re.compile(r"\w\(")
+_CALL = re.compile(r"\bvd_(\w+)\(")
+
+
+SHIPPED = (
+    *("base_parameters", "base_adjoint", "base_inverse_dynamics", "inverse_dynamics"),
+    *("mass_matrix", "bias_forces", "forward_dynamics", "end_effector", "base_regressor"),
+    *("loss_gradient", "torque_derivatives"),
+)
+"""Kernels of the header, called functions before their callers."""
+NUMBERS = Numbers("T", "T({})", turn="symgen_turn")
+SHARED_MEMORY = 24576
+"""Bytes of rows that a block keeps in shared memory, half of what every device has."""
+WHOLE = 16
+"""Rows are padded to as many bytes: four numbers in single precision load as one."""
+
+
+def cuda_context(name: str, kernels: tuple[Kernel, ...], forms: Forms) -> dict[str, Any]:
+    """Values for the template of the header."""
+    by_name = {kernel.name: kernel for kernel in kernels}
+    shipped = [by_name[kernel] for kernel in SHIPPED if kernel in by_name]
+    bodies = {kernel.name: _body(name, kernel, by_name, forms) for kernel in shipped}
+    rows = _rows(by_name["base_regressor"], bodies["base_regressor"])
+    return {"cuda": shipped, "bodies": bodies, "rows": rows}
+
+
+def _body(name: str, kernel: Kernel, kernels: Kernels, forms: Forms) -> list[str]:
+    if kernel.through and kernels.keys() >= set(kernel.through):  # calls of other kernels
+        return [
+            line.replace("static ", "").replace("double ", "T ").replace(f"{name}_", "")
+            for line in forms.bodies[kernel.name]
+        ]
+    return c_body(kernel, NUMBERS)
+
+
+def _rows(regressor: Kernel, body: list[str]) -> dict[str, Any]:
+    """Nonzeros of the base regressor, joint by joint, and the statements that fill them."""
+    (output,) = regressor.outputs
+    joints, columns = output.shape
+    stores = {int(m[1]): m[2] for line in body if (m := _STORE.fullmatch(line))}
+    zero = NUMBERS.constant(0.0)
+    filled = sorted(k for k, value in stores.items() if value != zero)
+    place = {entry: k for k, entry in enumerate(filled)}
+    lines = []
+    for line in body:
+        store = _STORE.fullmatch(line)
+        if store is None:
+            lines.append(line)
+        elif (entry := int(store[1])) in place:
+            lines.append(f"row[{place[entry]}] = root[{entry // columns}] * ({store[2]});")
+    of_joint = [[e for e in filled if e // columns == joint] for joint in range(joints)]
+    length = len(filled) + joints
+    padded = -(-length // (WHOLE // 4)) * (WHOLE // 4)
+    return {
+        "lines": lines,
+        "joints": [[(place[e], e % columns) for e in entries] for entries in of_joint],
+        "filled": len(filled),
+        "columns": columns,
+        "padded": padded,
+        "tile": max(SHARED_MEMORY // (8 * padded), 0),
+    }
+
+
+_STORE = re.compile(r"Y_b\[(\d+)\] = (.*);")
+
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 

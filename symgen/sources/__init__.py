@@ -27,8 +27,7 @@ from symgen.chain.dh import robot_from_rows
 from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
-from symgen.ros.packages import Packages
-from symgen.ros.xacro_file import expanded
+from symgen.ros.packages import Packages, expanded
 from symgen.sources.mjcf import robot_from_mjcf
 from symgen.sources.sdf import robot_from_sdf
 from symgen.sources.springs import merged, split_by_use

@@ -12,8 +12,8 @@ import pytest
 from runtime.common.child import Limits
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
+from symgen.ros.packages import expanded
 from symgen.ros.xacro_child import evaluate
-from symgen.ros.xacro_file import expanded
 from symgen.sources import Packages, Source, read_source
 
 pytestmark = pytest.mark.skipif(

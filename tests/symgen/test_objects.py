@@ -16,9 +16,9 @@ from runtime.common.compiler import machine
 from runtime.library import Library
 from symgen.catalogue import Catalogue, make_catalogue
 from symgen.chain import read_chain
+from symgen.emit.files import StackBounds, stack_bounds
 from symgen.emit.forms import forms_of
 from symgen.emit.sample import reference_code
-from symgen.emit.stack import StackBounds, stack_bounds
 from symgen.make.compiler import FLAGS, LEVELS, VECTOR_FLAGS
 from symgen.make.pipeline import PER_LEVEL
 from symgen.make.request import bundled_request

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import casadi as ca
 
+from symgen.emit.files import FRAMES, stack_bounds
 from symgen.emit.forms import composed_numbers
 from symgen.emit.programs import _example
 from symgen.emit.ssa import tile_program
-from symgen.emit.stack import FRAMES, stack_bounds
 from symgen.kernel import Argument, Kernel, make_kernel
 
 

@@ -19,7 +19,7 @@ from tests.runtime.processes import QUIET
 WAITING = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
-from runtime.excitation.search.processes import side_by_side
+from runtime.excitation.search.design import side_by_side
 from tests.runtime.excitation.search.test_processes import Sleep, small_problem
 for number, *_ in side_by_side(small_problem(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):
     print("waiting", flush=True)

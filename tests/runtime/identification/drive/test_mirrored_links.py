@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.identification.drive.requested import with_mirrored_links
 from runtime.identification.drive.symmetry import mirrored_links
+from runtime.identification.identify import with_mirrored_links
 from runtime.library import Array, Library
 
 MIRROR = np.diag([1.0, -1.0, 1.0])

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.identification.drive.requested import with_drives
-from runtime.identification.identify import identify
+from runtime.identification.identify import identify, with_drives
 from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import Settings
 from runtime.library import load

@@ -2,7 +2,6 @@
 
 | module | content |
 |---|---|
-| `packages` | the folder of a ROS package |
-| `xacro_file` | xacro file → text of a URDF, in a child process |
+| `packages` | the folder of a ROS package; xacro file → text of a URDF, in a child process |
 | `xacro_child` | that process: limits, files that may be read, expressions that only compute |
 """

@@ -1,4 +1,4 @@
-"""Process that expands one xacro file: a job of `xacro_file` on standard input, an answer as JSON.
+"""Process that expands one xacro file: a job of `packages` on standard input, an answer as JSON.
 
 Limits are set before the file is opened. The functions of xacro that open files, evaluate
 expressions and read the environment are replaced; $(find PACKAGE) searches in `Packages`. Names of

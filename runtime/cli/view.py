@@ -64,8 +64,8 @@ def view_command(given: ViewSettings) -> None:
     symgen view log.csv --urdf fr3.urdf --package-dir ~/franka_description
 
     The page plays the motion with the limits of position, velocity and torque. Links are drawn by
-    the visual meshes of the URDF, else by the collision capsules, else by lines. Ctrl-C ends the
-    server.
+    the visual meshes of the URDF, else by collision capsules, else by solids between the joints.
+    Ctrl-C ends the server.
     """
     lib = open_robot(given.robot, given.yes)
     require_unused([given.html] if given.html else [], given.overwrite, "--html")

@@ -1,4 +1,4 @@
-"""Shapes of a robot: its visual meshes, else its collision capsules, else lines.
+"""Shapes of a robot: its visual meshes, else its collision capsules, else solids of its joints.
 
 `package://NAME/rest` of a URDF is searched as DIR/NAME/rest and, where DIR itself is named NAME, as
 DIR/rest. DIR is every given folder, those of ROS_PACKAGE_PATH, and `share` of those of
@@ -21,8 +21,10 @@ from runtime.errors import LibraryError, RuntimeFault
 from runtime.library import Array, Library
 
 BASE = "base"
-LINE_RADIUS = 0.012
-"""Radius of the line that replaces a link without shape [m]."""
+SLENDER = 25.0
+"""Length of all links together over the radius of one without shape, as of usual arms."""
+WIDER = 1.3
+"""Radius of a joint over that of the link."""
 LARGEST_COORDINATE = 1e4
 """Largest coordinate that is accepted [m]."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
@@ -58,7 +60,7 @@ def geometry_library() -> Any:
 
 
 def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = ()) -> Look:
-    """Shapes of a robot: visuals of the URDF, else collision capsules, else lines."""
+    """Shapes of a robot: visuals of the URDF, else collision capsules, else solids."""
     text = lib.urdf() if urdf is None else _text(urdf)
     home = lib.folder if urdf is None else urdf.parent
     places = (*packages, *_package_path())
@@ -83,7 +85,7 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
     why = f"no mesh could be read: {missing[0]}" if missing else "the URDF has no visual shapes"
     if lib.manifest.proxies:
         return Look(tuple(_capsules(lib)), f"collision capsules, because {why}")
-    return Look(tuple(_lines(lib)), f"lines, because {why}")
+    return Look(tuple(_solids(lib)), f"solids between the joints, because {why}")
 
 
 def _text(path: Path) -> str:
@@ -199,17 +201,23 @@ def _capsules(lib: Library) -> Iterator[Shape]:
         yield _capsule(proxy.link, proxy.name, ends, proxy.radius, proxy.joint)
 
 
-def _lines(lib: Library) -> Iterator[Shape]:
-    """Lines from the frame of every link to its children and to the tip."""
+def _solids(lib: Library) -> Iterator[Shape]:
+    """Capsules from the frame of every link to its children and the tip, cylinders at joints."""
     carried: list[tuple[str, Array, int]] = [
         (BASE if j.parent < 0 else lib.link_names[j.parent], np.array(j.translation), k)
         for k, j in enumerate(lib.manifest.all_joints)
     ]
     tip = lib.manifest.tip_frame
     carried.append((tip.link, np.array(tip.translation), lib.n_links))
+    radius = sum(float(np.linalg.norm(end)) for _, end, _ in carried) / SLENDER or 1.0 / SLENDER
     for link, end, number in carried:
         ends = np.array([np.zeros(3), end])
-        yield _capsule(link, f"line{number}", ends, LINE_RADIUS, number)
+        yield _capsule(link, f"link{number}", ends, radius, number)
+    for number, (link, joint) in enumerate(
+        zip(lib.link_names, lib.manifest.all_joints, strict=True)
+    ):
+        mesh = geometry_library().creation.cylinder(WIDER * radius, 2 * WIDER * radius)
+        yield _along(link, f"joint{number}", mesh, np.array(joint.axis), np.zeros(3), number)
 
 
 def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> Shape:
@@ -217,9 +225,14 @@ def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> S
     axis = ends[1] - ends[0]
     length = float(np.linalg.norm(axis))
     mesh = trimesh.creation.capsule(length, radius)
+    return _along(link, name, mesh, axis, ends.mean(axis=0), number)
+
+
+def _along(link: str, name: str, mesh: Any, axis: Array, centre: Array, number: int) -> Shape:
+    """A mesh about its centre whose z axis points along `axis`; a zero axis turns nothing."""
     mesh.visual.face_colors = COLOURS[number % len(COLOURS)]
-    pose = np.eye(4)
+    pose, length = np.eye(4), float(np.linalg.norm(axis))
     if length > 0:
         pose[:3, :3] = Rotation.align_vectors([axis / length], [[0, 0, 1]])[0].as_matrix()
-    pose[:3, 3] = ends.mean(axis=0)  # the origin of the mesh is its centre
+    pose[:3, 3] = centre
     return Shape(link, name, mesh, pose)

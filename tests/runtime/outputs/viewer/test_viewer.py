@@ -18,7 +18,7 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
 from runtime.outputs.viewer.player import PlayedMotion, Player, bars, read_motion
 from runtime.outputs.viewer.scene import Scene
-from runtime.outputs.viewer.shapes import BASE, look_of
+from runtime.outputs.viewer.shapes import BASE, WIDER, look_of
 from tests.browser import chromium
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
@@ -122,18 +122,24 @@ def test_meshes_are_searched_in_packages(
     assert box.link == "fr3_link7"
 
 
-def test_without_shapes_there_are_lines(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Property: each line ends at the next frame, the last one at the tip."""
+def test_without_shapes_there_are_solids(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: each capsule ends at the next frame, the last one at the tip; a cylinder stands in
+    every joint, about its axis.
+    """
     monkeypatch.setattr(fr3, "manifest", replace(fr3.manifest, proxies=()))
     look = look_of(fr3)
-    assert look.sentence == "lines, because the URDF has no visual shapes"
+    assert look.sentence == "solids between the joints, because the URDF has no visual shapes"
     frames = dict(zip(fr3.link_names, fr3.link_poses(fr3.home), strict=True)) | {BASE: np.eye(4)}
     ends = [*fr3.link_poses(fr3.home)[:, :3, 3], fr3.end_effector(fr3.home)[:3, 3]]
-    for shape, end in zip(look.shapes, ends, strict=True):
-        half = shape.mesh.bounds[1, 2] - shape.mesh.bounds[1, 0]
+    radius = look.shapes[len(ends)].mesh.extents[2] / (2 * WIDER)
+    for shape, end in zip(look.shapes, ends, strict=False):
+        half = shape.mesh.bounds[1, 2] - radius
+        assert shape.mesh.is_watertight
         reached = frames[shape.link] @ shape.pose @ [0, 0, half, 1]
-        # The radius of the polyhedron stands for that of the capsule.
-        np.testing.assert_allclose(reached[:3], end, rtol=0, atol=2e-3)
+        np.testing.assert_allclose(reached[:3], end, rtol=0, atol=ROUNDING)
+    for shape, joint in zip(look.shapes[len(ends) :], fr3.manifest.all_joints, strict=True):
+        np.testing.assert_allclose(shape.pose[:3, 2], joint.axis, rtol=0, atol=ROUNDING)
+        np.testing.assert_array_equal(shape.pose[:3, 3], 0.0)
 
 
 def test_bad_models_are_one_sentence(fr3: Library, tmp_path: Path) -> None:

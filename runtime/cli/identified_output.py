@@ -12,7 +12,6 @@ from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
-from runtime.identification.result_warnings import doubts_of
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
@@ -64,9 +63,8 @@ def next_command(doubt: str, inspect: str) -> str:
 def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iterator[str]:
     """What a result comes to: at most one doubt, errors, share of friction, bodies, one advice."""
     known, shares = result.uncertainty, record.torque_error_percent
-    doubts = doubts_of(result, record)
-    if doubts:
-        doubt = doubts[0].replace("python -m runtime inspect LOG", inspect)
+    if record.doubts:
+        doubt = record.doubts[0].replace("python -m runtime inspect LOG", inspect)
         yield f"warning: {doubt}"
         if command := next_command(doubt, inspect):
             yield f"run: {command}"
@@ -90,7 +88,7 @@ def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iter
             f"data: they determine {known.determined} of {len(known.beta_sigma)} independent "
             "combinations of parameters better than the prior does"
         )
-        if not doubts:
+        if not record.doubts:
             yield f"advice: {known.first_advice()}"
 
 

@@ -18,6 +18,7 @@ from runtime.common.tables import Table
 
 __all__ = [
     "VERBOSE",
+    "as_typed",
     "command_line",
     "completing",
     "console",

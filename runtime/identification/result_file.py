@@ -21,7 +21,7 @@ from runtime.identification import result_record as schema
 from runtime.identification.friction_intervals import friction_intervals, friction_sigma
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
-from runtime.identification.result_warnings import warnings_of
+from runtime.identification.result_warnings import doubts_of, warnings_of
 from runtime.identification.saved_result import (
     LARGEST_VALUE,
     SavedResult,
@@ -45,6 +45,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     lib, drive, gains = result.lib, result.drive, result.train.gains
     trace, fit = result.trace, result.trained
     before, after = torque_errors(result)
+    warnings = warnings_of(result, before, after)
     percent, rms = schema.error_parts(before, after, friction_error(result))
     columns = result.friction.columns
     return schema.ResultRecord(
@@ -78,7 +79,8 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         convergence=None if trace is None else schema.ConvergencePart(**asdict(trace)),
         iterations=result.iterations,
         seconds=result.seconds,
-        warnings=tuple(warnings_of(result, before, after)),
+        warnings=tuple(warnings),
+        doubts=tuple(doubts_of(result, warnings)),
         pi=schema.plain(result.pi),
         lam=None if result.lam is None else schema.plain(result.lam),
         beta=schema.plain(result.beta),

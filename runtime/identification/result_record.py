@@ -348,7 +348,7 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     convergence: Of[ConvergencePart | None, "losses over the iterations; null for closed forms"]
     iterations: Of[int | None, "of the method"]
     seconds: Of[float | None, "time of the method alone [s]"]
-    warnings: Of[Texts, "sentences to read before the result is used"]
+    warnings: Of[Texts, "notes on the limits of the result, sentences"]
     pi: Of[Numbers, "standard parameters π: m, m·c, I per link [kg, kg·m, kg·m²]"]
     lam: Of[Numbers | None, "λ of π, as long; null where π is not consistent"]
     beta: Of[Numbers, "base parameters β = K π, (n_b,) or empty [SI]"]
@@ -356,6 +356,7 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit"]
     sessions: Of[SessionsPart | None, "comparison of several logs; null for one"]
     provenance: Of[ProvenancePart, "how to compute the result again"]
+    doubts: Of[Texts, "reasons not to use the result as it is, the strongest first"] = ()
     rows: Of[str, "free base: rows that were fitted, base, joints or all"] = ""
     error_rows: Of[Texts, "rows whose errors are stated, if not the joints, (r,) or empty"] = ()
     error_units: Of[Texts, "their units, (r,) or empty"] = ()

@@ -11,7 +11,6 @@ from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
-from runtime.identification.result_record import ResultRecord
 from runtime.library import Array
 from runtime.recording import Recording
 from runtime.recording.preprocessing import is_filtered
@@ -120,14 +119,14 @@ def warnings_of(
     return warnings
 
 
-def doubts_of(result: Identification, record: ResultRecord) -> list[str]:
+def doubts_of(result: Identification, warnings: Iterable[str]) -> list[str]:
     """Reasons not to use a result as it is, the strongest first."""
     known = result.uncertainty
     contradicted = () if known is None else (*known.contradictions, *known.model_errors)
     strong = re.compile(
         r"worse than the URDF|is unexplained|not physically consistent|fewer than|log once"
     )
-    stated = [warning for warning in record.warnings if strong.search(warning)]
+    stated = [warning for warning in warnings if strong.search(warning)]
     return [*still_joints(result), *contradicted, *stated]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.common.files import json_of
-from runtime.common.tables import Table
+from runtime.common.tables import Table, significant
 from runtime.errors import RuntimeFault
 from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.page import Page, Section, Tile
@@ -141,7 +141,7 @@ def comparison_page(methods: MethodComparison) -> Page:
         subtitle=f"{methods.robot} · all methods on the same data · {methods.recording}",
         headline=_sentence(methods.sentences[0]) if methods.sentences else "No recommendation.",
         status="",
-        warnings=methods.notes,
+        notes=methods.notes,
         tiles=_tiles(methods),
         sections=(*method_sections(methods), Section("Provenance", table=facts)),
         glossary=GLOSSARY,
@@ -231,8 +231,7 @@ def _number(value: object) -> float:
 def _percent(value: float) -> str:
     if not math.isfinite(value):
         return NOTHING
-    digits = "3g" if abs(value) < 1000 else "1e"
-    return f"{value:.{digits}}\N{NO-BREAK SPACE}%"
+    return f"{significant(value, 3)}\N{NO-BREAK SPACE}%"
 
 
 def _sentence(text: str) -> str:

@@ -64,7 +64,7 @@ def torques(
         axes[0, 1].set_title("measured − predicted")
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center", ncols=3)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper left", ncols=3)
         return svg(figure, "torques")
 
 

@@ -83,7 +83,7 @@ def draw_growth(growth: Growth, path: Path) -> None:
             if growth.seconds[-1] > growth.recorded:
                 span = growth.recorded, float(growth.seconds[-1])
                 axis.axvspan(*span, color=GREY, alpha=0.25, linewidth=0)
-        figure.legend(*masses.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
         figure.suptitle(
             f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}",

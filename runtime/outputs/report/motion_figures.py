@@ -234,7 +234,7 @@ def draw_motion(figure: "Figure", profile: MotionProfile) -> None:
         axis.set_xlabel("time [s]")
     handles, labels = rows[0, -1].get_legend_handles_labels()
     handles.append(rows[0, -1].lines[-1])
-    figure.legend(handles, [*labels, "limit"], loc="outside lower center", ncols=6)
+    figure.legend(handles, [*labels, "limit"], loc="outside lower left", ncols=6)
     verdict = "hold at every instant" if profile.certificate.holds else "do NOT all hold"
     parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in profile.certificate.uses]
     lines = ["  ·  ".join(parts[k : k + 6]) for k in range(0, len(parts), 6)]
@@ -303,7 +303,7 @@ def draw_speed(figure: "Figure", profile: MotionProfile) -> None:
         axis.set_ylabel(f"dq [{profile.units[j]}/s]")
     for axis in panels[n:]:
         axis.set_axis_off()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
     figure.suptitle(
         f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits",
         fontsize=9,

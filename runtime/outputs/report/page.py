@@ -58,16 +58,22 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One report: summary, sections and glossary of (term, definition)."""
+    """One report: summary, sections and glossary of (term, definition).
+
+    Attributes:
+        notes: sentences to know.
+        warnings: sentences that need an action.
+    """
 
     title: str
     subtitle: str
     headline: str
     status: str
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     tiles: tuple[Tile, ...]
     sections: tuple[Section, ...]
     glossary: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
 
 
 def write_page(page: Page, path: Path) -> Path:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
+from runtime.common.terminal import as_typed
 from runtime.errors import ExportError
 from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
 from runtime.outputs.report.page import Page, write_page
@@ -77,7 +78,8 @@ def _page(result: Result) -> Page:
         subtitle=f"{record.robot} · method {record.method} · {name}",
         headline=headline(record),
         status=record.status or "",
-        warnings=record.warnings,
+        warnings=tuple(map(as_typed, record.doubts)),
+        notes=tuple(as_typed(each) for each in record.warnings if each not in record.doubts),
         tiles=tiles(record),
         sections=sections(result),
         glossary=GLOSSARY,

@@ -66,7 +66,7 @@ def _page(trends: Trends, name: str) -> Page:
         subtitle=f"{name} · {len(trends.logs)} logs · {first} to {last}",
         headline=" ".join(sentences) or "No significant trend.",
         status="",
-        warnings=left_out,
+        notes=left_out,
         tiles=(
             Tile("Logs", str(len(trends.logs)), f"{first} to {last}"),
             Tile("Changes", str(count), "logs with a change", "bad" if count else "good"),

@@ -2,14 +2,17 @@
 
 import numpy as np
 
-from runtime.common.tables import Table
+from runtime.common.tables import Table, significant
+from runtime.common.terminal import as_typed
 from runtime.identification.result_record import UncertaintyPart
 from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.page import Section
 
 
 def _percent(share: float | None) -> str:
-    return "any" if share is None else f"{100 * share:.2g}\N{NO-BREAK SPACE}%"
+    return (
+        "any" if share is None or share >= 1 else f"{significant(100 * share)}\N{NO-BREAK SPACE}%"
+    )
 
 
 def _named(verdicts: tuple[str, ...], word: str) -> str:
@@ -57,11 +60,12 @@ def uncertainty_sections(
             " Last column: a torque gain that is wrong by up to this share, relative to the other "
             "joints, may leave no trace in such a log."
         )
+    advice = as_typed(s.advice)
     edge = " A link is close to the limit of physical consistency." if s.boundary else ""
     sections = (
         Section(
             "Uncertainty of the links",
-            f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ is computed with the URDF as "
+            f"{advice[:1].upper()}{advice[1:]}.{edge} σ is computed with the URDF as "
             "prior. A parameter is identified where the data reduce its prior variance at least "
             "tenfold: its interval is that of the log. Prior-dominated parameters keep the value "
             "and uncertainty of the URDF, and unobservable ones have no effect on the torque.",

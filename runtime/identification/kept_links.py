@@ -8,7 +8,6 @@ than `LEAST_SHARE` of the joint's torque. A column that the log does not excite 
 coefficient, and a few seconds suffice for the others.
 """
 
-import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -17,17 +16,17 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NotRealisableError
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
-from runtime.estimators.problem import FrictionPrior, Problem, best_friction
+from runtime.estimators.problem import Fit, FrictionPrior, Problem, best_friction
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import residuals, samples_of
-from runtime.identification.identified import Identification, TrainedModel
+from runtime.identification.identified import Identification
 from runtime.identification.metrics import TorqueError, torque_error
-from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.problem_setup import assemble
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import is_refitted, with_all_rows
+from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording import Recording
 
@@ -39,19 +38,11 @@ ROWS = 8192
 """Rows that the noise is estimated from."""
 QUIET = 1e-6
 """Least residual of a joint over its RMS torque: rounding, where a model is exact."""
-
 TINY = 1e-12
 """Least standard deviation and noise: a log without torque has none."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrictionFit:
-    """Friction coefficients of some rows."""
-
-    phi: Array  # coefficients, (n, k)
-    sigma: Array  # their standard deviations, 0 of a kept coefficient, (n, k)
-    weights: Array  # diagonal of W, (n,)
-    notes: tuple[str, ...]  # sentences on coefficients at a bound
+FREE = "pc-ols"
+"""Method with the rules of a fit without inertial prior: it is repeated on all rows."""
+STATUS = "friction of this log, links of an earlier result"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,21 +77,21 @@ def identify_friction(
             "expected rows of every joint, got rows of power, which mix the friction of all "
             "joints; prepare the log with the regressor acceleration or momentum"
         )
-    start = time.perf_counter()
-    fit = _fitted(problem, saved)
-    seconds = time.perf_counter() - start
-    result = _result(assembly, saved, fit, seconds)
+    sigmas: list[Array] = []
+
+    def fitted(each: Problem) -> Fit:
+        fit, sigma = _fitted(each, saved)
+        sigmas.append(sigma)
+        return fit
+
     test = samples_of(assembly.parts[2], lib)
     error = torque_error(test.tau, test.rigid(lib, saved.pi) + test.friction(saved.phi))
-    if not is_refitted(assembly, chosen, "pc-ols"):
-        return FrictionOfLog(result, fit.sigma, error)
-    whole = _fitted(with_all_rows(assembly).problem, saved)
-    result = replace(result, phi=whole.phi, trained=TrainedModel(saved.pi, fit.phi))
-    return FrictionOfLog(result, whole.sigma, error)
+    result = identify_assembled(assembly, replace(chosen, method=FREE, certify=False), fitted)
+    return FrictionOfLog(replace(result, method=saved.method), sigmas[-1], error)
 
 
-def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
-    """Friction of the training rows, with the noise of its own residuals."""
+def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
+    """Friction of some rows with the noise of its own residuals, and σ of its coefficients."""
     lib, rows, shape = problem.lib, problem.train, saved.phi.shape
     sizes = np.sqrt(np.mean(np.square(rows.columns), axis=0))
     if rows.coupling is not None:
@@ -134,42 +125,8 @@ def _fitted(problem: Problem, saved: SavedResult) -> FrictionFit:
     columns = whole.factor[:, whole.n_base :]
     sigma = np.sqrt(density) * np.linalg.norm(posterior_of(columns).root, axis=1).reshape(shape)
     notes = notes_of(held, bounds, lib.joint_names, problem.friction_names)
-    return FrictionFit(phi, sigma, weights, notes)
-
-
-def _result(
-    assembly: Assembly, saved: SavedResult, fit: FrictionFit, seconds: float
-) -> Identification:
-    """Identification with the links of the earlier result."""
-    problem, parts = assembly.problem, assembly.parts
-    lib = problem.lib
-    statistics = problem.statistics(fit.weights)
     lam = None
     with suppress(NotRealisableError):
         lam = lib.lam_from_pi(saved.pi)
-    return Identification(
-        method=saved.method,
-        lib=lib,
-        pi=saved.pi,
-        lam=lam,
-        beta=lib.base_matrix @ saved.pi,
-        phi=fit.phi,
-        friction=assembly.friction,
-        weights=fit.weights,
-        status="friction of this log, links of an earlier result",
-        loss=statistics.value(saved.pi, fit.phi),
-        optimum=np.nan,
-        zero_loss=float(np.mean(problem.train.tau**2 @ fit.weights) / 2),
-        uncertainty=None,
-        seconds=seconds,
-        iterations=None,
-        trace=None,
-        train=parts[0],
-        validation=parts[1],
-        test=parts[2],
-        one_run=assembly.one_run,
-        is_joined=assembly.is_joined,
-        seed=problem.seed,
-        notes=(*assembly.notes, *fit.notes),
-        urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape),
-    )
+    fit = Fit(saved.pi, phi, lam, STATUS, notes=notes, weights=weights, statistics=data)
+    return fit, sigma

@@ -3,7 +3,7 @@
     pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.estimators.regression`)
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
-    on request all rows of all parts → factor of the second fit (`single_log.refitted`)
+    on request all rows of all parts → factor of the second fit (`single_log.identify_assembled`)
 
 Blocks are prepared as the whole log would be, so that the factor is that of the whole.
 Every method that needs only factors and sums of the samples can be used. No block reaches beyond

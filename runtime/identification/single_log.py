@@ -7,7 +7,7 @@ the same descent on all samples at once, from compressed statistics; it costs le
 to the optimum.
 
 The method, the friction model and the weights are chosen, and the errors computed, with the fit to
-the training part. What is chosen is then fitted to the rows of all parts (`refitted`): the
+the training part. What is chosen is then fitted to the rows of all parts (`_refitted`): the
 parameters of a robot come from all that was recorded. Its covariance is smaller by the number of
 rows, and what `predict` expects of a log is what `identify` reaches.
 
@@ -167,16 +167,20 @@ def identify_recording(
 
 @one_blas_thread
 def identify_assembled(
-    assembly: Assembly, settings: Settings | str | None = None, **keywords: Any
+    assembly: Assembly,
+    settings: Settings | str | None = None,
+    fit_of: Callable[[Problem], Fit] | None = None,
+    **keywords: Any,
 ) -> Identification:
-    """Identify from a problem that is assembled already."""
+    """Identify from a problem that is assembled already, by a method or by another fit."""
     chosen = settings_for(assembly.problem.lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     start = time.perf_counter()
 
-    def fitted(problem: Problem) -> Fit:
+    def by_method(problem: Problem) -> Fit:
         return fit_by(problem, method, chosen.preset, chosen.prior, assembly.origin)
 
+    fitted = fit_of or by_method
     given, assembly = assembly, with_modelled_torque(assembly, fitted)
     assembly = _weighted(assembly, method, chosen)
     problem, parts = assembly.problem, assembly.parts
@@ -222,7 +226,7 @@ def identify_assembled(
     if is_last:
         return result
     whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), method, chosen)
-    return _refitted(result, whole, chosen, rows_of(problem, fit))
+    return _refitted(result, whole, fitted, chosen, rows_of(problem, fit))
 
 
 def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
@@ -240,10 +244,14 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
 
 
 def _refitted(
-    result: Identification, whole: Assembly, settings: Settings, trained: int
+    result: Identification,
+    whole: Assembly,
+    fitted: Callable[[Problem], Fit],
+    settings: Settings,
+    trained: int,
 ) -> Identification:
     """The result of `trained` rows with the parameters of a fit to all rows."""
-    fit = fit_by(whole.problem, result.method, settings.preset, settings.prior)
+    fit = fitted(whole.problem)
     if fit.status == Status.INTERRUPTED.value:
         note = "the fit to all rows was interrupted: parameters are those of the training rows"
         return replace(result, notes=(*result.notes, note))

@@ -201,17 +201,7 @@ class Evaluation:
 
     def to_facts(self) -> dict[str, Any]:
         """Table of the JSON that `evaluate --json` prints."""
-        return {
-            "robot": self.robot,
-            "method": self.method,
-            "joints": list(self.joints),
-            "units": list(self.units),
-            "torque_error_percent": msgspec.to_builtins(self.torque_error_percent),
-            "torque_rms": msgspec.to_builtins(self.torque_rms),
-            "mass_matrix": self.mass_matrix.to_facts(),
-            "fitted_share": self.fitted_share,
-            "notes": list(self.notes),
-        }
+        return msgspec.to_builtins(self) | {"mass_matrix": self.mass_matrix.to_facts()}
 
 
 def evaluate(

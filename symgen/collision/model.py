@@ -7,24 +7,24 @@ import math
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, to_builtins
 
+from runtime.common.records import Record, Vector3
 from symgen.errors import CollisionError
-
-Vector = tuple[float, float, float]
 
 BASE = "base"
 """Name of the fixed base in proxies, whatever the base link is called."""
 MARGIN = 0.02
 """Distance that two proxies keep where there is room for it, m."""
-_PROXY_KEYS = ("name", "link", "start", "end", "radius")
-_PAIR_KEYS = ("first", "second", "margin")
+Word = Annotated[
+    str, Meta(pattern=r'\A[^"\\]+\Z', description="a text without quotes and backslashes")
+]
 
 
-@dataclass(frozen=True, slots=True)
-class Proxy:
+class Proxy(Record, frozen=True, kw_only=False):
     """All points within `radius` of the segment from `start` to `end`; a sphere if they are equal.
 
     Attributes:
@@ -34,10 +34,10 @@ class Proxy:
         radius: m.
     """
 
-    name: str
-    link: str
-    start: Vector
-    end: Vector
+    name: Word
+    link: Word
+    start: Vector3
+    end: Vector3
     radius: float
 
     @property
@@ -46,12 +46,11 @@ class Proxy:
         return math.sqrt(sum(d * d for d in map(operator.sub, self.end, self.start)))
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(Record, frozen=True, kw_only=False):
     """Two proxies by name and the distance that they must keep, m."""
 
-    first: str
-    second: str
+    first: Word
+    second: Word
     margin: float
 
 
@@ -118,49 +117,9 @@ class CollisionModel:
         return next(proxy for proxy in self.proxies if proxy.name == name)
 
 
-def collision_from_tables(proxies: Any, pairs: Any, where: str) -> CollisionModel:
-    """Return the model of parsed tables."""
-    for rows, keys, name in ((proxies, _PROXY_KEYS, "proxy"), (pairs, _PAIR_KEYS, "pair")):
-        if not isinstance(rows, list) or not all(
-            isinstance(row, dict) and set(row) == set(keys) for row in rows
-        ):
-            raise CollisionError(f"{where}: each [[{name}]] needs exactly {', '.join(keys)}")
-    try:
-        return CollisionModel(
-            tuple(
-                Proxy(
-                    _text(r["name"]),
-                    _text(r["link"]),
-                    _point(r["start"]),
-                    _point(r["end"]),
-                    _number(r["radius"]),
-                )
-                for r in proxies
-            ),
-            tuple(Pair(_text(r["first"]), _text(r["second"]), _number(r["margin"])) for r in pairs),
-        )
-    except (TypeError, ValueError, OverflowError):
-        raise CollisionError(
-            f"{where}: in [[proxy]] and [[pair]] name, link, first and second are text, start and "
-            "end three numbers, radius and margin one"
-        ) from None
-
-
 def tables_from_collision(model: CollisionModel) -> dict[str, list[dict[str, Any]]]:
     """The model as plain tables, JSON-ready."""
-    return {
-        "proxy": [
-            {
-                "name": p.name,
-                "link": p.link,
-                "start": list(p.start),
-                "end": list(p.end),
-                "radius": p.radius,
-            }
-            for p in model.proxies
-        ],
-        "pair": [{"first": p.first, "second": p.second, "margin": p.margin} for p in model.pairs],
-    }
+    return {"proxy": to_builtins(model.proxies), "pair": to_builtins(model.pairs)}
 
 
 def toml_from_collision(model: CollisionModel) -> str:
@@ -179,20 +138,3 @@ def _written(value: Any) -> str:
     if isinstance(value, Iterable):
         return "[" + ", ".join(map(_written, value)) + "]"
     return repr(float(value))
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str) or not value or '"' in value or "\\" in value:
-        raise TypeError
-    return value
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise TypeError
-    return float(value)
-
-
-def _point(value: Any) -> tuple[float, float, float]:
-    x, y, z = map(_number, value)
-    return x, y, z

@@ -9,7 +9,6 @@ move; proxies of links beyond --tip and below --base go; the link of a locked jo
 parent, in whose frame its proxy gets the pose of the joint at the locked value.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +23,7 @@ from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
 from symgen.chain.reading import parse_with_pinocchio
 from symgen.collision import BASE, CollisionModel, Proxy
-from symgen.collision.model import collision_from_tables
+from symgen.collision.model import Pair
 from symgen.errors import BuildError
 
 ROOM = 0.1
@@ -80,8 +79,8 @@ class Limits(Record, frozen=True):
 class ConfigTable(Limits, frozen=True):
     """The TOML file."""
 
-    proxy: Any = field(default_factory=list)
-    pair: Any = field(default_factory=list)
+    proxy: tuple[Proxy, ...] = ()
+    pair: tuple[Pair, ...] = ()
 
 
 class RobotConfig(Limits, frozen=True):
@@ -123,8 +122,7 @@ def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
     """Return the configuration of a parsed TOML table."""
     stated = record_from_table(ConfigTable, table, where, BuildError)
     facts = {key: getattr(stated, key) for key in Limits.__struct_fields__}
-    collision = collision_from_tables(stated.proxy, stated.pair, where)
-    return RobotConfig(**facts, collision=collision)
+    return RobotConfig(**facts, collision=CollisionModel(stated.proxy, stated.pair))
 
 
 def home_of(chain: Chain, config: RobotConfig) -> Vector:
@@ -234,4 +232,4 @@ def _carried(proxy: Proxy, robot: pinocchio.Model, whole: Chain, chain: Chain) -
         return proxy
     ends = [frame.placement.act(np.array(point)) for point in (proxy.start, proxy.end)]
     start, end = (tuple(float(x) for x in point) for point in ends)
-    return replace(proxy, link=carrier, start=start, end=end)  # type: ignore[arg-type]
+    return proxy.replace(link=carrier, start=start, end=end)

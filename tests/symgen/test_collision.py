@@ -94,7 +94,7 @@ def test_fr3_lies_inside_its_proxies(
         assert result.outside == 0
         assert result.corners > 500
         assert 1 < result.ratio < 2.5  # what robots/fr3.toml says
-        thinner = tuple(replace(p, radius=p.radius - 5e-4) for p in fr3_model.proxies)
+        thinner = tuple(p.replace(radius=p.radius - 5e-4) for p in fr3_model.proxies)
         assert coverage(part, thinner).outside > 1e-4
 
 
@@ -218,7 +218,7 @@ def test_pairs_that_never_meet_are_left_out() -> None:
     assert all(p.margin == 0.02 for p in chosen.pairs)
     assert ("l3", "far") in chosen.apart
     assert not chosen.touching
-    fat = tuple(replace(proxy, radius=2.0) for proxy in proxies)
+    fat = tuple(proxy.replace(radius=2.0) for proxy in proxies)
     assert ("l0", "l2") in select_pairs(chain, fat, np.zeros(4)).touching
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from symgen.chain import ChainOptions, read_chain
 from symgen.collision.distance import clearance
-from symgen.collision.model import collision_from_tables
 from symgen.errors import UrdfError
+from symgen.make.config import config_from_table
 from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import numeric_base
@@ -99,7 +99,7 @@ def test_distances_and_their_gradients_follow_the_coupling() -> None:
     ]
     pairs = [{"first": "left_hand", "second": "right_arm", "margin": 0.0}]
     q = ca.SX.sym("q", 2)
-    model = collision_from_tables(proxies, pairs, "test")
+    model = config_from_table({"proxy": proxies, "pair": pairs}, "test").collision
     function = ca.Function("d", [q], list(clearance(chain, model, q)))
     x, h = np.array([0.4, -0.3]), 1e-5
     slopes = [float(function(x + h * e)[0] - function(x - h * e)[0]) / (2 * h) for e in np.eye(2)]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from runtime.common.files import json_of, require_file, sha256_of
+from runtime.common.records import record_from_table
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.storage import (
     CONFIG,
@@ -251,18 +252,8 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
 
 
 def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
-    x, y = raw["axes"]
-    view = View(
-        id=str(raw["id"]),
-        kind=str(raw["kind"]),
-        title=str(raw["title"]),
-        cases=tuple(map(str, raw["cases"])),
-        metrics=tuple(map(str, raw["metrics"])),
-        series=tuple(map(str, raw["series"])),
-        axes=(str(x), str(y)),
-        document=str(raw["document"] or raw["id"]),
-        spread=str(raw.get("spread", "std")),
-    )
+    view = record_from_table(View, raw, "a view", ValueError)
+    view = replace(view, document=view.document or view.id)
     missing = [name for name in view.series if name not in series]
     if view.kind not in KINDS or missing:
         raise ValueError(f"view '{view.id}': kind '{view.kind}', missing series {missing}")

@@ -9,8 +9,10 @@ import textwrap
 from runtime.inspection.finding import ERROR, WARNING
 from runtime.inspection.inspection import Inspection
 from runtime.recording import Recipe
+from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
 from runtime.recording.reader import locate
+from runtime.recording.recipes.recipe import JSON_CELLS
 from runtime.recording.recipes.recipe_file import toml_value
 
 _TABLES = (
@@ -52,6 +54,8 @@ def recipe_text(inspection: Inspection) -> str:
 def skeleton_text(log: str, joints: int) -> str:
     """TOML of a recipe to be filled in, with the columns or arrays of the file as comments."""
     place = locate(log)
+    more = tuple[str, ...]()
+    named = ", ".join(["…"] * joints)
     lines = [f"# Columns and units of {place.name} were not understood; state them, then identify."]
     if place.is_file():
         reader = LogFiles(place, Recipe()).reader(place.name, "")
@@ -60,12 +64,14 @@ def skeleton_text(log: str, joints: int) -> str:
         cells = [
             f"{k}  {'  '.join(column)}"[:96] for k, column in enumerate(zip(*rows, strict=False))
         ]
+        if any(numbers_in(cell) for row in rows for cell in row):
+            more = (f'cells = "{JSON_CELLS}"',)  # each signal is one column of lists
+            named = '"…"'
         lines += ["# It holds:", *(f"#   {each}" for each in arrays or cells)]
-    named = ", ".join(["…"] * joints)
     tables = {
         "time": ("column = 0", 'unit = "s"'),
-        "position": (f"columns = [{named}]", 'unit = "rad"'),
-        "torque": (f"columns = [{named}]", 'unit = "N*m"'),
+        "position": (f"columns = [{named}]", *more, 'unit = "rad"'),
+        "torque": (f"columns = [{named}]", *more, 'unit = "N*m"'),
     }
     for name, keys in tables.items():
         lines += ["", f"# [{name}]", *(f"# {key}" for key in keys)]

@@ -16,6 +16,8 @@ from symgen.errors import UrdfError
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that can be modelled as moving."""
+_UNBOUND = 27
+"""Code of expat for a prefix without xmlns."""
 _FIRST = re.compile(
     r"\ufeff?(?:\s+|<\?.*?\?>|<!--.*?-->|<![A-Za-z][^>\[]*(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)",
     re.DOTALL,
@@ -180,7 +182,7 @@ def first_element(text: str) -> str:
 def parse(text: str) -> Element:
     """Return the <robot> element of a URDF without DTD, entities or xacro instructions."""
     try:
-        root = fromstring(text, forbid_dtd=True)
+        root = _elements(text)
     except DefusedXmlException:
         raise UrdfError(
             "the URDF declares a DTD or entities, which a robot description does not need; "
@@ -202,6 +204,26 @@ def parse(text: str) -> Element:
                 "expand it first: xacro in.xacro > out.urdf"
             )
     return root
+
+
+def _elements(text: str) -> Element:
+    """Root element; prefixes without xmlns, which the parser of ROS reads too, are declared."""
+    try:
+        return fromstring(text, forbid_dtd=True)
+    except ParseError as error:
+        first = _FIRST.match(text)
+        if first is None or error.code != _UNBOUND:
+            raise
+        declared = " ".join(f'xmlns:{p}="undeclared:{p}"' for p in _undeclared(text))
+        return fromstring(
+            f"{text[: first.end(1)]} {declared}{text[first.end(1) :]}", forbid_dtd=True
+        )
+
+
+def _undeclared(text: str) -> list[str]:
+    """Prefixes of elements and attributes that no xmlns declares."""
+    used = set(re.findall(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", text))
+    return sorted(used - {"xml", "xmlns", *re.findall(r"xmlns:([\w.-]+)", text)})
 
 
 def _named(root: Element, tag: str) -> dict[str, Element]:

@@ -43,6 +43,14 @@ def with_joint(body: str) -> str:
     return TINY_URDF.replace("</robot>", body + "</robot>")
 
 
+def test_prefixes_without_xmlns_are_read() -> None:
+    """Property: elements of a prefix that nothing declares change no chain, as in ROS."""
+    odd = with_joint('<controller:gazebo x:y="1"><grip:on/></controller:gazebo>')
+    assert read_chain(odd).joints == read_chain(TINY_URDF).joints
+    with pytest.raises(UrdfError, match="xacro instruction <include>"):
+        read_chain(with_joint("<xacro:include/>"))
+
+
 # name → (text, words of the message)
 MALFORMED = {
     "empty": ("", "not well-formed XML"),

@@ -111,7 +111,8 @@ def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...
     ]
     inside = {column for block in blocks for column in block.columns}
     for column in set(range(rows.shape[1])) - inside - set(single) - pose:
-        single[column] = ColumnBlock("", (column,), "", "constant")
+        reason = "no signal of all joints" if np.ptp(rows[:, column]) else "constant"
+        single[column] = ColumnBlock("", (column,), "", reason)
     return tuple(sorted((*blocks, *single.values()), key=lambda block: block.columns))
 
 
@@ -159,10 +160,54 @@ def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
                 runs.append([])
             else:
                 runs[-1].append(column)
-        lengths = [len(run) for run in runs]
-        if any(lengths) and all(length % joints == 0 for length in lengths):
-            return [run[k] for run in runs for k in range(0, len(run), joints)]
+        odd = [run for run in runs if len(run) % joints]
+        if len(odd) == 1:  # a temperature or a pose of angles beside the signals
+            _leave_out(rows, joints, runs, odd[0])
+        elif odd:
+            continue
+        starts = [run[k] for run in runs for k in range(0, len(run), joints)]
+        if starts:
+            return starts
     return []
+
+
+def _leave_out(rows: FloatArray, joints: int, runs: list[list[int]], odd: list[int]) -> None:
+    """Divide the run of an odd length at further columns between its blocks, in `runs`.
+
+    They lie where the derivative of a block is another one in every joint; of several such places
+    where the last block is explained best by q, dq and ddq of the same joints.
+    """
+    places = []
+    more = len(odd) % joints
+    others = [run for run in runs if run is not odd]
+    for first in range(0, len(odd) - more + 1, joints):
+        parts = [*others, odd[:first], odd[first + more :]]
+        starts = sorted(run[k] for run in parts for k in range(0, len(run), joints))
+        blocks = [rows[:, s : s + joints] for s in starts]
+        rates = [_derivative(block) for block in blocks]
+        level = [_averaged(block)[1:-1] for block in blocks]
+        alike = {
+            (a, b): np.min(_correlations(rates[a], level[b]), initial=1.0)
+            for a in range(len(blocks))
+            for b in range(len(blocks))
+            if a != b
+        }
+        best = max(alike, key=lambda pair: alike[pair], default=(0, 0))
+        if alike.get(best, 0.0) >= DERIVATIVE:
+            q, dq, last = level[best[0]], level[best[1]], level[-1]
+            shares = [
+                _share(last[:, j], [q[:, j], dq[:, j], np.sign(dq[:, j]), rates[best[1]][:, j]])
+                for j in range(joints)
+            ]
+            places.append((float(np.mean(shares)), parts))
+    runs[:] = max(places, key=lambda place: place[0])[1] if places else []
+
+
+def _share(y: FloatArray, columns: list[FloatArray]) -> float:
+    """Share of the power of y that columns and a constant explain."""
+    matrix = np.column_stack([np.ones(len(y)), *columns])
+    left = y - matrix @ np.linalg.lstsq(matrix, y, rcond=None)[0]
+    return float(1.0 - left.var() / y.var()) if y.var() > 0 else 0.0
 
 
 def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
@@ -241,12 +286,16 @@ def _is_second_derivative(q: FloatArray, block: FloatArray) -> bool:
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:
     """Correlation of two blocks, median over the joints in which both vary."""
+    values = _correlations(a, b)
+    return float(np.median(values)) if values.size else 0.0
+
+
+def _correlations(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Correlation of two blocks in each joint in which both vary."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0)
     varies = size > 0
-    if not varies.any():
-        return 0.0
-    return float(np.median((a * b).sum(axis=0)[varies] / size[varies]))
+    return np.asarray((a * b).sum(axis=0)[varies] / size[varies])
 
 
 def _roughness(block: FloatArray) -> float:

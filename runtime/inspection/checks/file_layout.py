@@ -8,7 +8,7 @@ whatever the order of the columns. Files whose names differ in their last number
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,9 @@ from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
 from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.log_format import LogReader
+from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
-from runtime.recording.recipes.recipe import Signal, Time
+from runtime.recording.recipes.recipe import JSON_CELLS, Signal, Time
 
 _NO_CLOCK = Time(rate_hz=1.0)
 _NUMBER = re.compile(r"\d+(?=\D*$)")
@@ -98,7 +99,10 @@ def _incomplete(kind: str, part: dict, joints: int) -> Finding:
 def _recipe(
     place: Path, signals: Group, joints: int, rate_hz: float | None
 ) -> tuple[Recipe, list[Finding]]:
-    wide: Callable[[dict], bool] = lambda p: len(p["where"].get("columns", ())) in {0, joints}  # noqa: E731
+    def wide(part: dict) -> bool:
+        where = part["where"]
+        return "cells" in where or len(where.get("columns", ())) in {0, joints}
+
     findings: list[Finding] = []
     for kind, parts in signals.items():
         if kind != "time":
@@ -225,6 +229,9 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
     joints = len(names)
     path, rows = reader.raw.path, reader.head()
     file = meaning(path.stem)
+    if lists := [*_of_lists(rows, joints, file_name, path.name)]:
+        yield from lists
+        return
     kept = _numeric_columns(rows)
     numeric = [len(row) > kept[-1] and all(_is_number(row[k]) for k in kept) for row in rows]
     first = next((i for i, good in enumerate(numeric) if good), None)
@@ -257,6 +264,23 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
             yield from _recognised(blocks, file_name, path.name)
         elif kept[-1] == len(kept) - 1:  # text stands behind the numbers
             yield from _untitled(len(kept), file_name, path.name, joints)
+
+
+def _of_lists(
+    rows: list[list[str]], joints: int, file_name: str, name: str
+) -> Iterable[tuple[str, dict]]:
+    """Signals of a table with a header whose cells are JSON lists, one number per joint."""
+    row = next((row for row in rows if any(map(numbers_in, row))), [])
+    header = rows[0] if row else []
+    if len(header) != len(row):
+        return
+    for title, cell in zip(header, row, strict=True):
+        what = meaning(title)
+        if what.kind and len(numbers_in(cell)) == joints:
+            where = {"columns": (title,), "cells": JSON_CELLS}
+            yield what.kind, _part(what, file_name, f"{name}: {title}", layout="csv", **where)
+        elif what.kind == "time" and _is_number(cell):
+            yield "time", _part(what, file_name, title, layout="csv", column=title)
 
 
 def _numeric_columns(rows: list[list[str]]) -> tuple[int, ...]:

@@ -13,7 +13,12 @@ from typing import IO, Any
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows
+from runtime.recording.formats.log_format import (
+    LogFormat,
+    LogReader,
+    LogRows,
+    require_whole_columns,
+)
 from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool
 from runtime.recording.formats.text_tables import (
     cells_of,
@@ -22,6 +27,7 @@ from runtime.recording.formats.text_tables import (
     find_header,
     flat_table,
     lines_of,
+    list_table,
 )
 from runtime.recording.recipes.default_convention import columns_convention, unread_columns
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -77,10 +83,13 @@ class TextReader(LogReader):
             raise RecordingError(
                 f"the recipe names no columns of {self.raw.name} for {kind}; write columns = [...]"
             )
+        if isinstance(part, Signal) and part.cells:
+            return list_table(text, columns[0], self.raw.name)
         return csv_table(text, columns, self.raw.name)
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the columns, parsed once."""
+        require_whole_columns(parts, self.raw.name)
         return CsvRows(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
 
     def head(self) -> list[list[str]]:

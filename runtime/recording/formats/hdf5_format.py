@@ -15,8 +15,22 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, RawFile, imported
-from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
+from runtime.recording.formats.log_format import (
+    LogFormat,
+    LogReader,
+    LogRows,
+    RawFile,
+    imported,
+    require_whole_columns,
+)
+from runtime.recording.formats.tables import (
+    EXPANSION,
+    SLACK,
+    FloatArray,
+    LogTable,
+    common_count,
+    picked,
+)
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
@@ -206,11 +220,14 @@ class HdfReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part."""
-        del kind
-        return self._log().table(part.key)
+        columns = () if kind == "time" else part.columns
+        return picked(
+            self._log().table(part.key), columns, f"the array {part.key!r} of {self.raw.name}"
+        )
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the arrays, read where they lie."""
+        require_whole_columns(parts, self.raw.name)
         return HdfRows(self._log(), {kind: part.key for kind, part in parts.items()})
 
     def arrays(self) -> dict[str, tuple[int, ...]]:

@@ -188,6 +188,15 @@ class LogFormat:
     is_one_file: bool = False
 
 
+def require_whole_columns(parts: Mapping[str, Signal | Time], name: str) -> None:
+    """Refuse to stream numbers that a recipe picks from arrays or lists."""
+    if any(isinstance(p, Signal) and (p.cells or (p.key and p.columns)) for p in parts.values()):
+        raise RecordingError(
+            f"{name} is streamed by whole arrays and columns, but the recipe picks numbers from "
+            "arrays or cells; read it as a whole with --no-stream"
+        )
+
+
 def raw_bytes(path: Path) -> bytes:
     """Content of a file."""
     with reading(path):

@@ -13,9 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, LogRows, RawFile
+from runtime.recording.formats.log_format import (
+    Extras,
+    LogFormat,
+    LogReader,
+    LogRows,
+    RawFile,
+    require_whole_columns,
+)
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
-from runtime.recording.formats.tables import LogTable
+from runtime.recording.formats.tables import LogTable, picked
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import SIGNALS, Recording
@@ -42,11 +49,13 @@ class NpzReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part."""
-        del kind
-        return npz_table(self._content(), part.key, self.raw.name)
+        table = npz_table(self._content(), part.key, self.raw.name)
+        columns = () if kind == "time" else part.columns
+        return picked(table, columns, f"the array {part.key!r} of {self.raw.name}")
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of uncompressed arrays, read where they lie."""
+        require_whole_columns(parts, self.raw.name)
         path = self.raw.hashed()
         if "columns" in NpzRows(path).keys:
             raise RecordingError(

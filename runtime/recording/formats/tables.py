@@ -3,7 +3,7 @@
 import tempfile
 import weakref
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,21 @@ class LogTable:
     values: FloatArray  # (N, m) numbers; a corrupt row is NaN
     lines: NDArray[np.int64]  # (N,) line of the file, or index, of each row
     remarks: tuple[str, ...] = ()  # sentences about the form of the file
+
+
+def picked(table: LogTable, columns: Columns, what: str) -> LogTable:
+    """Numbers of an array that a recipe picks by index; all where it names none."""
+    if not columns:
+        return table
+    width = table.values.shape[1]
+    picks = [c for c in columns if isinstance(c, int) and 0 <= c < width]
+    if len(picks) < len(columns):
+        wrong = next(c for c in columns if c not in picks)
+        raise RecordingError(
+            f"{what} has {width} numbers per row, counted from 0 and without names, but the recipe "
+            f"names {wrong!r}; correct columns in the recipe"
+        )
+    return replace(table, values=table.values[:, picks])
 
 
 def common_count(path: Path, counts: Iterable[int]) -> int:

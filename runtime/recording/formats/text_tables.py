@@ -7,6 +7,7 @@ aligned; the reader drops it. Units, signs and order are left to `reader`.
 """
 
 import csv
+import json
 import zlib
 from array import array
 from collections import Counter
@@ -180,6 +181,38 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
         remarks.append(f"{name}: the last sample was cut short ({rest} of {width} numbers).")
     values = numbers[: count * width].reshape(count, width)
     return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
+
+
+def list_table(text: str, column: str | int, name: str) -> LogTable:
+    """Column of a CSV whose cells are JSON lists of numbers; a corrupt row is NaN."""
+    first = 0 if isinstance(column, int) else find_header(lines_of(text), (column,), name)
+    header = next(islice(lines_of(text), first, None))
+    titles, separator = cells_of(header)
+    place = titles.index(column) if isinstance(column, str) else column
+    lists, lines = list[list[float]](), list[int]()
+    for line, each in enumerate(islice(lines_of(text), first, None), first + 1):
+        if not each.strip() or each.strip().startswith("#") or each.strip() == header.strip():
+            continue
+        cells = split_cells(each, separator)
+        lists.append(numbers_in(cells[place]) if place < len(cells) else [])
+        lines.append(line)
+    width, count = Counter(map(len, lists)).most_common(1)[0] if lists else (0, 0)
+    if not width or count < (1.0 - MAX_CORRUPT) * len(lists):
+        raise RecordingError(
+            f"{name} is expected to have lists of numbers of one length, such as [0.1, 0.2], in "
+            f"the column {column!r}; leave cells out of the recipe for cells of one number"
+        )
+    values = np.array([each if len(each) == width else [np.nan] * width for each in lists])
+    return LogTable(values, np.array(lines, dtype=np.int64))
+
+
+def numbers_in(cell: str) -> list[float]:
+    """The numbers of a cell that is a JSON list; empty for any other."""
+    try:
+        values = json.loads(cell) if cell.startswith("[") else []
+        return [float(value) for value in values]
+    except (ValueError, TypeError, RecursionError):
+        return []
 
 
 def _first_numeric(lines: Iterable[str], name: str, columns: Columns = ()) -> int:

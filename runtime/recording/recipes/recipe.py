@@ -86,9 +86,10 @@ class Time:
 class Signal:
     """One measured quantity of all joints: its place in the files, unit, order and sign.
 
-    `columns` are names or indices (csv, parquet), `width` the numbers per sample (flat), `key` the
-    array (npz), the column of lists (parquet) or the field of JointState (bag). `offset` is in the
-    unit of the file and is added after the gear.
+    `columns` are names or indices (of columns; with `key` of the numbers of an array), `width` the
+    numbers per sample (flat), `key` the array (npz), the column of lists (parquet) or the field of
+    JointState (bag); `cells` is "json" where one column of a CSV has a list per row. `offset` is in
+    the unit of the file and is added after the gear.
     """
 
     unit: str | tuple[str, ...]
@@ -97,6 +98,7 @@ class Signal:
     key: str = ""
     columns: tuple[str | int, ...] = ()
     width: int = 0
+    cells: str = ""
     order: tuple[int, ...] = ()
     sign: float | tuple[float, ...] = 1.0
     gain: float | tuple[float, ...] | None = None
@@ -110,6 +112,13 @@ class Signal:
             )
         if any(abs(s) != 1.0 for s in _as_tuple(self.sign)):
             raise RecordingError(f"sign expects 1 or -1, got {self.sign}; use gain to scale")
+        if self.cells:
+            one_of("cells", self.cells, (JSON_CELLS,))
+            if len(self.columns) != 1:
+                raise RecordingError(
+                    'cells = "json" expects the one column of the lists, got '
+                    f"{len(self.columns)} columns; name it under columns"
+                )
         if self.layout == "flat" and self.width < 1:
             raise RecordingError(
                 f"the flat layout expects width ≥ 1, got {self.width}; "
@@ -122,6 +131,9 @@ class Signal:
         for unit in units:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
 
+
+JSON_CELLS = "json"
+"""Cells of a CSV that hold lists of numbers."""
 
 MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
 """Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""

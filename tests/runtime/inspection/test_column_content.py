@@ -20,6 +20,9 @@ ORDERS = {
     "pose before": ("t", "pose", "q", "tau"),
     "pose between": ("t", "q", "pose", "dq", "tau"),
     "pose behind": ("t", "q", "tau", "pose"),
+    "temperature before": ("t", "warm", "q", "dq", "tau"),
+    "temperature between": ("t", "q", "dq", "warm", "tau"),
+    "temperature behind": ("t", "q", "dq", "tau", "warm"),
 }
 KINDS = {"t": "time", "ms": "time", "q": "position", "dq": "velocity", "tau": "torque"}
 KINDS |= {"ddq": "acceleration"}
@@ -36,6 +39,7 @@ def signals(clean):
         "t": clean.t[:, None],
         "ms": 1e3 * clean.t[:, None],
         "counter": np.arange(len(clean))[:, None],
+        "warm": 30 + np.sin(clean.t)[:, None],
         "constant": np.full((len(clean), 1), 3.0),
         "q": clean.q + noise,
         "command": clean.q,
@@ -100,6 +104,20 @@ def test_accelerations_are_no_torque(signals, names) -> None:
     blocks = blocks_by_content(np.column_stack([signals["t"], *(signals[k] for k in names)]), n)
     kinds = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
     assert [block.kind for block in blocks] == ["time", *(kinds[name] for name in names)]
+
+
+def test_lists_in_cells_are_proposed_and_read(lib, clean, tmp_path) -> None:
+    """Property: a table with one JSON list per signal and row is read by the proposed recipe."""
+    rows = zip(clean.t.tolist(), clean.q.tolist(), clean.tau.tolist(), strict=True)
+    lines = [f'{t},"{q}","{tau}"' for t, q, tau in rows]
+    lines[5] = lines[5].replace("]", "")  # a corrupt row
+    path = tmp_path / "lists.csv"
+    path.write_text("\n".join(["stamp,joint_positions,efforts", *lines]))
+    plan, _ = draft(path, lib.joint_names)
+    assert plan.position.cells == plan.torque.cells == "json"
+    log = read_recording(path, plan)
+    assert np.array_equal(log.q, np.delete(clean.q, 5, axis=0))
+    assert np.array_equal(log.tau, np.delete(clean.tau, 5, axis=0))
 
 
 @pytest.mark.parametrize(

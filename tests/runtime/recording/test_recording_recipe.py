@@ -28,6 +28,20 @@ def test_recipe_with_a_rate_or_column_numbers(tmp_path):
     assert swapped.recipe is not None
 
 
+def test_recipe_picks_joints_of_an_array(tmp_path):
+    """Property: columns beside a key are the numbers of the array, in their order, or refused."""
+    t, q, _ = motion()
+    np.savez(tmp_path / "log.npz", t=t, q=q)
+    table = {"time": {"key": "t", "unit": "s"}, "position": {"key": "q", "unit": "rad"}}
+    table["position"]["columns"] = [1, 0]
+    picked = read_recording(tmp_path / "log.npz", recipe_from_table(table))
+    assert np.array_equal(picked.q, q[:, ::-1])
+    for wrong in (["q1"], [2]):
+        table["position"]["columns"] = wrong
+        with pytest.raises(RecordingError, match=f"has 2 numbers per row.*{wrong[0]}"):
+            read_recording(tmp_path / "log.npz", recipe_from_table(table))
+
+
 def raw_folder(tmp_path: Path, order: tuple[int, ...] = (0, 1)) -> Path:
     t, q, _ = motion()
     written(tmp_path, "\n".join(f"{x:.17g}" for x in np.rad2deg(q).ravel()), "q.txt")

@@ -89,9 +89,18 @@ def inspect_command(given: InspectSettings) -> None:
         try:
             inspection = inspect_log(given.log, lib, given.recipe, given.run, **options)
         except RecordingError as error:
-            if given.recipe_out is None or given.recipe is not None:
+            if given.recipe is not None or (
+                given.recipe_out is None and "in a recipe" not in str(error)
+            ):
                 raise
-            write_recipe(given.recipe_out, skeleton_text(given.log, lib.n_joints), given.overwrite)
+            if given.recipe_out is None:
+                raise RecordingError(
+                    f"{error}; --recipe-out recipe.toml writes one that lists the columns of the "
+                    "log, to be filled in"
+                ) from None
+            write_recipe(
+                given.recipe_out, skeleton_text(given.log, lib.joint_names), given.overwrite
+            )
             raise RecordingError(
                 f"{error}; '{given.recipe_out}' lists the columns of the log, to be filled in"
             ) from None

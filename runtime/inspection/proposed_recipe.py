@@ -5,10 +5,12 @@ Values that only the user has (gears, the zero of motor angles) are a block to b
 
 import dataclasses
 import textwrap
+from collections.abc import Sequence
 
 from runtime.inspection.finding import ERROR, WARNING
 from runtime.inspection.inspection import Inspection
 from runtime.recording import Recipe
+from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
 from runtime.recording.reader import locate
@@ -19,6 +21,8 @@ _TABLES = (
     *("time", "position", "velocity", "acceleration", "torque", "gear"),
     *("preparation", "split", "friction"),
 )
+MOST_FILES = 12
+"""Files of a folder whose columns a skeleton lists."""
 _KEYS = ("description", "robot", "run", "joints", "leave_out")
 
 
@@ -51,23 +55,28 @@ def recipe_text(inspection: Inspection) -> str:
     return "\n".join(lines) + "\n"
 
 
-def skeleton_text(log: str, joints: int) -> str:
+def skeleton_text(log: str, joints: Sequence[str]) -> str:
     """TOML of a recipe to be filled in, with the columns or arrays of the file as comments."""
     place = locate(log)
-    more = tuple[str, ...]()
-    named = ", ".join(["…"] * joints)
+    more: tuple[str, ...] = () if place.is_file() else ('file = "…"',)
+    named = ", ".join("…" for _ in joints)
     lines = [f"# Columns and units of {place.name} were not understood; state them, then identify."]
-    if place.is_file():
-        reader = LogFiles(place, Recipe()).reader(place.name, "")
-        arrays = [f"{name}  {list(shape)}" for name, shape in reader.arrays().items()]
+    files = LogFiles(place, Recipe())
+    names = [place.name] if place.is_file() else sorted(p.name for p in place.iterdir())
+    for name in (each for each in names[:MOST_FILES] if format_of_suffix(each)):
+        reader = files.reader(name, "")
+        arrays = [f"{key}  {list(shape)}" for key, shape in reader.arrays().items()]
         rows = reader.head()[:2]
         cells = [
             f"{k}  {'  '.join(column)}"[:96] for k, column in enumerate(zip(*rows, strict=False))
         ]
-        if any(numbers_in(cell) for row in rows for cell in row):
-            more = (f'cells = "{JSON_CELLS}"',)  # each signal is one column of lists
+        if named != '"…"' and any(numbers_in(cell) for row in rows for cell in row):
+            more = (*more, f'cells = "{JSON_CELLS}"')  # each signal is one column of lists
             named = '"…"'
-        lines += ["# It holds:", *(f"#   {each}" for each in arrays or cells)]
+        lines += [f"# {name} holds:", *(f"#   {each}" for each in arrays or cells)]
+    order = f"Columns stand in the order of the joints: {', '.join(joints)}. Where the log lacks"
+    order += " some, build the robot without them: --base, --tip, --lock."
+    lines += textwrap.wrap(order, 96, initial_indent="# ", subsequent_indent="#   ")
     tables = {
         "time": ("column = 0", 'unit = "s"'),
         "position": (f"columns = [{named}]", *more, 'unit = "rad"'),

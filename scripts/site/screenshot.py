@@ -14,7 +14,7 @@ from scripts.site.figures import IMAGES, ROOT, SCHEMES
 REPORT = ROOT / "results" / "pictures" / "report.html"
 IDENTIFY = ("identify", "panda_gaz", "--robot", "fr3", "--out", str(REPORT.parent))
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-WIDTH, HEIGHT, LONGER = 1000, 760, 950
+WIDTH, HEIGHT, LONGER = 1000, 760, 1140
 """Size of the README's picture, and height of the one with numbers [px]."""
 NOTED = ("[id^=s-torque-error] h3", ".tile:nth-child(2)", ".tile:nth-child(3)", ".warnings")
 """What the tutorial `fr3` explains, in its order."""

@@ -110,7 +110,8 @@ def folders_of(out: Path, robot: str | None) -> list[Path]:
     if robot is not None:
         if not (out / robot / "manifest.json").exists():
             raise BuildError(
-                f"'{out / robot}' contains no generated robot; run: python -m symgen build"
+                f"'{out / robot}' contains no generated robot; python -m symgen list names those "
+                f"that are there, and build --urdf FILE --name {robot} makes it"
             )
         return [out / robot]
     return sorted(f for f in out.glob("[a-z]*/") if (f / "manifest.json").exists())

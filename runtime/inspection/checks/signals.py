@@ -27,7 +27,7 @@ MOVING_ROWS = 20
 """Rows of a moving joint that a torque must vary over."""
 FEWEST_SIGNED = 3
 """Joints with a varying torque, from which on one sign of all is none of gravity."""
-REST_SHARE = 0.05
+REST_SHARE, MOSTLY = 0.05, 0.9
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
 """RMS torque over that of the most loaded joint below which a percentage misleads."""
@@ -186,6 +186,8 @@ def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
         f"rest_speed = {shown_rest_speed(given)} of the recipe drops these rows"
         if given is not None
         else f"drop these rows with rest_speed = {usual} under [preparation]"
+        if share < MOSTLY
+        else "few rows would be left without them: record a faster motion"
     )
     return [
         Finding(

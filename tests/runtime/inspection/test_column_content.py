@@ -179,13 +179,19 @@ def test_a_torque_that_is_named_does_not_hide_the_positions(clean, tmp_path) -> 
 
 
 def test_a_recipe_to_be_filled_in_lists_the_columns(command, lib, tmp_path) -> None:
-    """Property: exit code 2, a sentence that names the file, which TOML reads."""
+    """Property: exit code 2, a sentence that names the file, which TOML reads, or the option."""
     (tmp_path / "log.csv").write_text('when,state\n0.0,"[1, 2]"\n0.1,"[1, 3]"\n')
     ran = command("inspect", "log.csv", "--robot", lib.folder, "--recipe-out", "r.toml")
     assert ran.code == 2
     assert "'r.toml' lists the columns of the log" in ran.err
     text = (tmp_path / "r.toml").read_text()
     assert "#   1  state  [1, 2]" in text
+    assert "fr3_joint7" in text
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "log.csv").replace(tmp_path / "logs" / "part.csv")
+    assert "--recipe-out" in command("inspect", "logs", "--robot", lib.folder).err
+    command("inspect", "logs", "--robot", lib.folder, "--recipe-out", "folder.toml")
+    assert "# part.csv holds:" in (tmp_path / "folder.toml").read_text()
     assert tomllib.loads(text) == {}
     assert command("inspect", "nope.csv", "--recipe-out", "s.toml").code == 2
     assert not (tmp_path / "s.toml").exists()

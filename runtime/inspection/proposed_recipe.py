@@ -58,7 +58,8 @@ def recipe_text(inspection: Inspection) -> str:
 def skeleton_text(log: str, joints: Sequence[str]) -> str:
     """TOML of a recipe to be filled in, with the columns or arrays of the file as comments."""
     place = locate(log)
-    more: tuple[str, ...] = () if place.is_file() else ('file = "…"',)
+    file: tuple[str, ...] = () if place.is_file() else ('file = "…"',)
+    more = file
     named = ", ".join("…" for _ in joints)
     lines = [f"# Columns and units of {place.name} were not understood; state them, then identify."]
     files = LogFiles(place, Recipe())
@@ -78,7 +79,7 @@ def skeleton_text(log: str, joints: Sequence[str]) -> str:
     order += " some, build the robot without them: --base, --tip, --lock."
     lines += textwrap.wrap(order, 96, initial_indent="# ", subsequent_indent="#   ")
     tables = {
-        "time": ("column = 0", 'unit = "s"'),
+        "time": (*file, "column = 0", 'unit = "s"'),
         "position": (f"columns = [{named}]", *more, 'unit = "rad"'),
         "torque": (f"columns = [{named}]", *more, 'unit = "N*m"'),
     }

@@ -163,6 +163,18 @@ class Uncertainty:
         """
         return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
 
+    def beside(self, lib: Library, moved: Array, phi: Array) -> "Uncertainty":
+        """The same with what further unknowns move π, (10 n, m), and φ at known π, (n k, m)."""
+        first = self.root.shape[0]
+        root = np.insert(self.root, [first], moved, axis=1)
+        known = self.phi_nuisance if self.phi_nuisance.size else np.zeros((len(phi), 0))
+        return replace(
+            self,
+            root=root,
+            beta_sigma=np.linalg.norm(lib.base_matrix @ root, axis=1),
+            phi_nuisance=np.hstack([phi, known]),
+        )
+
     def advice(self) -> str:
         """Advice on the trust in the result, the limits of the log and the next recording."""
         if self.contradictions:

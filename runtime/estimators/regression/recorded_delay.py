@@ -41,8 +41,9 @@ FEWEST_ROWS = 100
 """Rows below which no delay is estimated."""
 STEP_S = 0.002
 """Step of the delays that are tried [s]; a parabola resolves fractions of it."""
-LATEST_S, EARLIEST_S = 0.1, 0.03
-"""Range of delays of a commanded torque behind its stamp, and before it [s]."""
+LATEST_S, EARLIEST_S = 0.15, 0.03
+"""Range of delays of a commanded torque behind its stamp, and before it [s]; the first is that of a
+measured torque on both sides."""
 CUTOFF_HZ, SHARE = 10.0, 0.2
 """Cut-off where the preparation has no filter [Hz], and the same over the rate of a slow log."""
 
@@ -116,12 +117,9 @@ def recorded_delay(
         lib=lib,
     )
     commanded = recording.torque_source == COMMANDED
-    reach = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
-    reach = STEP_S * np.ceil(max(reach, 4 / recording.rate_hz) / STEP_S)
-    first, last = (-LATEST_S, EARLIEST_S) if commanded else (-reach, reach)
-    delays = STEP_S * np.arange(round(first / STEP_S), round(last / STEP_S) + 1)
+    first, last = (-LATEST_S, EARLIEST_S) if commanded else (-LATEST_S, LATEST_S)
     t = whole.t
-    rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
+    rows = np.flatnonzero((t + first >= t[0]) & (t + last <= t[-1]))
     rows = rows[:: max(1, len(rows) // ROWS)]
     if len(rows) < FEWEST_ROWS:
         raise IdentificationError(
@@ -138,6 +136,15 @@ def recorded_delay(
     def torque(delay: float) -> Array:
         return interpolate(t[rows] + delay, t, tau) - model
 
+    # A coarse search of the whole range finds the valley, whose width is a quarter of the period.
+    width = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
+    width = STEP_S * float(np.ceil(max(width, 4 / recording.rate_hz) / STEP_S))
+    if not commanded:
+        tried = np.linspace(first, last, round(2 * (last - first) / width) + 1)
+        coarse = delay_profile(columns, torque, tried)
+        first, last = max(first, coarse.best - width), min(last, coarse.best + width)
+    steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
+    delays = np.array([STEP_S * k for k in steps])
     return RecordedDelay(delay_profile(columns, torque, delays), sign_of_delay(recording))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
@@ -25,6 +26,7 @@ from runtime.identification.drive.feedback import (
 )
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.problem_setup import assemble, known_friction
 from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, terms_of
@@ -276,7 +278,12 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         phi_sigma=step.phi_sigma,
         phi_covariance=step.phi_covariance,
     )
-    return replace(result, drive=drive)
+    uncertainty = result.uncertainty
+    if uncertainty is not None and uncertainty.information is not None and step.pi_moved.size:
+        _, system = reduce(uncertainty.information.statistics, problem.lib.n_joints)
+        phi = step.phi_moved - SavedPosterior.phi_slope(system) @ step.pi_moved
+        uncertainty = uncertainty.beside(problem.lib, step.pi_moved, phi)
+    return replace(result, drive=drive, uncertainty=uncertainty)
 
 
 def _require(settings: Settings, recording: Recording) -> None:

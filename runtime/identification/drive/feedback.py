@@ -76,12 +76,16 @@ class LinearisedDrive:
         sigma: of x, (m,).
         phi_sigma: (n, k); NaN where a coefficient is not determined.
         phi_covariance: of the coefficients of every joint, (n, k, k).
+        pi_moved: what a root of the covariance of x moves π, (10 n, m).
+        phi_moved: the same of φ, (n k, m).
     """
 
     step: Array
     sigma: Array
     phi_sigma: Array
     phi_covariance: Array
+    pi_moved: Array
+    phi_moved: Array
 
 
 def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
@@ -170,11 +174,16 @@ def linearised(
         slope[-n:] -= bias / BIAS_PRIOR**2
     posterior = posterior_of(np.vstack([data * (more / noise), np.diag(prior)]))
     sigma, root = posterior.sigma, posterior.root[len(pi) : first].reshape(n, k, -1)
+    # Of all unknowns, E[y | x] moves with a root L_x of the covariance of x by cov(y, x) L_x⁻ᵀ.
+    lower = np.asarray(np.linalg.qr(posterior.root[first:].T, mode="r")).T
+    moved = np.linalg.lstsq(lower, posterior.root[first:] @ posterior.root[:first].T, rcond=None)[0]
     return LinearisedDrive(
         step=posterior.step(slope)[first:],
         sigma=sigma[first:],
         phi_sigma=sigma[len(pi) : first].reshape(n, k),
         phi_covariance=root @ np.swapaxes(root, 1, 2),
+        pi_moved=shrink @ moved[:, : len(pi)].T,
+        phi_moved=moved[:, len(pi) :].T,
     )
 
 

@@ -136,6 +136,18 @@ def test_stretches_of_a_long_log_hold_its_information(
         sigmas.append(np.append(step.sigma, step.phi_sigma))
     ratio = np.exp(np.mean(np.log(sigmas[1] / sigmas[0])))
     assert ratio == pytest.approx(1.0, rel=0.3)
+    monkeypatch.undo()
+    # Oracle: the variance of φ is that at known delay and what the delay moves; S of one column
+    # more differs by less than 5 %. The links of the result have the columns of the delay, too.
+    step, alone = (
+        linearised(result, each, bias=np.zeros(1), kappa=CAD) for each in (request, DriveRequest())
+    )
+    moved = np.sum(step.phi_moved**2, axis=1).reshape(step.phi_sigma.shape)
+    assert step.phi_sigma**2 == pytest.approx(alone.phi_sigma**2 + moved, rel=0.05)
+    assert (moved / alone.phi_sigma**2).max() > 0.5
+    assert result.uncertainty is not None
+    columns = result.uncertainty.root.T.tolist()
+    assert any(each == pytest.approx(step.pi_moved[:, 0], rel=1e-9) for each in columns)
 
 
 def test_gains_of_a_motor_act_on_the_joint_with_the_square_of_the_gear() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from runtime import Recording, identify_payload
+from runtime.errors import RuntimeFault
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.body import Payload
 from runtime.identification.payload.estimate import posture_error
@@ -15,8 +16,8 @@ NOISE = 0.01
 """[N·m]."""
 
 
-def identified(lib: Library, seed: int, stop: float) -> Payload:
-    """Payload of two runs of five periods, whose loaded one meets a stop.
+def recorded(lib: Library, seed: int, stop: float) -> tuple[Recording, Recording]:
+    """Loaded and empty run of five periods, whose loaded one meets a stop.
 
     Args:
         lib: arm of two joints.
@@ -32,8 +33,35 @@ def identified(lib: Library, seed: int, stop: float) -> Payload:
     empty = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + noise[0]
     loaded = empty - noise[0] + noise[1] + lib.regressor(q, dq, ddq)[:, :, -10:] @ BALL
     loaded[:, 0] -= stop * np.maximum(q[:, 0] - 0.4, 0.0)
-    runs = [Recording(t, q, dq, ddq, tau) for tau in (loaded, empty)]
-    return identify_payload(runs[0], lib, empty=runs[1])
+    return Recording(t, q, dq, ddq, loaded), Recording(t, q, dq, ddq, empty)
+
+
+def identified(lib: Library, seed: int, stop: float) -> Payload:
+    """Payload by the difference of both runs."""
+    loaded, empty = recorded(lib, seed, stop)
+    return identify_payload(loaded, lib, empty=empty)
+
+
+def test_exchanged_runs_are_refused(double: Library) -> None:
+    """Oracle: the difference of exchanged runs is that of −0.5 kg."""
+    loaded, empty = recorded(double, 0, 0.0)
+    with pytest.raises(RuntimeFault, match="negative mass"):
+        identify_payload(empty, double, empty=loaded)
+
+
+def test_the_determined_moment_is_stated(double: Library) -> None:
+    """Oracle: 0.5 kg at 0.1 m along z is 0.05 kg·m."""
+    note = next(n for n in identified(double, 0, 0.0).notes if "mass × lever" in n)
+    size = float(note.split(": ")[1].split()[0])
+    assert size == pytest.approx(0.05, rel=0.1)
+    assert "0.00, 1.00) of fore" in note
+
+
+def test_a_mass_within_the_errors_of_postures_is_not_determined(double: Library) -> None:
+    """Property: a stop that makes σ more than a third of the mass is no absence of a payload."""
+    result = identified(double, 0, -4.0)
+    assert result.body.mass < 3 * result.body.sigma[0]
+    assert result.status.startswith("mass not determined: errors that repeat with the position")
 
 
 @pytest.mark.parametrize("seed", range(3))

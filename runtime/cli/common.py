@@ -1,13 +1,14 @@
 """Parts that the commands share: robot and other options, files, progress, torque errors.
 
 A file that exists is replaced with --overwrite only. Two exceptions, both printed: the folder of a
-result is replaced by a later result of the same command, and the page that `report` derives from a
+result is replaced by a later result of the same command, which `undo` takes back, and the page that `report` derives from a
 folder by a later one. `reproduce` continues the trials of its folder and refuses those of another
 configuration.
 """
 
+import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,6 +187,10 @@ def state() -> TextColumn:
     return TextColumn("{task.fields[state]}")
 
 
+EARLIER, _NAMES = ".earlier", "names.txt"
+"""Folder of a replaced result in that of its successor, and the file of the names of both."""
+
+
 @dataclass(frozen=True, slots=True)
 class ResultFolder:
     """What a command writes into the folder of its result.
@@ -206,9 +211,42 @@ def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> 
     with suppress(OSError, ValueError):
         facts = json_of(folder / kind.files[0])
         if isinstance(facts, dict) and kind.key in facts:
+            _keep(folder, kind.files)
             _announce(f"the earlier result of {kind.command} in '{folder}' will be replaced")
             return
     require_unused((folder / name for name in kind.files), overwrite)
+
+
+def _keep(folder: Path, names: Iterable[str]) -> None:
+    """Copy a result for `symgen undo`, where the disk has room for it."""
+    place = folder / EARLIER
+    with suppress(OSError):
+        if place.is_dir() and not place.is_symlink():
+            shutil.rmtree(place)
+        place.mkdir()
+        for name in filter(lambda each: (folder / each).is_file(), names):
+            shutil.copy2(folder / name, place)
+        (place / _NAMES).write_text("\n".join(names), encoding="utf-8")
+
+
+def swap_earlier(folder: Path) -> list[str]:
+    """Exchange the result of a folder with the one that it replaced; names that came back."""
+    place, other = folder / EARLIER, folder / f"{EARLIER}.new"
+    try:
+        names = (place / _NAMES).read_text(encoding="utf-8").split("\n")
+        names = [name for name in names if name == Path(name).name]
+        other.mkdir()
+        for name in (each for each in names if (folder / each).is_file()):
+            (folder / name).replace(other / name)
+        back = [name for name in names if (place / name).is_file()]
+        for name in back:
+            (place / name).replace(folder / name)
+        (place / _NAMES).replace(other / _NAMES)
+        place.rmdir()
+        other.replace(place)
+    except (OSError, ValueError) as error:
+        raise RuntimeFault(f"cannot exchange the results of '{folder}' ({error})") from None
+    return back
 
 
 def require_page(path: Path, overwrite: bool) -> None:

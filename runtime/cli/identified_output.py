@@ -52,7 +52,7 @@ def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
         _print_details(result, record)
 
 
-def next_command(doubt: str, inspect: str) -> str:
+def command_after(doubt: str, inspect: str) -> str:
     """Command that follows a doubt: identify with another option, or inspect; "" without one."""
     if option := re.search(r"--(?:delay|friction|cutoff) auto", doubt):
         again = f"{command_line()} {option[0]}"
@@ -66,7 +66,7 @@ def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iter
     if record.doubts:
         doubt = record.doubts[0].replace("python -m runtime inspect LOG", inspect)
         yield f"warning: {doubt}"
-        if command := next_command(doubt, inspect):
+        if command := command_after(doubt, inspect):
             yield f"run: {command}"
     if result.status in UNFINISHED:
         yield f"status: {result.status}"

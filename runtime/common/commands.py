@@ -121,6 +121,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("export", "Export an identified model to simulators and controllers."),
         _run("report", "Write the results of a folder as one HTML page."),
         _run("rerun", "Repeat the run of a result and compare the digits."),
+        _run("undo", "Bring the result back that the last run replaced."),
         _run("view", "Show the moving robot in a web browser."),
     ),
     "Learn": (

@@ -1,9 +1,9 @@
 """Parts that the commands share: robot and other options, files, progress, torque errors.
 
 A file that exists is replaced with --overwrite only. Two exceptions, both printed: the folder of a
-result is replaced by a later result of the same command, which `undo` takes back, and the page that `report` derives from a
-folder by a later one. `reproduce` continues the trials of its folder and refuses those of another
-configuration.
+result is replaced by a later result of the same command, which `undo` takes back, and the page that
+`report` derives from a folder by a later one. `reproduce` continues the trials of its folder and
+refuses those of another configuration.
 """
 
 import shutil

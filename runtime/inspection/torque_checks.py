@@ -224,10 +224,10 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     guessed = torque is not None and torque.unit == "A" and not checks.plan.gear
     guessed = guessed and any(f.kind == "torque_unit" for f in checks.findings)
     guessed = guessed or not checks.has_gains
+    if checks.has_gains and not guessed and not lib.placeholders:
+        checks.findings += model_fit.hidden_gains(torque_rows)
     if not strange and not guessed:  # wrong gains look like a tool or a coupling
         checks.findings += gain
-        if checks.has_gains and not lib.placeholders:
-            checks.findings += model_fit.hidden_gains(torque_rows)
         accused = any(f.level == WARNING for f in gain)
         no_tool = bool(accused or lib.placeholders)
         tool = [] if no_tool else model_fit.tool(torque_rows)

@@ -73,7 +73,11 @@ def robot_of_compiled(
     joint, tendon = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
     rows: list[CouplingRow] = []
     loops: list[Loop] = []
-    inside = {0, *kept}
+    targets = {k for k in kept if model.body_mocapid[k] >= 0}
+    if targets:
+        listed = listing(names[k] for k in sorted(targets))
+        note(f"equalities with the targets {listed} (mocap) are left out: they belong to no robot")
+    inside = {0, *kept} - targets
     for k in np.flatnonzero(model.eq_active0).tolist():
         kind = int(model.eq_type[k])
         if not _is_inside(mujoco, model, k, inside):

@@ -180,3 +180,13 @@ def test_mujoco_compiles_within_limits(tmp_path: Path) -> None:
     )
     with pytest.raises(SymgenError, match="it takes more than 1 s of processor time"):
         compile_mjcf(path, Limits(seconds=1, memory=2**32))
+
+
+def test_equalities_with_mocap_targets_are_left_out(tmp_path: Path) -> None:
+    """Property: a weld to a target that a user moves closes no loop; the note names the target."""
+    target = '<body name="goal" mocap="true" pos="3 0 0"/>'
+    weld = '<equality><weld body1="goal" body2="b_link"/></equality>'
+    chain, notes = read(tmp_path, mjcf(hinges("a", "b") + target, weld), "xml")
+    assert names(chain) == ["a", "b"]
+    assert chain.loops is None
+    assert any("targets goal" in note for note in notes)

@@ -85,7 +85,7 @@ def _result(future: Any, scheduler: str, of: str) -> Any:
     if isinstance(failure, KilledWorker):
         raise IdentificationError(
             f"several workers of the cluster ended while they computed {of}; give them more "
-            "memory, or leave --scheduler out"
+            "memory, or leave the setting scheduler out"
         )
     raise _as_sentence(failure) from None
 

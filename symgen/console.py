@@ -15,7 +15,7 @@ from runtime.common.files import require_file
 from symgen import __version__
 from symgen.cli import start
 
-INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--yes", "--help", "-h"})
+INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--help", "-h"})
 """Options of either `inspect` that take no value; every other one is followed by its value."""
 
 MODEL_SUFFIXES = frozenset({".urdf", ".xacro", ".mjcf", ".xml", ".sdf", ".toml"})

@@ -29,7 +29,7 @@ AT_REST = "() => Promise.all(document.getAnimations().map(each => each.finished.
 """The theme's drawer and headings have moved: they do so in .25 s, later on a busy machine."""
 OF_SCRIPTS = {
     f"--{name}"
-    for name in ("update", "goals", "designs", "joints", "serve", "notebooks", "planted")
+    for name in ("update", "starts", "goals", "designs", "joints", "serve", "notebooks", "planted")
 } | {
     f"--{name}"
     for name in (

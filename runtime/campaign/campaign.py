@@ -70,7 +70,8 @@ class Plan:
         if not self.stages or not rising or not self.stages[0] > 0 or self.stages[-1] > 100:
             shown = ",".join(f"{each:g}" for each in self.stages)
             raise IdentificationError(
-                f"expected rising speeds above 0 and up to 100 %, got {shown}; correct --stages"
+                f"expected rising speeds above 0 and up to 100 %, got {shown}; correct the "
+                f"setting stages"
             )
 
     def duration_of(self, k: int) -> float:
@@ -206,7 +207,7 @@ def _rehearsed(lib: Library, plan: Plan, motion: Trajectory, path: Path, k: int)
         write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
     left = json_of(path)["unnoticed"]
     if left:
-        option = "--duration" if k == 1 else "--later-duration"
+        option = "--duration" if k == 1 else "the setting later_duration"
         raise IdentificationError(
             f"motion {k} is refused in rehearsal: {'; '.join(left)}; begin another campaign "
             f"(--out) with longer motions ({option} above {plan.duration_of(k):g})"

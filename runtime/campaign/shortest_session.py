@@ -192,7 +192,7 @@ def _unreachable(target: Target, last: PlannedSession | None) -> IdentificationE
         return IdentificationError("expected at least one attempt")
     name = max(last.parts, key=lambda part: last.parts[part])
     advice = {
-        GAINS: "measure the gains (symgen gains) and state their error with --gain-error",
+        GAINS: "measure the gains (symgen gains) and state their error with the setting gain_error",
         NOISE: "state a smaller --noise, or a larger target",
     }.get(name, "state a larger target")
     longest = max(last.attempts)

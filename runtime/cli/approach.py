@@ -155,11 +155,7 @@ class ApproachSettings(Choices):
     """Settings of `symgen approach`."""
 
     command = "approach"
-    options = (
-        "from_pose robot yes returns out export export_rate speed margin table unchecked box "
-        "clearance carry obstacles torque_fraction viscous coulomb payload_band friction_band "
-        "model_band seed overwrite"
-    )
+    options = "robot from_pose returns table obstacles carry export speed out overwrite"
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")]
     from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)]
     robot: Robot = "fr3"
@@ -259,7 +255,6 @@ def approach_command(given: ApproachSettings) -> None:
     )
     session = certified(lib, ways.around(trajectory), safety)
     write_motion(trajectory, lib, path, ways=ways.parts)
-    given.write(path)
     written = [path]
     if not formats:
         log, sentence = path.with_suffix(SAMPLED), "Ways and motion planned by symgen."
@@ -270,3 +265,4 @@ def approach_command(given: ApproachSettings) -> None:
     say(f"trajectory: {', '.join(map(str, written))}")
     if formats:
         export_stages(stages, path.with_suffix(""), formats, given.export_rate, accepted)
+    given.write(path)

@@ -38,10 +38,7 @@ class CampaignSettings(Choices):
     """Settings of `symgen campaign`."""
 
     command = "campaign"
-    options = (
-        "target robot yes out duration later_duration stages most_seconds driver gains "
-        "rehearsal table box clearance obstacles seed truth_seed as_json"
-    )
+    options = "target robot out duration driver table obstacles as_json"
     target: Annotated[
         str,
         typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
@@ -100,7 +97,7 @@ def campaign_command(given: CampaignSettings) -> None:
 
     \b
     symgen campaign --robot fr3 --target v=20mNm --out results/campaign
-    symgen campaign --robot fr3 --target payload=5g --stages 50,100
+    symgen campaign --robot fr3 --target payload=5g --settings stages=50,100
     symgen campaign --robot fr3 --target v=20mNm --driver libfranka:172.16.0.2
     symgen campaign --robot fr3 --target v=20mNm --table 0 --obstacles cell.toml
 
@@ -111,7 +108,8 @@ def campaign_command(given: CampaignSettings) -> None:
     and it agrees with the model. Guards on every sample stop the robot. Targets: v the torque of
     motions never seen, a the base parameters over their sizes, payload the mass of a payload that
     the last motion carries. A robot that stands elsewhere first follows a
-    certified way to the start. Motions and ways keep away from --table, --box and --obstacles.
+    certified way to the start. Motions and ways keep away from --table, the setting box and
+    --obstacles.
 
     Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
     Exit code 1: the time ended before the target was reached.
@@ -153,7 +151,11 @@ def opened_driver(
 ) -> Driver:
     """Driver of --driver."""
     name, _, address = text.partition(":")
-    known = None if gains is None else np.array(numbers_option(gains, lib.n_joints, "--gains"))
+    known = (
+        None
+        if gains is None
+        else np.array(numbers_option(gains, lib.n_joints, "the setting gains"))
+    )
     return DRIVERS[name].open(lib, DriverSettings(address, seed, truth_seed, known))
 
 
@@ -162,5 +164,5 @@ def _speeds(text: str) -> tuple[float, ...]:
         return tuple(float(word) for word in text.split(","))
     except ValueError:
         raise IdentificationError(
-            f"expected speeds in percent with commas, got '{text:.40}'; correct --stages"
+            f"expected speeds in percent with commas, got '{text:.40}'; correct the setting stages"
         ) from None

@@ -63,10 +63,7 @@ class CompareSettings(Choices):
     """Settings of `symgen compare`."""
 
     command = "compare"
-    options = (
-        "robot yes methods out recipe run friction coulomb_speed cutoff rate regressor split "
-        "controller stream truth seed overwrite"
-    )
+    options = "robot methods out recipe run friction cutoff overwrite"
     log: Log
     robot: Robot = "fr3"
     yes: Yes = False
@@ -107,9 +104,9 @@ def compare_command(given: CompareSettings) -> None:
     r"""Compare all identification methods on one log.
 
     \b
-    symgen compare panda_gaz --robot fr3
+    symgen compare fr3_simulated
     symgen compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
-    symgen compare log.csv --controller log.loop.toml --friction viscous,coulomb
+    symgen compare log.csv --settings controller=log.loop.toml --friction viscous,coulomb
 
     All methods have the same training, validation and test parts, the same weights and the same
     cut-off. The table shows their errors, consistency and time, and sentences by rule say which
@@ -156,7 +153,8 @@ def compare_command(given: CompareSettings) -> None:
             require_streamable(name)
         others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
         say(
-            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --no-stream reads them "
+            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --settings "
+            f"stream=false reads them "
             f"as a whole, which {others} need"
         )
         assembly = assemble_streamed(data.streamed, lib, **options)
@@ -187,7 +185,7 @@ def _streams(
     controller: Path | None,
     friction: str | None,
 ) -> bool | None:
-    """--stream, or False where an option needs the samples of the whole log."""
+    """The setting stream, or False where an option needs the samples of the whole log."""
     whole = controller or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
     return False if stream is None and whole else stream
 

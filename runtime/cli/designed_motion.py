@@ -14,6 +14,7 @@ from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
 from runtime.cli.motion_output import (
+    CONSENT,
     SAMPLED,
     certified_stages,
     designed_by,
@@ -109,7 +110,7 @@ class MotionFiles:
         path: JSON of the motion, from which the other names follow.
         rate: of the sampled motion, Hz.
         formats: of --export; none writes a CSV.
-        export_rate: of --export-rate, Hz; None is that of each format.
+        export_rate: of the setting export_rate, Hz; None is that of each format.
         speeds: stages, shares of the designed speed.
         pictures: PNG files too.
         accepted: limits that the user allowed to stay unchecked.
@@ -276,7 +277,8 @@ def until_kind(given: Mapping[str, str], until: str | None) -> str | None:
     if until is None:
         if "gain_error" in given:
             raise RuntimeFault(
-                "--gain-error is part of the accuracy of --until; give --until, or leave it out"
+                "the setting gain_error is part of the accuracy of --until; give --until, or "
+                "leave it out"
             )
         return None
     for name, option in given.items():
@@ -357,7 +359,8 @@ def require_several(given: Mapping[str, str], motions: int) -> None:
     for name, option in given.items():
         if motions > 1 and name in _EXCLUDED:
             raise RuntimeFault(
-                f"--motions writes one file per motion, to which {option} does not apply; "
+                f"the setting motions writes one file per motion, to which {option} does not "
+                f"apply; "
                 "leave it out (symgen approach plans the ways of a motion and exports it)"
             )
 
@@ -373,7 +376,7 @@ def excite_several(
     """Design several motions, print what their logs will show together, and write them."""
     paths = [files.of_motion(k) for k in range(1, count + 1)]
     names = [p for one in paths for p in (one, one.with_suffix(SAMPLED))]
-    require_unused([*names, settings_place(files.path)], files.overwrite)
+    require_unused([*names, settings_place(files.path)], files.overwrite, consent=CONSENT)
     written = []
     designs = design_several(lib, settings, count, **search)
     unit = common_unit(torque_units(lib.manifest), "m")

@@ -46,7 +46,7 @@ class EvaluateSettings(Choices):
     """Settings of `symgen evaluate`."""
 
     command = "evaluate"
-    options = "robot yes recipe run cutoff rate as_json"
+    options = "robot recipe run cutoff as_json"
     result: Result
     log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")]
     robot: RobotOfResult = None
@@ -67,8 +67,8 @@ def evaluate_command(given: EvaluateSettings) -> None:
     joint limits: positive definite by proof or by search.
 
     \b
-    symgen evaluate results/first-map second.csv
-    symgen evaluate results/first-map second.csv --cutoff 20 --rate 100
+    symgen evaluate results/fr3_simulated-map fr3_simulated
+    symgen evaluate results/first-map second.csv --cutoff 20 --settings rate=100
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """

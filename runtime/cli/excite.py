@@ -52,7 +52,14 @@ from runtime.cli.motion_limits import (
     safety_of,
     table_height,
 )
-from runtime.cli.motion_output import EXPORT_MARGIN, ROWS_HZ, files_of, json_path, stage_speeds
+from runtime.cli.motion_output import (
+    CONSENT,
+    EXPORT_MARGIN,
+    ROWS_HZ,
+    files_of,
+    json_path,
+    stage_speeds,
+)
 from runtime.cli.planned_log import (
     NOISE_HELP,
     WHITE,
@@ -84,7 +91,7 @@ Processes = Annotated[
     int | None,
     typer.Option(
         help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
-        "4, with --document 10)."
+        "4, with --settings document=true 10)."
     ),
 ]
 Scheduler = Annotated[
@@ -134,7 +141,8 @@ FrictionColumns = Annotated[
         metavar="COLUMNS",
         autocompletion=completing(COLUMNS),
         help="Friction columns that are estimated too, with commas, or none; default "
-        f"{','.join(FRICTION)}, with --payload-only offset. All criteria but the document's "
+        f"{','.join(FRICTION)}, with --settings payload_only=true offset. All criteria but the "
+        f"document's "
         "cond count them.",
     ),
 ]
@@ -160,7 +168,8 @@ as with 10 (`scripts/bench_excitation --designs`)."""
 DOCUMENT_HARMONICS = DesignSettings().harmonics
 """That of the document's problem."""
 HARMONICS_HELP = (
-    f"Number M of harmonics or splines per joint; default {HARMONICS}, with --document "
+    f"Number M of harmonics or splines per joint; default {HARMONICS}, with --settings "
+    f"document=true "
     f"{DOCUMENT_HARMONICS}."
 )
 MARGIN_HELP = (
@@ -182,11 +191,8 @@ class ExciteSettings(Choices):
 
     command = "excite"
     options = (
-        "robot yes duration harmonics starts budget processes scheduler export_rate seed "
-        "static poses out export speed document criterion basis zero_jerk noise noise_model "
-        "cutoff log_rate friction earlier_log payload_only home table unchecked box clearance "
-        "carry obstacles from_pose returns torque_fraction margin viscous coulomb payload_band "
-        "friction_band model_band pictures until motions gain_error overwrite"
+        "robot duration budget criterion noise table box obstacles carry from_pose returns "
+        "until export speed out"
     )
     robot: Robot = "fr3"
     yes: Yes = False
@@ -260,13 +266,13 @@ def excite_command(given: ExciteSettings) -> None:
     r"""Design an excitation motion within all limits of a robot.
 
     \b
-    symgen excite --robot fr3 --duration 10 --starts 10
-    symgen excite --home 0,-0.785,0,-2.356,0,1.571,0.785 --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0
+    symgen excite --robot fr3 --duration 10 --settings starts=10
+    symgen excite --settings home=0,-0.79,0,-2.36,0,1.57,0.79 --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
     symgen excite --table 0 --obstacles cell.toml --from last.npz --return --export ros
-    symgen excite --motions 4 --duration 40 --noise last.npz --noise-model coloured --cutoff 10
-    symgen excite --static --poses 12 --table 0
+    symgen excite --duration 40 --noise last.npz --settings motions=4 --settings cutoff=10
+    symgen excite --settings static=true --settings poses=12 --table 0
     symgen excite --until "payload 5 g" --from home --return --table 0
 
     The motion makes the base parameters identifiable with the least error (--criterion). It
@@ -280,7 +286,7 @@ def excite_command(given: ExciteSettings) -> None:
     of every limit over continuous time, not only at the samples, and what was NOT checked.
 
     Written: the motion as JSON, and sampled as CSV or in the formats of --export. Ctrl-C keeps
-    the best start so far. The result depends on --seed, not on --processes.
+    the best start so far. The result depends on the setting seed, not on processes.
     """
     require_applicable(given.stated(), given.static)
     require_several(given.stated(), given.motions)
@@ -335,7 +341,9 @@ def excite_command(given: ExciteSettings) -> None:
     sample_times(given.duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in given.export or []]  # before it, too
     rest = (
-        None if given.home is None else np.array(numbers_option(given.home, lib.n_joints, "--home"))
+        None
+        if given.home is None
+        else np.array(numbers_option(given.home, lib.n_joints, "the setting home"))
     )
     accepted = [*(given.unchecked or ()), *([TABLE] if has_no_table else [])]
     if formats:
@@ -369,7 +377,8 @@ def excite_command(given: ExciteSettings) -> None:
         )
         given.write(path)
         return
-    require_unused(files_of(path, formats, given.speed or [100.0], given.pictures), given.overwrite)
+    names = files_of(path, formats, given.speed or [100.0], given.pictures)
+    require_unused(names, given.overwrite, consent=CONSENT)
     ways = session_plan(
         lib, given.from_pose, given.returns, rest, safety, used, given.zero_jerk, given.seed
     )
@@ -396,7 +405,6 @@ def excite_command(given: ExciteSettings) -> None:
         )
 
     files = MotionFiles(path, rate, formats, given.export_rate, speeds, given.pictures, accepted)
-    given.write(path)
     write_design(
         lib,
         optimum,
@@ -408,6 +416,7 @@ def excite_command(given: ExciteSettings) -> None:
         sentences=sentences,
         margin=used,
     )
+    given.write(path)
 
 
 def harmonics_of(given: int | None, document: bool) -> int:
@@ -425,10 +434,12 @@ def margin_of(given: float | None, is_exported: bool) -> float:
 
 
 def require_plain(document: bool, options: tuple[object, ...]) -> None:
-    """Refuse options of limits beside --document."""
+    """Refuse options of limits beside --settings document=true."""
     if document and any(option is not None for option in options):
         raise RuntimeFault(
-            "--document excludes --torque-fraction, --table, --box, --clearance, --viscous, "
-            "--coulomb, --carry, --obstacles, --from, --payload-band, --friction-band and "
-            "--model-band; give --criterion cond instead, which keeps all limits"
+            "--settings document=true excludes --table, --box, --carry, --obstacles, --from, "
+            "and the "
+            "settings torque_fraction, clearance, viscous, coulomb, payload_band, friction_band "
+            "and "
+            "model_band; give --criterion cond instead, which keeps all limits"
         )

@@ -30,7 +30,7 @@ class ExportSettings(Choices):
     """Settings of `symgen export`."""
 
     command = "export"
-    options = "to out robot yes overwrite formats"
+    options = "to out robot overwrite formats"
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     to: Annotated[
         str | None,
@@ -61,7 +61,7 @@ def export_command(given: ExportSettings) -> None:
     r"""Export an identified model to simulators and controllers.
 
     \b
-    symgen export results/log-map
+    symgen export results/fr3_simulated-map
     symgen export results/log-map --to urdf,mjcf --out robots/mine
 
     Each file is read again by a program that it is meant for. It is kept where that program

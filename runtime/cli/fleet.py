@@ -32,16 +32,17 @@ SHOWN = 20
 """Units that are printed, those that differ most first."""
 
 
-@one_blas_thread
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetSettings(Choices):
     """Settings of `symgen fleet`."""
 
     command = "fleet"
-    options = "out robot yes scheduler overwrite as_json"
+    options = "out robot overwrite as_json"
     folder: Annotated[
         Path,
-        typer.Argument(metavar="DIR", help="Folder with results of identify --save-statistics."),
+        typer.Argument(
+            metavar="DIR", help="Folder with results of identify --settings save_statistics=true."
+        ),
     ]
     out: Annotated[Path, typer.Option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
         "fleet.toml"
@@ -60,6 +61,7 @@ class FleetSettings(Choices):
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
 
 
+@one_blas_thread
 def fleet_command(given: FleetSettings) -> None:
     r"""Compute the prior of a type of robot from many units of it.
 
@@ -67,7 +69,7 @@ def fleet_command(given: FleetSettings) -> None:
     each unit; no log is needed. A new unit is then identified from a short motion:
 
     \b
-    symgen identify u01.csv --save-statistics --out units/u01
+    symgen identify u01.csv --settings save_statistics=true --out units/u01
     symgen fleet units --out fleet.toml
     symgen identify new.csv --prior fleet.toml
 

@@ -47,10 +47,11 @@ WRITTEN = ResultFolder("identify", _FILES, "robot")
 
 
 def require_fixed_base(lib: Library, rows: str | None) -> None:
-    """Refuse --rows for a robot whose base is fixed."""
+    """Refuse the setting rows for a robot whose base is fixed."""
     if rows is not None:
         raise IdentificationError(
-            f"--rows belongs to robots with a free base, and that of '{lib.name}' is fixed; leave "
+            f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
+            f"fixed; leave "
             "it out, or build the robot with --floating"
         )
 

@@ -35,7 +35,7 @@ class FrictionSettings(Choices):
     """Settings of `symgen friction`."""
 
     command = "friction"
-    options = "robot yes out recipe run cutoff rate split overwrite"
+    options = "robot out recipe run cutoff overwrite"
     result: Result
     log: Annotated[str, typer.Argument(metavar="LOG", help="A later log, some seconds suffice.")]
     robot: RobotOfResult = None

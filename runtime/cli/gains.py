@@ -38,10 +38,7 @@ class GainsSettings(Choices):
     """Settings of `symgen gains`."""
 
     command = "gains"
-    options = (
-        "payload total_mass weighed robot yes link friction coulomb_speed recipe run "
-        "loaded_run cutoff rate recipe_out overwrite"
-    )
+    options = "payload total_mass robot recipe run recipe_out overwrite"
     empty: Annotated[str, typer.Argument(metavar="EMPTY", help="A log without payload.")]
     loaded: Annotated[
         str | None, typer.Argument(metavar="LOADED", help="A log with the known payload.")
@@ -113,7 +110,8 @@ def gains_command(given: GainsSettings) -> None:
     if given.loaded is None:
         if given.payload is not None or given.loaded_run is not None:
             raise IdentificationError(
-                "--payload and --loaded-run belong to a second log, with the payload; give EMPTY "
+                "--payload and the setting loaded_run belong to a second log, with the payload; "
+                "give EMPTY "
                 "and LOADED, or leave them out"
             )
         known_masses = weighed_masses(given.total_mass, given.weighed or ())
@@ -124,7 +122,8 @@ def gains_command(given: GainsSettings) -> None:
         return
     if given.payload is None or given.total_mass is not None or given.weighed:
         raise IdentificationError(
-            "two logs need --payload and take no --total-mass and --weighed, which are for one "
+            "two logs need --payload and take no --total-mass and the setting weighed, which "
+            "are for one "
             "log; give --payload KNOWN, or one log"
         )
     known = read_known_payload(given.payload)
@@ -218,7 +217,7 @@ def _meaning(gains: Gains, j: int, unit: str, factor: float) -> str:
 
 
 def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, ...]:
-    """Masses of --total-mass and --weighed."""
+    """Masses of --total-mass and the setting weighed."""
     known = [] if total is None else [Weighed(total)]
     for text in links:
         link, _, kg = text.partition("=")
@@ -226,7 +225,7 @@ def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, 
             known.append(Weighed(float(kg), link))
         except ValueError:
             raise IdentificationError(
-                f"--weighed needs LINK=KG, such as forearm=2.31, got '{text}'"
+                f"the setting weighed needs LINK=KG, such as forearm=2.31, got '{text}'"
             ) from None
     return tuple(known)
 

@@ -19,7 +19,7 @@ from runtime.outputs.report.several_logs import left_out_table
 
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
-"""Name of the file of `--save-statistics`."""
+"""Name of the file of the setting save_statistics."""
 
 UNFINISHED = frozenset(
     end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)
@@ -32,8 +32,8 @@ class Outputs:
     """Files that options switch on or off.
 
     Attributes:
-        report: value of --report.
-        statistics: value of --save-statistics.
+        report: the setting report.
+        statistics: the setting save_statistics.
         inspect: command that inspects the log.
     """
 

@@ -82,11 +82,7 @@ class IdentifySettings(Choices):
     """Settings of `symgen identify`."""
 
     command = "identify"
-    options = (
-        "robot yes method out preset prior recipe run friction coulomb_speed cutoff rate "
-        "regressor delay encoder_bias symmetric tie split controller stream rows robust "
-        "payload_of refit save_statistics report seed overwrite"
-    )
+    options = "robot recipe run method friction cutoff delay prior split out overwrite"
     logs: Logs
     robot: Robot = "fr3"
     yes: Yes = False
@@ -122,24 +118,24 @@ def identify_command(given: IdentifySettings) -> None:
     r"""Identify the inertial parameters of a robot from logs.
 
     \b
-    symgen identify panda_gaz --robot fr3
+    symgen identify fr3_simulated
     symgen identify log.csv --robot my --friction viscous,coulomb --cutoff 10
     symgen identify log.csv --robot my --friction auto --cutoff auto
     symgen identify log.csv --robot my --friction none
     symgen identify log.csv --robot my --method pc-ols --out results/convex
     symgen identify log.csv --robot my --prior my-arm.toml
-    symgen identify log.csv --robot my --regressor momentum --cutoff 2
-    symgen identify log.csv --method didim --controller log.loop.toml --friction viscous
+    symgen identify log.csv --robot my --settings regressor=momentum --cutoff 2
+    symgen identify log.csv --method didim --settings controller=log.loop.toml --friction viscous
     symgen identify log.npz --robot my --recipe pd.toml --delay auto
-    symgen identify walk.npz --robot humanoid --rows base --cutoff 5
-    symgen identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
+    symgen identify walk.npz --robot humanoid --settings rows=base --cutoff 5
+    symgen identify a.csv b.csv --robot my --settings payload_of=b.csv=results/tool/payload.json
 
     A CSV log has the header t,q1…,dq1…,ddq1…,tau1… in SI units (s, rad or m, N·m or N); dq and
     ddq are optional. Every other layout is described by a recipe, which inspect proposes.
 
     Written to the folder --out: result.json (parameters, uncertainty, errors), identified.urdf and
     report.html. Errors are those of the test part by a fit that has not used it; the parameters are
-    then fitted to all rows (--no-refit keeps those of the training part).
+    then fitted to all rows (--settings refit=false keeps those of the training part).
 
     Several logs, or --run 1,2,3, give one set of parameters; every log has its own torque offset,
     and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
@@ -237,7 +233,10 @@ def _opened(
         stream = False
     opened = open_log(log, recipe, run, lib.joint_names, stream)
     if isinstance(opened, StreamedRecording):
-        say(f"streaming {opened.rows} rows of {opened.name}; --no-stream reads the log as a whole")
+        say(
+            f"streaming {opened.rows} rows of {opened.name}; --settings stream=false reads the "
+            f"log as a whole"
+        )
     return opened
 
 
@@ -272,13 +271,14 @@ def _named(
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Array]:
-    """Log → π of its known payload, from --payload-of."""
+    """Log → π of its known payload, from the setting payload_of."""
     payloads = {}
     for text in payload_of:
         log, mark, file = text.rpartition("=")
         if not mark or log not in logs:
             raise IdentificationError(
-                f"--payload-of expects LOG=FILE with a log of {', '.join(logs)}; got '{text}'"
+                f"the setting payload_of expects LOG=FILE with a log of {', '.join(logs)}; got "
+                f"'{text}'"
             )
         payloads[log] = read_carried(Path(file), lib)
     return payloads

@@ -27,7 +27,7 @@ class InspectSettings(Choices):
     """Settings of `symgen inspect`."""
 
     command = "inspect"
-    options = "robot yes recipe run recipe_out log_rate plot overwrite as_json strict"
+    options = "robot recipe run recipe_out plot overwrite as_json strict"
     log: Log
     robot: Robot = "fr3"
     yes: Yes = False
@@ -72,6 +72,7 @@ def inspect_command(given: InspectSettings) -> None:
     sentence with its numbers. The log is not changed; --recipe-out writes a recipe for identify.
 
     \b
+    symgen inspect fr3_simulated
     symgen inspect log.csv --robot my
     symgen inspect raw/ --robot my --recipe-out recipe.toml
     symgen identify raw/ --robot my --recipe recipe.toml

@@ -38,7 +38,7 @@ Method = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=completing(METHODS),
-        help=f"Estimator: {', '.join(METHODS)}; default map, with --preset adam.",
+        help=f"Estimator: {', '.join(METHODS)}; default map, with the setting preset adam.",
     ),
 ]
 OutFolder = Annotated[
@@ -150,7 +150,8 @@ Tie = Annotated[
     bool,
     typer.Option(
         "--tie",
-        help="With --symmetric: the right link is the mirror image of the left one, and viscous "
+        help="With the setting symmetric: the right link is the mirror image of the left one, "
+        "and viscous "
         "friction and armature of both differ by a tenth; dry friction stays apart.",
     ),
 ]

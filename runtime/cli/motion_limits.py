@@ -48,7 +48,7 @@ Unchecked = Annotated[
     typer.Option(
         metavar="LIMIT",
         help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
-        "carried-body, springs-of-unknown-stiffness; with --document torque, "
+        "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
         "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
     ),
 ]
@@ -88,7 +88,8 @@ FrictionBand = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
-        help="The limits of torques hold for --viscous and --coulomb ± PERCENT of both.",
+        help="The limits of torques hold for --settings viscous=FV and the setting coulomb ± "
+        "PERCENT of both.",
     ),
 ]
 ModelBand = Annotated[
@@ -159,8 +160,8 @@ def safety_of(lib: Library, values: LimitValues) -> Safety:
         clearance=values.clearance,
         table=values.table,
         box=None if box is None else numbers_option(box, BOX, "--box"),
-        viscous=_per_joint(lib, values.viscous, "--viscous"),
-        coulomb=_per_joint(lib, values.coulomb, "--coulomb"),
+        viscous=_per_joint(lib, values.viscous, "the setting viscous"),
+        coulomb=_per_joint(lib, values.coulomb, "the setting coulomb"),
         carried=body,
         obstacles=() if values.obstacles is None else read_obstacles(values.obstacles),
         band=band_of(lib, values.payload_band, values.model_band, body),
@@ -298,7 +299,7 @@ def band_of_prior(lib: Library, trust: str) -> Array:
         kappa = 0.0
     if not 0 < kappa < np.inf:
         raise RuntimeFault(
-            f"--model-band needs {', '.join(TRUST)} or a trust above 0, got '{trust}'"
+            f"the setting model_band needs {', '.join(TRUST)} or a trust above 0, got '{trust}'"
         )
     root = bodies_of(lib).spread(prior_of(lib).centre)
     return np.asarray(NORMAL_95 * np.sqrt((root**2).sum(axis=2) / kappa).ravel())
@@ -312,10 +313,11 @@ def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:
 
     Returns (10 L,) [kg, kg·m, kg·m²].
     """
-    mass, reach = numbers_option(text, 2, "--payload-band")
+    mass, reach = numbers_option(text, 2, "the setting payload_band")
     if not (0 < mass < np.inf and 0 <= reach < np.inf):
         raise RuntimeFault(
-            f"--payload-band needs a mass above 0 kg and a reach from 0 m up, got '{text}'"
+            f"the setting payload_band needs a mass above 0 kg and a reach from 0 m up, got "
+            f"'{text}'"
         )
     mount = mount_of(lib)
     link, centre = mount.index, mount.translation

@@ -24,6 +24,8 @@ from runtime.outputs.report.motion_figures import picture_paths
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
+CONSENT = "--settings overwrite=true"
+"""How the user of `excite` allows that files are replaced."""
 EXPORT_MARGIN = 0.95
 """Default share of the limits that an exported motion uses."""
 SAMPLED = ".motion.csv"

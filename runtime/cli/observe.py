@@ -71,10 +71,7 @@ class ObserveSettings(Choices):
     """Settings of `symgen observe`."""
 
     command = "observe"
-    options = (
-        "model false_alarms out free calibrate link within mcap robot yes overwrite recipe run "
-        "as_json"
-    )
+    options = "model out free robot overwrite recipe run as_json"
     log: Log
     model: Annotated[
         Path, typer.Option("--model", metavar="RESULT", help="Folder written by identify.")
@@ -134,19 +131,20 @@ def observe_command(given: ObserveSettings) -> None:
     A generalised-momentum observer with the identified model, friction, rotors and the delay of the
     torque: the result is positive where the environment pushes in the direction of the joint. A
     contact is reported where it exceeds a threshold; thresholds follow from the stated rate of
-    false alarms, the model's posterior and the residuals of its test part. With --calibrate their
+    false alarms, the model's posterior and the residuals of its test part. With the setting
+    calibrate their
     level is fitted to the largest residuals of free motion: half an hour of it gives rates down to
     one alarm per hour, where residuals are not Gaussian. Biases and friction that differ from day
     to day are learnt while the observer runs, from the first 0.3 s on. --recipe holds for all logs.
 
     \b
-    symgen observe second.csv --model results/first-map --false-alarms "1 per hour"
-    symgen observe second.csv --model results/first-map --free third.csv --link fr3_link7
-    symgen observe second.csv --model results/first-map --calibrate half_hour.csv
+    symgen observe second.csv --model results/first-map --settings false_alarms="1 per hour"
+    symgen observe second.csv --model results/first-map --free third.csv --settings link=fr3_link7
+    symgen observe second.csv --model results/first-map --settings calibrate=half_hour.csv
 
     Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
     and observer.c, the same observer for a control loop, with observer.h and example_observer.c.
-    --mcap adds external_torque.mcap (/measured, /predicted, /external) and the layout
+    --settings mcap=true adds external_torque.mcap (/measured, /predicted, /external) and the layout
     external_torque.plotjuggler.xml.
     """
     rate = alarm_rate(given.false_alarms)
@@ -328,7 +326,7 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
     if likely is not None and likely > OFTEN * stated["per_hour"]:
         say(
             f"the noise differs between stretches of motion: about {likely:.2g} false alarms per "
-            "hour are to be expected; --calibrate with free motion gives the stated rate"
+            "hour are to be expected; the setting calibrate with free motion gives the stated rate"
         )
     if facts["calibration"] is not None:
         low, high = facts["calibration"]["per_hour_95"]

@@ -38,10 +38,7 @@ class PayloadSettings(Choices):
     """Settings of `symgen payload`."""
 
     command = "payload"
-    options = (
-        "robot yes link empty model out recipe run empty_run cutoff rate gain_error overwrite "
-        "as_json"
-    )
+    options = "robot empty model out recipe run overwrite as_json"
     log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")]
     robot: Robot = "fr3"
     yes: Yes = False
@@ -88,8 +85,8 @@ def payload_command(given: PayloadSettings) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
-    symgen payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv
-    symgen payload loaded.csv --robot fr3 --model results/first-map --cutoff 10
+    symgen payload loaded.csv --robot fr3 --settings link=fr3_link7 --empty empty.csv
+    symgen payload loaded.csv --robot fr3 --model results/first-map --settings cutoff=10
 
     The most accurate way is to record one motion twice, with and without the payload, and to give
     both logs (--empty). The wrist must turn the payload against gravity. With 0.05 N·m of torque

@@ -97,7 +97,7 @@ class TorqueNoise:
         sigma: (n,) N·m or N.
         spacing: time between independent rows, s; 0 where all rows are independent.
         log: name of the log that it is from; None for numbers.
-        spectrum: of the noise of a log, for --noise-model coloured.
+        spectrum: of the noise of a log, for --settings noise_model=coloured.
     """
 
     sigma: Array
@@ -125,13 +125,13 @@ def planned_noise(
     """Noise from the value of --noise."""
     if model not in (WHITE, COLOURED):
         raise IdentificationError(
-            f"expected --noise-model {WHITE} or {COLOURED}, got '{model:.40}'; correct it"
+            f"expected --settings noise_model={WHITE} or {COLOURED}, got '{model:.40}'; correct it"
         )
     words = text.split(",")
     if all(_is_number(word) for word in words):
         if model == COLOURED:
             raise IdentificationError(
-                f"--noise-model {COLOURED} takes the spectrum from a log; give --noise LOG"
+                f"--settings noise_model={COLOURED} takes the spectrum from a log; give --noise LOG"
             )
         count = lib.n_joints if len(words) > 1 else 1
         sigma = np.array(numbers_option(text, count, "--noise"))
@@ -157,8 +157,8 @@ def counted(planned: Information, criterion: str, is_informed: bool) -> Informat
     """Information for a criterion; None where it is of the regressor alone."""
     if planned.spectrum is not None and not is_informed:
         raise IdentificationError(
-            f"criterion {criterion} counts neither noise nor filter; leave out --cutoff and "
-            "--noise-model, or give another --criterion such as v"
+            f"criterion {criterion} counts neither noise nor filter; leave out the settings cutoff "
+            "and noise_model, or give another --criterion such as v"
         )
     return planned if is_informed else None
 
@@ -187,8 +187,9 @@ def friction_columns(text: str) -> tuple[str, ...]:
     words = tuple(text.split(","))
     if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
         raise IdentificationError(
-            f"--friction needs names of columns with commas, or none, got '{text}'; --viscous and "
-            "--coulomb of excite take numbers"
+            f"--friction needs names of columns with commas, or none, got '{text}'; the setting "
+            f"viscous and "
+            "the setting coulomb of excite take numbers"
         )
     return () if text == "none" else words
 
@@ -218,9 +219,11 @@ def information_of(
 
 
 def require_gain_error(gain_error: float) -> None:
-    """Check a value of --gain-error."""
+    """Check a value of the setting gain_error."""
     if not 0 <= gain_error < 1:
-        raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
+        raise RuntimeFault(
+            f"the setting gain_error is a share of one, such as 0.005, got {gain_error:g}"
+        )
 
 
 _MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
@@ -257,7 +260,8 @@ class Situation:
         if self.known.payload_only and sigmas.payload is None:
             raise IdentificationError(
                 f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
-                "motion that turns the last link about all axes (excite --payload-only designs one)"
+                "motion that turns the last link about all axes (excite --settings "
+                "payload_only=true designs one)"
             )
         return sigmas
 

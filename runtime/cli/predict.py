@@ -63,10 +63,7 @@ class PredictSettings(Choices):
     """Settings of `symgen predict`."""
 
     command = "predict"
-    options = (
-        "robot yes noise log_rate rate friction payload_only earlier_log gain_error more "
-        "recipe run cutoff plot overwrite as_json"
-    )
+    options = "robot noise more recipe cutoff overwrite as_json"
     trajectory: Annotated[
         str,
         typer.Argument(
@@ -134,9 +131,10 @@ def predict_command(given: PredictSettings) -> None:
     r"""Predict the accuracy that a motion or a log allows.
 
     \b
-    symgen predict results/motion.json --robot fr3 --noise 0.05 --log-rate 100
+    symgen predict fr3_simulated
+    symgen predict results/motion.json --robot fr3 --noise 0.05 --settings log_rate=100
     symgen predict log.csv --robot fr3 --more same
-    symgen predict log.csv --robot fr3 --more results/motion.json --plot sigma.png
+    symgen predict log.csv --robot fr3 --more results/motion.json --settings plot=sigma.png
 
     Printed are standard deviations by least squares and by MAP with the URDF as prior: of the base
     parameters, of mass, centre of mass and inertia of every link, of a payload of 1 kg on a known
@@ -147,7 +145,7 @@ def predict_command(given: PredictSettings) -> None:
     10 %.
     """
     lib = open_robot(given.robot, given.yes)
-    require_unused([given.plot] if given.plot else [], given.overwrite, "--plot")
+    require_unused([given.plot] if given.plot else [], given.overwrite, "the setting plot")
     gains = _gain_error(given.gain_error, given.payload_only)
     if given.log_rate is not None:
         information(lib, rate=given.log_rate)  # raises where the rate is out of range
@@ -227,12 +225,13 @@ def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Arr
 
 
 def _gain_error(given: float | None, payload_only: bool) -> float:
-    """Value of --gain-error."""
+    """Value of the setting gain_error."""
     if given is None:
         return ModelError().gain
     if payload_only:
         raise IdentificationError(
-            "--gain-error changes the σ of predicted torque, which --payload-only does not print; "
+            "the setting gain_error changes the σ of predicted torque, which --settings "
+            "payload_only=true does not print; "
             "leave out one of them"
         )
     require_gain_error(given)
@@ -281,13 +280,15 @@ def _require_rates_apply(
     """Refuse a rate that no motion or no log would take."""
     if log_rate is not None and not any(map(_is_motion, sources)):
         raise IdentificationError(
-            "--log-rate is the rate at which a planned motion (.json) will be recorded, but "
-            f"'{sources[0]}' is a log; give --rate to decimate it"
+            "the setting log_rate is the rate at which a planned motion (.json) will be "
+            "recorded, but "
+            f"'{sources[0]}' is a log; give --settings rate=HZ to decimate it"
         )
     if rate is not None and all(map(_is_motion, sources)):
         raise IdentificationError(
-            f"--rate is the rate to which a log is decimated, but '{sources[0]}' is a planned "
-            "motion; give --log-rate"
+            f"the setting rate is the rate to which a log is decimated, but '{sources[0]}' is a "
+            f"planned "
+            "motion; give --settings log_rate=NUMBER"
         )
 
 
@@ -342,7 +343,7 @@ def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0)
     """Sentence on the σ of predicted torque for motions that are not in the log."""
     sigmas = listed_torques(1000 * bands, units, ".2f", "m")
     if gain_error:
-        off = f"{100 * gain_error:g} % off (--gain-error), which residuals hardly show"
+        off = f"{100 * gain_error:g} % off (the setting gain_error), which residuals hardly show"
         return f"with torque gains that may be {off}: {sigmas}"
     return f"expected σ of the predicted torque, joint by joint: {sigmas}"
 

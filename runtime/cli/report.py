@@ -20,7 +20,7 @@ class ReportSettings(Choices):
     """Settings of `symgen report`."""
 
     command = "report"
-    options = "out markdown figures into readme overwrite"
+    options = "out markdown overwrite"
     results: Annotated[
         Path,
         typer.Argument(
@@ -48,7 +48,9 @@ class ReportSettings(Choices):
             "with three pictures in the folder images beside it.",
         ),
     ] = None
-    readme: Annotated[bool, typer.Option("--readme", help="The same as --into README.md.")] = False
+    readme: Annotated[
+        bool, typer.Option("--readme", help="The same as --settings into=README.md.")
+    ] = False
     overwrite: Overwrite = False
 
 
@@ -56,8 +58,8 @@ def report_command(given: ReportSettings) -> None:
     r"""Write the results of a folder as one HTML page.
 
     \b
-    symgen report results/first-map
-    symgen report results/experiments --markdown tables.md --figures figures
+    symgen report results/fr3_simulated-map
+    symgen report results/experiments --markdown tables.md --settings figures=figures
     symgen report results/history.jsonl
 
     The page needs no network: its tables sort and its figures zoom. identify and compare write it
@@ -79,7 +81,7 @@ def report_command(given: ReportSettings) -> None:
         require_unused([given.markdown] if given.markdown else [], given.overwrite, "--markdown")
         if given.figures is not None:
             require_unused(
-                kind.pictures(given.results, given.figures), given.overwrite, "--figures"
+                kind.pictures(given.results, given.figures), given.overwrite, "the setting figures"
             )
         written = kind.write(
             given.results,
@@ -91,7 +93,8 @@ def report_command(given: ReportSettings) -> None:
         )
     elif given.markdown or given.figures or given.into or given.readme:
         raise IdentificationError(
-            "--markdown, --figures, --into and --readme need a folder written by reproduce, got "
+            "--markdown and the settings figures, into and readme need a folder written by "
+            "reproduce, got "
             f"'{given.results}'; leave these options out"
         )
     else:

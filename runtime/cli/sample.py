@@ -39,7 +39,7 @@ class SampleSettings(Choices):
     """Settings of `symgen sample`."""
 
     command = "sample"
-    options = "count to seed out robot yes overwrite"
+    options = "count to out robot overwrite"
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100
     to: Annotated[
@@ -71,7 +71,7 @@ def sample_command(given: SampleSettings) -> None:
     on all of them to make it robust against what the identification does not know.
 
     \b
-    symgen sample results/first-map --count 1000 --to mjcf --seed 1
+    symgen sample results/first-map --count 1000 --to mjcf --settings seed=1
     symgen sample results/first-map --count 20 --to mjcf,urdf --out robots/plausible
     symgen sample results/first-map --count 1000 --to playground
 

@@ -63,11 +63,7 @@ class SimulateSettings(Choices):
     """Settings of `symgen simulate`."""
 
     command = "simulate"
-    options = (
-        "robot yes trajectory out engine keep_every seed payload virtual_robot truth_seed exact "
-        "perturb control_rate torque_noise position_noise velocity_noise viscous coulomb rotor "
-        "overwrite"
-    )
+    options = "robot trajectory out engine seed payload exact overwrite"
     robot: Robot = "fr3"
     yes: Yes = False
     trajectory: Annotated[
@@ -124,7 +120,8 @@ class SimulateSettings(Choices):
     control_rate: Annotated[
         float | None,
         typer.Option(
-            help="Rate of the controller and of the rows before --keep-every, Hz; default 1000, "
+            help="Rate of the controller and of the rows before the setting keep_every, Hz; "
+            "default 1000, "
             "with --ideal 100."
         ),
     ] = None
@@ -151,8 +148,8 @@ def simulate_command(given: SimulateSettings) -> None:
     r"""Simulate the log of a robot with known parameters.
 
     \b
-    symgen simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
-    symgen simulate --robot my --ideal --torque-noise 0
+    symgen simulate --robot fr3 --settings coulomb=0.3 --out results/sim.csv
+    symgen simulate --robot my --ideal --settings torque_noise=0
     symgen simulate --robot fr3 --engine mujoco --seed 1 --out results/empty.csv
     symgen simulate --robot fr3 --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1
 
@@ -200,8 +197,8 @@ def simulate_command(given: SimulateSettings) -> None:
             made = _compiled(
                 lib, motion, given.perturb, parts, noise, rate, given.exact, given.seed, report
             )
-    given.write(path)
     _write(lib, motion, made, path, given.keep_every)
+    given.write(path)
 
 
 def _is_virtual(given: SimulateSettings) -> bool:

@@ -1,4 +1,4 @@
-"""`symgen excite --static`: poses at rest in place of a motion."""
+"""`symgen excite --settings static=true`: poses at rest in place of a motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.motion_output import json_path
+from runtime.cli.motion_output import CONSENT, json_path
 from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import settings_place
@@ -35,7 +35,8 @@ Static = Annotated[
     ),
 ]
 Poses = Annotated[
-    int | None, typer.Option(metavar="K", help=f"Number of poses of --static; default {POSES}.")
+    int | None,
+    typer.Option(metavar="K", help=f"Number of poses of --settings static=true; default {POSES}."),
 ]
 _APPLICABLE = {
     *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "table", "box"),
@@ -50,11 +51,11 @@ class PoseOptions:
     """Options of `excite` that apply to poses.
 
     Attributes:
-        poses: value of --poses.
+        poses: value of the setting poses.
         out: value of --out.
         noise: value of --noise.
-        margin: value of --margin.
-        starts: value of --starts.
+        margin: value of the setting margin.
+        starts: value of the setting starts.
         seed: value of --seed.
         has_no_table: whether the user states that there is no table.
         overwrite: value of --overwrite.
@@ -74,12 +75,16 @@ def require_applicable(given: Mapping[str, str], static: bool) -> None:
     """Refuse choices that have no meaning beside `static`, and `poses` without it."""
     if not static:
         if "poses" in given:
-            raise RuntimeFault("--poses is the number of poses of --static; give --static too")
+            raise RuntimeFault(
+                "the setting poses is the number of poses of --settings static=true; give "
+                "--settings static=true too"
+            )
         return
     if other := sorted(given.keys() - _APPLICABLE):
         option = given[other[0]]
         raise RuntimeFault(
-            f"--static designs poses at rest, to which {option} does not apply; leave it out"
+            f"--settings static=true designs poses at rest, to which {option} does not apply; "
+            f"leave it out"
         )
 
 
@@ -87,7 +92,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> Path:
     """Design poses and write them as JSON and CSV; return the path of the JSON."""
     path = json_path(options.out or Path("results") / f"{lib.name}-static.json")
     table = path.with_suffix(".csv")
-    require_unused((path, table, settings_place(path)), options.overwrite)
+    require_unused((path, table, settings_place(path)), options.overwrite, consent=CONSENT)
     noise = planned_noise(lib, options.noise)
     designed = design_poses(
         lib,

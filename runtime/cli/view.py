@@ -23,7 +23,7 @@ class ViewSettings(Choices):
     """Settings of `symgen view`."""
 
     command = "view"
-    options = "robot yes recipe run urdf package_dir port no_open html overwrite"
+    options = "robot urdf html overwrite"
     motion: Annotated[
         str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
     ]
@@ -60,8 +60,8 @@ def view_command(given: ViewSettings) -> None:
     r"""Show the moving robot in a web browser.
 
     \b
-    symgen view motion.json --robot fr3
-    symgen view log.csv --urdf fr3.urdf --package-dir ~/franka_description
+    symgen view fr3_simulated --robot fr3
+    symgen view log.csv --urdf fr3.urdf --settings package_dir=~/franka_description
 
     The page plays the motion with the limits of position, velocity and torque. Links are drawn by
     the visual meshes of the URDF, else by collision capsules, else by solids between the joints.

@@ -42,7 +42,7 @@ class WatchSettings(Choices):
     """Settings of `symgen watch`."""
 
     command = "watch"
-    options = "robot yes recipe history temperature date references as_json"
+    options = "robot recipe history references as_json"
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")]
     robot: Annotated[
@@ -93,7 +93,7 @@ def watch_command(given: WatchSettings) -> None:
     symgen watch results/arm monday.csv
     symgen watch results/arm monday.csv tuesday.csv --history results/arm/history.jsonl
     symgen watch results/arm friday.csv --reference mon.csv --reference tue.csv --reference wed.csv
-    symgen watch results/arm monday.csv --history h.jsonl --temperature motor_temp
+    symgen watch results/arm monday.csv --history h.jsonl --settings temperature=motor_temp
     symgen report h.jsonl
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
@@ -220,7 +220,8 @@ def _recorded(log: str, date: str | None) -> str:
         return datetime.fromisoformat(date).isoformat(timespec="seconds")
     except ValueError:
         raise RecordingError(
-            f"expected a date such as 2026-11-30 or 2026-11-30T08:15 for --date, got '{date}'; "
+            f"expected a date such as 2026-11-30 or 2026-11-30T08:15 for --settings date=DATE, "
+            f"got '{date}'; "
             "correct it"
         ) from None
 
@@ -235,7 +236,8 @@ def _temperature(log: str, recipe: str | None, given: str | None) -> float | Non
         return mean_of_column(log, recipe, given)
     if not -273.15 <= number < 1e4:
         raise RecordingError(
-            f"expected a temperature in °C or a column for --temperature, got {given}; correct it"
+            f"expected a temperature in °C or a column for --settings "
+            f"temperature=COLUMN|NUMBER, got {given}; correct it"
         )
     return number
 

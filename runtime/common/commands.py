@@ -151,7 +151,7 @@ class CheckedCommand(TyperCommand):
         """Read the command line and the settings that it names."""
         if "--verbose" in args:
             VERBOSE.set(True)
-        args = [word for word in args if word != "--verbose"]
+        args = [str(word) for word in args if word != "--verbose"]
         if self.record is not None:
             self._require_options(args)
             args = self._with_settings(ctx, args)
@@ -161,11 +161,13 @@ class CheckedCommand(TyperCommand):
                 param.handle_parse_result(ctx, {}, [])
             except typer.BadParameter as error:
                 raise RuntimeFault(
-                    f"the setting '{param.name}': {error.message[:200].rstrip('.')}; correct it"
+                    f"the setting '{key_of(param)}': {error.message[:200].rstrip('.')}; correct it"
                 ) from None
-        for param in (*self.params, *self.settings):
+        for param in self.params:
             if param.param_type_name == "option" and param.name in ctx.params:
                 _require_usual(param.opts[0], ctx.params[param.name])
+        for param in self.settings:
+            _require_usual(f"the setting {key_of(param)}", ctx.params[param.name])
         return rest
 
     def _require_options(self, args: list[str]) -> None:
@@ -174,7 +176,7 @@ class CheckedCommand(TyperCommand):
             name = word.partition("=")[0]
             for param in self.settings:
                 if name in (*param.opts, *param.secondary_opts):
-                    key = param.opts[0].removeprefix("--").replace("-", "_")
+                    key = key_of(param)
                     off = name in param.secondary_opts
                     value = ("false" if off else "true") if param.is_flag else "VALUE"
                     raise RuntimeFault(
@@ -196,6 +198,11 @@ class CheckedCommand(TyperCommand):
             args = [*args, *(["--"] if "--" not in args else []), *words]
         ctx.default_map = stated
         return args
+
+
+def key_of(param: Any) -> str:
+    """Key of a parameter in a file of settings."""
+    return str(param.opts[0]).removeprefix("--").replace("-", "_")
 
 
 def _require_usual(option: str, value: Any) -> None:
@@ -231,8 +238,8 @@ def imported(command: Command) -> Any:
         ]
         made.params = [p for p in made.params if p not in made.settings]
         if made.settings:
-            keys = [p.opts[0].removeprefix("--").replace("-", "_") for p in made.settings]
-            made.epilog = f"Further settings, by --settings: {', '.join(keys)}."
+            keys = ", ".join(map(key_of, made.settings))
+            made.epilog = f"Further settings, by --settings: {keys}."
     return made
 
 

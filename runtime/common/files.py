@@ -153,13 +153,19 @@ def values_of(tree: Any) -> Iterator[Any]:
             yield value
 
 
-def require_unused(paths: Iterable[Path], overwrite: bool, option: str | None = "--out") -> None:
+def require_unused(
+    paths: Iterable[Path],
+    overwrite: bool,
+    option: str | None = "--out",
+    consent: str = "--overwrite",
+) -> None:
     """Refuse to replace existing files; the sentence names the option of the place, if any.
 
     Args:
         paths: files that will be written.
         overwrite: whether existing ones are replaced.
         option: option that names another place.
+        consent: how the user allows it.
 
     Raises:
         RuntimeFault: one of them exists.
@@ -168,7 +174,7 @@ def require_unused(paths: Iterable[Path], overwrite: bool, option: str | None = 
     if existing and not overwrite:
         more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"
         elsewhere = f"choose another place with {option}" if option else "choose another file"
-        raise RuntimeFault(f"'{existing[0]}'{more}; {elsewhere}, or give --overwrite")
+        raise RuntimeFault(f"'{existing[0]}'{more}; {elsewhere}, or give {consent}")
 
 
 @contextmanager

@@ -131,11 +131,11 @@ class Choice:
         return textwrap.shorten(text.rstrip(".") + ".", _WIDEST, placeholder=" …")
 
     def written(self, value: Any = None) -> str:
-        """The choice as a user writes it on the command line, for messages."""
+        """The choice as messages name it."""
         flag = f"--{self.key.replace('_', '-')}"
-        if self.is_option or self.is_argument:
-            return flag.replace("--", "--no-", 1) if value is False else flag
-        return f"--settings {self.key}={_text(value)}" if value is not None else f"'{self.key}'"
+        if not (self.is_option or self.is_argument):
+            return f"the setting {self.key}"
+        return flag.replace("--", "--no-", 1) if value is False else flag
 
 
 def choices_of(record: type[Choices]) -> tuple[Choice, ...]:
@@ -173,7 +173,8 @@ def as_function(function: Callable[[Any], None]) -> Callable[..., None]:
         choice.info.rich_help_panel = None if choice.is_argument else panel_of(choice.key)
         default = inspect.Parameter.empty if choice.default is MISSING else choice.default
         parameters.append(_keyword(choice.name, choice.hint, default))
-    parameters.append(_keyword("settings", _FILES, None))
+    if any(not (choice.is_option or choice.is_argument) for choice in choices_of(record)):
+        parameters.append(_keyword("settings", _FILES, None))
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {each.name: each.annotation for each in parameters}
     called.__doc__ = function.__doc__

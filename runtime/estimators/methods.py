@@ -152,7 +152,7 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
     what = f"{record.name} with mini-batches" if batches else record.name
     raise NeedsError(
         f"{what} needs {'rows of every joint' if joints else 'accelerations'}, which "
-        "the regressor of the log has not; use --regressor acceleration, or one of "
+        "the regressor of the log has not; use --settings regressor=acceleration, or one of "
         f"{', '.join(methods_from_statistics())}"
     )
 

@@ -87,7 +87,7 @@ def require_robust(method: str) -> None:
     able = [m.name for m in METHODS.records() if m.from_statistics and not m.uses_validation]
     if method not in able:
         raise NeedsError(
-            f"the method {method} takes no weights of rows; use --robust with one of "
+            f"the method {method} takes no weights of rows; use --settings robust=true with one of "
             f"{', '.join(able)}"
         )
 
@@ -97,13 +97,14 @@ def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
     train = problem.train
     if problem.pieces is not None:
         raise IdentificationError(
-            "weights of rows need the whole log in memory, but it is streamed; give --no-stream"
+            "weights of rows need the whole log in memory, but it is streamed; give --settings "
+            "stream=false"
         )
     if len(train) < FEWEST_BLOCKS * LENGTH:
         raise IdentificationError(
             f"robust weights need {FEWEST_BLOCKS * LENGTH} training rows or more, got "
             f"{len(train)}; "
-            "record for longer, or leave out --robust"
+            "record for longer, or leave out --settings robust=true"
         )
     rows = explicit(problem.lib, train)
     weights = weights_of_rows(problem.lib, rows)

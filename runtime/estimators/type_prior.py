@@ -77,7 +77,7 @@ class KnownFriction:
         for name in widths_of(tuple(set(columns) & set(self.columns))) & set(self.widths):
             known, now = self.widths[name], float(getattr(friction, name))
             if abs(known - now) > ALIKE * known:
-                option = "; give --coulomb-speed" if name == "coulomb_speed" else ""
+                option = "; give --settings coulomb_speed=NUMBER" if name == "coulomb_speed" else ""
                 raise IdentificationError(
                     f"the friction of the prior belongs to {name} = {known:g}, but this log is "
                     f"identified with {now:g}{option or '; use the same width in the recipe'}"

@@ -114,7 +114,8 @@ def _write_ros(motion: CertifiedMotion, rate: float, path: Path) -> None:
     stamps = np.round(sample_times(motion.trajectory.duration, rate) * 1e9).astype(np.int64)
     if len(np.unique(stamps)) < len(stamps):
         raise ExportError(
-            f"ROS stamps whole nanoseconds, too coarse for {rate:g} Hz; lower the --export-rate"
+            f"ROS stamps whole nanoseconds, too coarse for {rate:g} Hz; lower the setting "
+            f"export_rate"
         )
     q, dq, ddq, _ = motion.trajectory.at(motion.lib, stamps.astype(np.float64) * 1e-9)
     with replacing(path) as file:

@@ -98,7 +98,7 @@ def design_poses(
     if count < least:
         raise IdentificationError(
             f"expected at least {least} poses for the {len(columns)} gravity parameters of "
-            f"'{lib.name}', got {count}; give --poses {2 * least} or more"
+            f"'{lib.name}', got {count}; give --settings poses={2 * least} or more"
         )
     chosen, _ = a_optimal(grams, count, starts, rng)
     mean = (np.swapaxes(y, 1, 2) @ y).mean(axis=0) / lib.n_joints
@@ -170,7 +170,7 @@ def feasible_poses(
         if tried >= ATTEMPTS:
             raise IdentificationError(
                 f"expected {count} poses within all limits, found {total} among {tried} random "
-                "poses; lower --table, widen --box, or lower --clearance"
+                "poses; lower --table, widen --box, or lower the setting clearance"
             )
         q = rng.uniform(where.lower, where.upper, (_CHUNK, n))
         way = (q[:, None] + np.array(_WAY)[:, None] * where.approach).reshape(-1, n)
@@ -197,7 +197,8 @@ def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
     if not size.size or size[0] < ROUNDING:
         raise IdentificationError(
             f"gravity causes no torque on any joint of '{lib.name}', so poses at rest determine no "
-            "parameter; design a motion instead: python -m runtime excite without --static"
+            "parameter; design a motion instead: python -m runtime excite without --settings "
+            "static=true"
         )
     rank = int((size > ROUNDING * size[0]).sum())
     return np.sort(pivots[:rank])

@@ -294,7 +294,7 @@ def way_to(
             return Way(timed, count)
     raise IdentificationError(
         "the way from the start to the end keeps its distances on a polyline and not as a smooth "
-        "motion within the limits; choose another pose, or a smaller --clearance"
+        "motion within the limits; choose another pose, or a smaller clearance"
     )
 
 

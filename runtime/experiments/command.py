@@ -32,7 +32,7 @@ class ReproduceSettings(Choices):
     """Settings of `symgen reproduce`."""
 
     command = "reproduce"
-    options = "robot yes trials out seed scheduler fresh"
+    options = "trials out fresh"
     what: Annotated[
         str,
         typer.Argument(

@@ -146,10 +146,10 @@ def _least_eigenvalue(lib: Library, pi: Array, rotors: Array, q: Array) -> tuple
     return float(values[0]), v @ (pushed - at_rest)
 
 
-ALIKE = "the log is prepared as the log of identify; --cutoff and --rate change that"
+ALIKE = "the log is prepared as the log of identify; --cutoff and the setting rate change that"
 RAW = (
     "the model was identified from a low-passed log, but this log is not filtered; give the same "
-    "--cutoff and --rate as identify"
+    "--cutoff and the setting rate as identify"
 )
 
 SEEN = (
@@ -307,7 +307,8 @@ def _other_filter(saved: SavedResult, prepared: Recording) -> list[str]:
         return []
     return [
         f"the model was identified with {_filter_of(then)}, this log is evaluated with "
-        f"{_filter_of(now)}: the errors do not compare; give --cutoff and --rate of identify"
+        f"{_filter_of(now)}: the errors do not compare; give --cutoff and the setting rate of "
+        "identify"
     ]
 
 

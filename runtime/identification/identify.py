@@ -64,7 +64,9 @@ from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
 
-SEVERAL_STREAMED = "several logs are read as a whole, but --stream is given; leave it out"
+SEVERAL_STREAMED = (
+    "several logs are read as a whole, but --settings stream=true is given; leave it out"
+)
 Source = Recording | StreamedRecording | NamedLog
 """A log: in memory, in its file, or with its name and known payload."""
 
@@ -258,7 +260,8 @@ def _named(log: Source | Sequence[Source]) -> list[NamedLog]:
         named.append(replace(each, name=name))
     if len(named) < 2:
         raise IdentificationError(
-            "--payload-of needs several logs, got one; give also the logs without this payload"
+            "the setting payload_of needs several logs, got one; give also the logs without "
+            "this payload"
         )
     return named
 
@@ -294,7 +297,8 @@ def with_mirrored_links(
         return prior
     if not symmetric:
         raise IdentificationError(
-            "--tie needs the names of the mirrored joints, got none; give --symmetric LEFT:RIGHT"
+            "--settings tie=true needs the names of the mirrored joints, got none; give "
+            "--settings symmetric=LEFT:RIGHT"
         )
     usual = prior or PriorFile(None, Constraints())
     rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))
@@ -317,7 +321,8 @@ def delayed(data: PreparedLog, delay: float | str | None, has_bias: bool) -> Pre
     recording, preparation = data.recording, data.preparation
     if data.is_at_rest and (delay is not None or has_bias):
         raise IdentificationError(
-            "--delay and --encoder-bias need motion, but the log contains poses at rest; leave "
+            "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
+            "rest; leave "
             "them out, or give --cutoff to identify from the motion between the poses"
         )
     if delay is None or delay in {AUTO, PER_JOINT}:

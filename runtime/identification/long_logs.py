@@ -377,7 +377,7 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
         raise IdentificationError(
             f"{what} needs the samples one by one, which a streamed log does not hold; choose one "
             f"of {', '.join(methods_from_statistics())} (adam with the preset full), "
-            "or use --no-stream"
+            "or use --settings stream=false"
         )
 
 
@@ -401,7 +401,7 @@ def assemble_streamed(
     if preparation.regressor == "energy":
         raise IdentificationError(
             "rows of energy need the whole log in memory, but this one is streamed; use "
-            "--regressor momentum or --no-stream"
+            "--settings regressor=momentum or --settings stream=false"
         )
     head = check_consistency(head_of(log))
     require_plausible(head, lib)

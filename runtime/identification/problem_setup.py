@@ -371,7 +371,8 @@ def settings_for(lib: Library, settings: Settings) -> Settings:
         return replace(settings, method=WITHOUT_PRIOR)
     raise IdentificationError(
         f"the method '{method}' needs an inertial prior, but the URDF of '{lib.name}' states no "
-        f"<inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with --masses"
+        f"<inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with the "
+        f"setting masses"
     )
 
 

@@ -324,7 +324,8 @@ def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, .
         return ()
     return (
         f"prepared in another way than {names[0]}: {', '.join(others)}; the result states the "
-        f"preparation of {names[0]}; give one recipe, or --cutoff and --rate, for all logs",
+        f"preparation of {names[0]}; give one recipe, or --cutoff and the setting rate, for all "
+        f"logs",
     )
 
 
@@ -348,7 +349,7 @@ def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:
     if usual.regressor == "energy":
         raise IdentificationError(
             "rows of energy do not determine an offset per joint and log, which a fit of several "
-            "logs needs; use --regressor momentum"
+            "logs needs; use --settings regressor=momentum"
         )
     return recording.replace(columns=None, column_names=(), name=log.name), usual
 

@@ -86,7 +86,8 @@ def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> A
         listed = ", ".join(np.array(names)[flags])
         raise IdentificationError(
             f"the friction column {listed} is fitted in passes over rows of every joint in memory, "
-            "got a streamed log or rows of power; use --no-stream and --regressor acceleration or "
+            "got a streamed log or rows of power; use --settings stream=false and --settings "
+            "regressor=acceleration or "
             "momentum"
         )
     gain = np.ones(problem.lib.n_joints)

@@ -91,7 +91,7 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
     if information is None:
         raise IdentificationError(
             f"expected a result with an uncertainty, got one of '{result.method}' without; leave "
-            "out --save-statistics, or identify with certify=True"
+            "out --settings save_statistics=true, or identify with certify=True"
         )
     facts = result.friction.facts()
     slow, peak, stroke = (float(facts[key]) for key in WIDTHS)
@@ -129,14 +129,15 @@ def read_statistics(path: Path) -> UnitStatistics:
         known = record_from_arrays(UnitStatistics, file, path.name)
     except FileNotFoundError:
         raise IdentificationError(
-            f"there are no statistics at '{path}'; write them with: identify --save-statistics"
+            f"there are no statistics at '{path}'; write them with: identify --settings "
+            f"save_statistics=true"
         ) from None
     except IdentificationError:
         raise
     except (OSError, RecordingError, ValueError, KeyError, TypeError, OverflowError):
         raise IdentificationError(
             f"'{path}' is damaged or holds no compressed statistics; identify that unit again with "
-            "--save-statistics"
+            "--settings save_statistics=true"
         ) from None
     known = known.replace(columns=tuple(filter(None, known.columns)))
     size, base, joints = known.target.size, known.base_matrix, known.joints
@@ -154,7 +155,7 @@ def read_statistics(path: Path) -> UnitStatistics:
     if not fits:
         raise IdentificationError(
             f"'{path}' is damaged (its arrays do not fit together); identify that unit again with "
-            "--save-statistics"
+            "--settings save_statistics=true"
         )
     return known
 

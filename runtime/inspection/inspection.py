@@ -324,7 +324,7 @@ def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]
     sentence = (
         "the torque is a motor current in A with unknown gains: identify estimates them "
         "with the masses of the URDF as prior and states what remains undetermined; symgen gains "
-        "fixes the common factor by --total-mass, --weighed or a known payload"
+        "fixes the common factor by --total-mass, the setting weighed or a known payload"
     )
     evidence = {} if seen is None else dict(seen.evidence)
     stated_gains = Finding("current_gains", INFO, sentence, evidence)

@@ -176,7 +176,7 @@ def _placeholders(lib: Library) -> list[Finding]:
         f"{len(lib.placeholders)} links of the URDF have no <inertial> but placeholders "
         f"({', '.join(lib.placeholders[:4])}{', …' if len(lib.placeholders) > 4 else ''}): order, "
         "sign, unit and gravity of τ cannot be compared with such a model and were not checked; "
-        "build with --masses, or check them by hand"
+        "build with the setting masses, or check them by hand"
     )
     return [Finding("placeholders", INFO, sentence, {"links": list(lib.placeholders)})]
 

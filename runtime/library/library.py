@@ -316,7 +316,8 @@ class ForeignRobotError(LibraryError):
         self.folder = folder
         super().__init__(
             f"expected '{robot}' to come with the package or to be built by you, got it only in "
-            f"'{folder}'; to run the code of that folder, give --robot {folder} or --yes"
+            f"'{folder}'; to run the code of that folder, give --robot {folder} or --settings "
+            f"yes=true"
         )
 
 

@@ -44,7 +44,7 @@ def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
     if name not in lib.link_names:
         raise IdentificationError(
             f"expected a moving link of '{lib.name}' ({', '.join(lib.link_names)}), got '{name}'; "
-            "correct --link"
+            "correct the setting link"
         )
     scale = np.repeat([1.0, LENGTH], 3)
     jacobian = lib.frame_jacobian(q, name) * scale[:, None]

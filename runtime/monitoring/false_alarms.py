@@ -43,7 +43,7 @@ def alarm_rate(text: str) -> AlarmRate:
     if unit not in UNITS or not 0 < number < 1e9:
         raise IdentificationError(
             f"expected a rate of false alarms such as '1 per hour' (units {', '.join(UNITS)}), got "
-            f"'{text}'; correct --false-alarms"
+            f"'{text}'; correct the setting false_alarms"
         )
     return AlarmRate(text.strip(), number / UNITS[unit])
 

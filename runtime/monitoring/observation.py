@@ -118,7 +118,7 @@ def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
     if not within_s * rate_hz >= LEAST_SAMPLES * (1 - RATE_OFF):
         raise IdentificationError(
             f"expected three samples or more in which a contact is shown, got {within_s:g} s at "
-            f"{rate_hz:g} Hz; raise --within"
+            f"{rate_hz:g} Hz; raise the setting within"
         )
     steps = sorted({int(share * within_s * rate_hz) for share in WINDOWS})
     pairs = [(each, "measured") for each in steps] + [(each, "position") for each in steps if each]

@@ -214,7 +214,7 @@ def _deviations(
         if not deviations[key] < AGREEMENT:
             raise BenchError(
                 f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by "
-                f"{deviations[key]:.1e}; run: python -m symgen build --force"
+                f"{deviations[key]:.1e}; run: python -m symgen build --settings force=true"
             )
     return deviations
 

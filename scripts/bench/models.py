@@ -83,19 +83,27 @@ def _request(name: str, models: Path) -> BuildRequest:
 MADE = {"serial1": serial(1), "serial2": serial(2), "tree12": branching(3, 3, 3)}
 """Generated robots: one and two joints, and twelve with three arms on a trunk."""
 
-_LOG = "--cutoff 10 --rate 100 --friction viscous,coulomb"
+_LOG = "--cutoff 10 --settings rate=100 --friction viscous,coulomb"
 _CHAIN = (
     ("symgen describe {robot}", {0}),
     ("symgen inspect {urdf}", {0, 1}),
-    ("runtime excite --robot {robot} --duration 5 --starts 2 --out motion.json", {0}),
+    ("runtime excite --robot {robot} --duration 5 --settings starts=2 --out motion.json", {0}),
     ("runtime predict motion.json --robot {robot}", {0}),
     ("runtime view motion.json --robot {robot} --export film.html", {0}),
-    ("runtime simulate --robot {robot} --trajectory motion.json --keep-every 5 --out log.csv", {0}),
+    (
+        "runtime simulate --robot {robot} --trajectory motion.json --settings keep_every=5 "
+        "--out log.csv",
+        {0},
+    ),
     ("runtime inspect log.csv --robot {robot} --recipe-out recipe.toml", {0, 1}),
     (f"runtime identify log.csv --robot {{robot}} {_LOG} --out mine", {0}),
     ("runtime identify log.csv --robot {robot} --recipe recipe.toml --out proposed", {0}),
     ("runtime evaluate mine log.csv --robot {robot}", {0}),
-    ("runtime payload log.csv --robot {robot} --link {link} --model mine --cutoff 10", {0}),
+    (
+        "runtime payload log.csv --robot {robot} --settings link={link} --model mine --settings "
+        "cutoff=10",
+        {0},
+    ),
     (f"runtime compare log.csv --robot {{robot}} --methods map,pc-ols,ols {_LOG}", {0}),
     ("runtime report mine", {0}),
     ("runtime export mine --robot {robot}", {0}),

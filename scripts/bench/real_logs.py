@@ -197,7 +197,10 @@ def sheet(rows: list[Row]) -> Sheet:
     return Sheet("real_logs", head, lines, rows, notes=unfounded)
 
 
-ALONE = ("--no-refit",)
+ALONE = (
+    "--settings",
+    "refit=false",
+)
 """Parameters of the training part: the rows of the test would flatter the error in another band."""
 
 

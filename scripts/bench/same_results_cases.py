@@ -12,17 +12,18 @@ _TIAGO_LOCKS = " ".join(
     f"--lock {name}_joint=0"
     for name in ("head_1", "head_2", "gripper_finger", "gripper_right_finger")
 )
-_BUILD = "build --level {level} --out ."
+_BUILD = "build --settings level={level} --out ."
 _GO2 = "{examples}/go2_description/urdf/go2.urdf"
 _ROBOTS = {
     "fr3": None,
-    "tx40": "{models}/staubli_tx40/tx40_mdh_modified.urdf --project",
+    "tx40": "{models}/staubli_tx40/tx40_mdh_modified.urdf --settings project=true",
     "kuka_lwr4": "{models}/kuka_lwr4/kuka_lwr4.urdf",
     "z1": "{models}/unitree_z1/z1.urdf",
     "go2": _GO2,
-    "go2_free": f"{_GO2} --floating --project",
-    "icub": f"{{data}}/icub_feet/model.urdf --floating --project --snap 1e-4 {_ICUB_LOCKS}",
-    "tiago": "{data}/tiago/tiago_48_schunk.urdf --project --base torso_fixed_link"
+    "go2_free": f"{_GO2} --floating --settings project=true",
+    "icub": f"{{data}}/icub_feet/model.urdf --floating --settings project=true --settings "
+    f"snap=1e-4 {_ICUB_LOCKS}",
+    "tiago": "{data}/tiago/tiago_48_schunk.urdf --settings project=true --base torso_fixed_link"
     f" {_TIAGO_LOCKS}",
     "mtm": "{tree}/scripts/dvrk/mtm.toml",
     "psm": "{tree}/scripts/dvrk/psm.toml",
@@ -42,10 +43,16 @@ _CURRENT = (
     "identify {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
 )
 _SIMULATE = "simulate --robot {fr3} --trajectory {tree}/runtime/examples/fr3_trajectory.json"
-_EXCITE = "excite --robot {fr3} --duration 5 --harmonics 3 --starts 1 --processes 1"
-_UNTIL = "excite --robot {fr3} --harmonics 3 --starts 1 --processes 1 --table 0 --until"
+_EXCITE = (
+    "excite --robot {fr3} --duration 5 --settings harmonics=3 --settings starts=1 "
+    "--settings processes=1"
+)
+_UNTIL = (
+    "excite --robot {fr3} --settings harmonics=3 --settings starts=1 --settings "
+    "processes=1 --table 0 --until"
+)
 _FREE = " ".join(
-    f"--calibrate {{inputs}}/fr3/{log}.csv" for log in ("unit1", "unit2", "unit3", "empty")
+    f"--settings calibrate={{inputs}}/fr3/{log}.csv" for log in ("unit1", "unit2", "unit3", "empty")
 )
 _SO101 = (
     *("backlash_detection", "chirp_sweep", "friction_gravity", "hold_under_gravity", "multisine"),
@@ -55,8 +62,8 @@ _SO101 = (
 _READ = (
     "evaluate out {log} --robot {robot};export out --robot {robot} --to urdf,mjcf --out models;"
     "sample out --robot {robot} --count 2 --to urdf --out samples;"
-    "observe {log} --model out --robot {robot} --within 0.1 --out observed;"
-    "watch out {log} --robot {robot} --date 2026-01-01;predict {log} --robot {robot};"
+    "observe {log} --model out --robot {robot} --settings within=0.1 --out observed;"
+    "watch out {log} --robot {robot} --settings date=2026-01-01;predict {log} --robot {robot};"
     "compare {log} --robot {robot} --methods map,pc-ols --out compared"
 )
 """Everything that reads the result of one log and another log."""
@@ -69,47 +76,52 @@ CASES: dict[str, tuple[str, ...]] = {
         for name, made in _ROBOTS.items()
     },
     # One log with measured torque.
-    "panda-map": (f"{_PANDA} --save-statistics", "evaluate out fr3_simulated --robot {fr3} --json"),
-    "panda-no-refit": (f"{_PANDA} --no-refit --no-report --friction viscous,coulomb",),
-    "panda-simulation": (f"{_PANDA} --preset simulation",),
-    "panda-real": (f"{_PANDA} --preset real",),
-    "panda-full": (f"{_PANDA} --method adam --preset full --seed 3",),
+    "panda-map": (f"{_PANDA} --settings save_statistics=true", "evaluate out fr3_simulated "
+                                                               "--robot {fr3} --json"),
+    "panda-no-refit": (f"{_PANDA} --settings refit=false --settings report=false --friction "
+                       f"viscous,coulomb",),
+    "panda-simulation": (f"{_PANDA} --settings preset=simulation",),
+    "panda-real": (f"{_PANDA} --settings preset=real",),
+    "panda-full": (f"{_PANDA} --method adam --settings preset=full --settings seed=3",),
     **{
         f"panda-{method}": (f"{_PANDA} --method {method}",)
         for method in ("adam", "lm", "log-cholesky", "pc-ols", "ols", "wls", "iv", "ekf", "nn")
     },
-    "panda-robust": (f"{_PANDA} --robust",),
+    "panda-robust": (f"{_PANDA} --settings robust=true",),
     "panda-auto": (f"{_PANDA} --friction auto,rotor --cutoff auto",),
-    "panda-momentum": (f"{_PANDA} --regressor momentum --cutoff 5 --friction none",),
-    "panda-energy": (f"{_PANDA} --regressor energy --cutoff 5",),
-    "panda-delay": (f"{_PANDA} --delay auto --encoder-bias",),
+    "panda-momentum": (f"{_PANDA} --settings regressor=momentum --cutoff 5 --friction none",),
+    "panda-energy": (f"{_PANDA} --settings regressor=energy --cutoff 5",),
+    "panda-delay": (f"{_PANDA} --delay auto --settings encoder_bias=true",),
     "panda-prior": (f"{_PANDA} --prior {{inputs}}/arm.toml",),
     "tx40": ("identify tx40_figaroh --robot {tx40} --out out",),
     "tx40-pc-ols": ("identify tx40_figaroh --robot {tx40} --method pc-ols --out out",),
     "lwr4": ("identify lwr4_flobaroid --robot {kuka_lwr4} --out out",),
-    "lwr4-streamed": ("identify lwr4_flobaroid --robot {kuka_lwr4} --stream --out out",),
+    "lwr4-streamed": ("identify lwr4_flobaroid --robot {kuka_lwr4} --settings stream=true --out "
+                      "out",),
     "lwr4-two": ("identify lwr4_flobaroid --robot {kuka_lwr4} --run 1,2 --out out",
                  "evaluate out lwr4_flobaroid --robot {kuka_lwr4} --run 3"),
     "lwr4-three": ("identify lwr4_flobaroid --robot {kuka_lwr4} --run 1,2,3 --out out",),
     "fr3": (f"{_FR3} out", f"{_FR3} all --split all", "evaluate all fr3_simulated --robot {fr3}"),
-    "fr3-streamed": (f"{_FR3} out --stream",),
+    "fr3-streamed": (f"{_FR3} out --settings stream=true",),
     "dvrk-mtm": (
-        "inspect {data}/dvrk/mtm_one.csv --robot {mtm} --log-rate 200 --recipe-out recipe.toml",
+        "inspect {data}/dvrk/mtm_one.csv --robot {mtm} --settings log_rate=200 --recipe-out "
+        "recipe.toml",
         f"{_DVRK}/mtm_one.csv --robot {{mtm}} --recipe recipe.toml --out out",
         f"{_DVRK}/mtm_two.csv --robot {{mtm}} --recipe recipe.toml --method ols --out two",
         "evaluate out {data}/dvrk/mtm_two.csv --robot {mtm} --recipe recipe.toml",
     ),
     "dvrk-psm": (
-        "inspect {data}/dvrk/psm_one_no_weight.csv --robot {psm} --log-rate 200"
+        "inspect {data}/dvrk/psm_one_no_weight.csv --robot {psm} --settings log_rate=200"
         " --recipe-out recipe.toml",
         f"{_DVRK}/psm_one_no_weight.csv --robot {{psm}} --recipe recipe.toml --out out",
         "evaluate out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml",
         *(
-            f"{_DVRK}/{log}.csv --robot {{psm}} --recipe recipe.toml --no-report --out {log}"
+            f"{_DVRK}/{log}.csv --robot {{psm}} --recipe recipe.toml --settings report=false "
+            f"--out {log}"
             for log in ("psm_two", "psm_one_105_grams_parallel")
         ),
         "payload {data}/dvrk/psm_one_105_grams_parallel.csv --robot {psm} --recipe recipe.toml"
-        " --link link30 --empty {data}/dvrk/psm_one_no_weight.csv --out load",
+        " --settings link=link30 --empty {data}/dvrk/psm_one_no_weight.csv --out load",
         "friction out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml --out friction",
     ),
     # Commanded torque, motor currents, a free base; what reads their results.
@@ -123,13 +135,14 @@ CASES: dict[str, tuple[str, ...]] = {
         _GO2_AIR,
         *_READ.format(robot="{go2}", log="{data}/unitree_air/go2.npz").split(";"),
     ),
-    "go2-tied": (f"{_GO2_AIR} --symmetric FL:FR --symmetric RL:RR --tie",),
+    "go2-tied": (f"{_GO2_AIR} --settings symmetric=FL:FR --settings symmetric=RL:RR --settings "
+                 f"tie=true",),
     "servo": (
         "inspect {inputs}/fr3/servo.npz --robot {fr3}",
         f"{_SERVO} --delay auto --out auto",
-        f"{_SERVO} --delay per-joint --no-encoder-bias --out per-joint",
+        f"{_SERVO} --delay per-joint --settings encoder_bias=false --out per-joint",
         f"{_SERVO} --delay 0.02 --friction viscous,coulomb,offset --out fixed",
-        f"{_SERVO} --delay auto --stream --out streamed",
+        f"{_SERVO} --delay auto --settings stream=true --out streamed",
         f"{_SERVO} {{inputs}}/fr3/servo_late.npz --delay auto --out several",
         "export auto --robot {fr3} --to mjcf,actuators,friction --out models",
     ),
@@ -141,104 +154,113 @@ CASES: dict[str, tuple[str, ...]] = {
     "currents": (
         f"{_CURRENT} --friction viscous,coulomb,offset --out out",
         f"{_CURRENT} --method pc-ols --out convex",
-        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
+        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml "
+        "--settings cutoff=10"
         " --total-mass 17.4 --recipe-out known.toml",
-        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
-        " --weighed fr3_link4=3.2",
+        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml "
+        "--settings cutoff=10"
+        " --settings weighed=fr3_link4=3.2",
         "identify {inputs}/fr3/current.csv --robot {fr3} --recipe known.toml --cutoff 10"
         " --out known",
     ),
     "icub-walking": (
-        f"{_ICUB} --rows base --cutoff 3 --split 0.5 --out out",
+        f"{_ICUB} --settings rows=base --cutoff 3 --split 0.5 --out out",
         *_READ.format(robot="{icub}", log="{inputs}/icub_walking.npz").split(";"),
     ),
     "go2-walking": (
-        f"{_GO2_WALKS} --rows all --cutoff 10 --out out",
-        f"{_GO2_WALKS} --rows base --out base",
-        f"{_GO2_WALKS} --rows joints --out joints",
+        f"{_GO2_WALKS} --settings rows=all --cutoff 10 --out out",
+        f"{_GO2_WALKS} --settings rows=base --out base",
+        f"{_GO2_WALKS} --settings rows=joints --out joints",
         f"{_GO2_WALKS} {{inputs}}/go2_walking_two.npz --out several",
         *_READ.format(robot="{go2_free}", log="{inputs}/go2_walking_two.npz").split(";"),
     ),
     "ur10": (
         "inspect {data}/ur_collisions/Axis_1_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml",
         *(
-            f"identify {{data}}/ur_collisions/{log}.csv.gz --robot {{ur10}} --no-report"
+            f"identify {{data}}/ur_collisions/{log}.csv.gz --robot {{ur10}} --settings report=false"
             f" --recipe {{inputs}}/ur.toml --out {log}"
             for log in ("Axis_1_2", "Axis_1_3", "Drift00_NF_1", "Drift00_NF_2", "Drift00_NF_3")
         ),
         "identify {data}/ur_collisions/Axis_1_1.csv.gz {data}/ur_collisions/Axis_3_1.csv.gz"
         " {data}/ur_collisions/Axis_5_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml --out out",
         "observe {data}/ur_collisions/Drift00_WF_1.csv.gz --model out --robot {ur10}"
-        " --recipe {inputs}/ur.toml --within 0.1 --out observed",
+        " --recipe {inputs}/ur.toml --settings within=0.1 --out observed",
     ),
     "so101": (
         "inspect {inputs}/so101/multisine.csv --robot {so101}",
         *(
-            f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 --no-report"
+            f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 --settings "
+            f"report=false"
             f" --out {log}"
             for log in _SO101
         ),
     ),
     "gantry": (
-        "simulate --robot {gantry} --ideal --viscous 1 --coulomb 0.5 --out log.csv",
+        "simulate --robot {gantry} --ideal --settings viscous=1 --settings coulomb=0.5 --out "
+        "log.csv",
         "identify log.csv --robot {gantry} --out out",
         "export out --robot {gantry} --out models",
     ),
     # Formats of one log, and several logs.
     "formats": tuple(
-        f"identify {{inputs}}/fr3/log.{kind} --robot {{fr3}} --cutoff 10 --no-report --out {kind}"
-        + (" --friction viscous,coulomb --stream" * (kind in {"parquet", "mcap"}))
+        f"identify {{inputs}}/fr3/log.{kind} --robot {{fr3}} --cutoff 10 --settings "
+        f"report=false --out {kind}"
+        + (" --friction viscous,coulomb --settings stream=true" * (kind in {"parquet", "mcap"}))
         for kind in ("csv.gz", "parquet", "h5", "mcap")
     ),
     "several": (
         "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
-        " --cutoff 10 --out tool",
+        " --settings cutoff=10 --out tool",
         "identify {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv {inputs}/fr3/unit2.csv"
-        " --robot {fr3} --cutoff 10 --payload-of {inputs}/fr3/loaded.csv=tool/payload.json"
+        " --robot {fr3} --cutoff 10 --settings payload_of={inputs}/fr3/loaded.csv=tool/payload.json"
         " --delay auto --out out",
-        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10 --stream"
-        " --friction viscous,coulomb --no-refit --out streamed",
+        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10 "
+        "--settings stream=true"
+        " --friction viscous,coulomb --settings refit=false --out streamed",
         "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10"
-        " --method pc-ols --robust --out robust",
+        " --method pc-ols --settings robust=true --out robust",
         *_READ.format(robot="{fr3}", log="{inputs}/fr3/unit3.csv").split(";"),
     ),
     # Uses of a result.
     "payload": (
         "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
-        " --cutoff 10 --out tool",
+        " --settings cutoff=10 --out tool",
         f"{_FR3} arm",
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --model arm --cutoff 10 --gain-error 0.01"
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --model arm --settings cutoff=10 "
+        "--settings gain_error=0.01"
         " --out model",
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --link fr3_link7 --out urdf --json",
+        "payload {inputs}/fr3/loaded.csv --robot {fr3} --settings link=fr3_link7 --out urdf --json",
     ),
     "gains": (
-        "gains {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv --robot {fr3} --cutoff 10"
+        "gains {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv --robot {fr3} --settings cutoff=10"
         " --payload 1,0,0,0.043 --recipe-out gains.toml",
         "identify {inputs}/fr3/heavy.csv --robot {fr3} --recipe gains.toml --cutoff 10 --out out",
     ),
     "predict": (
         "predict fr3_simulated --robot {fr3} --more same --json",
-        "predict panda_gaz --robot {fr3} --earlier-log fr3_simulated --friction viscous,coulomb",
-        "predict panda_gaz --robot {fr3} --payload-only --noise 0.1",
+        "predict panda_gaz --robot {fr3} --settings earlier_log=fr3_simulated --settings "
+        "friction=viscous,coulomb",
+        "predict panda_gaz --robot {fr3} --settings payload_only=true --noise 0.1",
         "predict {tree}/runtime/examples/fr3_trajectory.json --robot {fr3} --noise fr3_simulated",
     ),
     "compare": (
         "compare fr3_simulated --robot {fr3} --cutoff 10 --friction viscous,coulomb --out out",
         "compare panda_gaz --robot {fr3} --methods map,pc-ols,ols,lm --out panda",
-        "compare lwr4_flobaroid --robot {kuka_lwr4} --methods map,pc-ols,wls --stream --out lwr4",
+        "compare lwr4_flobaroid --robot {kuka_lwr4} --methods map,pc-ols,wls --settings "
+        "stream=true --out lwr4",
     ),
     "observe": (
         f"{_FR3} out --friction viscous,coulomb",
         "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --free {inputs}/fr3/unit1.csv"
-        " --link fr3_link4 --within 0.1 --mcap --out observed",
-        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --within 0.1"
-        f" --false-alarms '2 per day' {_FREE} --out calibrated",
+        " --settings link=fr3_link4 --settings within=0.1 --settings mcap=true --out observed",
+        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --settings within=0.1"
+        f" --settings false_alarms='2 per day' {_FREE} --out calibrated",
     ),
     "watch": (
         f"{_FR3} out --friction viscous,coulomb",
         *(
-            f"watch out {{inputs}}/fr3/{log}.csv --robot {{fr3}} --date 2026-01-0{day}"
-            " --history history.jsonl --temperature 30"
+            f"watch out {{inputs}}/fr3/{log}.csv --robot {{fr3}} --settings date=2026-01-0{day}"
+            " --history history.jsonl --settings temperature=30"
             for day, log in enumerate(("unit1", "rubbing", "heavy", "loaded"), 1)
         ),
         "watch out {inputs}/fr3/unit1.csv {inputs}/fr3/rubbing.csv --robot {fr3} --json",
@@ -246,14 +268,16 @@ CASES: dict[str, tuple[str, ...]] = {
     ),
     "fleet": (
         *(
-            f"identify {{inputs}}/fr3/unit{k}.csv --robot {{fr3}} --cutoff 10 --save-statistics"
-            f" --friction viscous,coulomb,offset --no-report --out units/unit{k}"
+            f"identify {{inputs}}/fr3/unit{k}.csv --robot {{fr3}} --cutoff 10 --settings "
+            f"save_statistics=true"
+            f" --friction viscous,coulomb,offset --settings report=false --out units/unit{k}"
             for k in (1, 2, 3)
         ),
         "fleet units --robot {fr3} --out fleet.toml --json",
         "identify {inputs}/fr3/heavy.csv --robot {fr3} --cutoff 10 --prior fleet.toml --out new",
     ),
-    "sample": (f"{_FR3} out", "sample out --robot {fr3} --count 5 --to mjcf,urdf --seed 1"),
+    "sample": (f"{_FR3} out", "sample out --robot {fr3} --count 5 --to mjcf,urdf --settings "
+                              "seed=1"),
     "export": (f"{_FR3} out", "export out --robot {fr3} --out models"),
     "friction": (
         f"{_FR3} out --friction viscous,coulomb,offset",
@@ -272,31 +296,37 @@ CASES: dict[str, tuple[str, ...]] = {
     ),
     # Motions, virtual robots, campaigns.
     "simulate": (
-        f"{_SIMULATE} --viscous 0.8 --coulomb 0.4 --keep-every 5 --out log.csv",
-        f"{_SIMULATE} --engine mujoco --seed 1 --keep-every 5 --out real.npz",
+        f"{_SIMULATE} --settings viscous=0.8 --settings coulomb=0.4 --settings keep_every=5 "
+        f"--out log.csv",
+        f"{_SIMULATE} --engine mujoco --seed 1 --settings keep_every=5 --out real.npz",
         f"{_SIMULATE} --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out loaded.npz",
         *(
-            f"identify log.csv --robot {{fr3}} --method {method} --controller log.loop.toml"
+            f"identify log.csv --robot {{fr3}} --method {method} --settings "
+            f"controller=log.loop.toml"
             f" --friction viscous,coulomb --cutoff 20 --out {method}"
             for method in ("iv", "didim", "ekf", "ukf")
         ),
-        "compare log.csv --robot {fr3} --methods map,iv,didim,ols --controller log.loop.toml"
+        "compare log.csv --robot {fr3} --methods map,iv,didim,ols --settings "
+        "controller=log.loop.toml"
         " --friction viscous,coulomb --out compared",
         "identify real.npz --robot {fr3} --cutoff 10 --out real",
     ),
     "excite": (f"{_EXCITE} --table 0 --export csv --export ros --out motion.json",
                "approach motion.json --robot {fr3} --from home --return --table 0"
                " --obstacles {inputs}/cell.toml --export npz --out way.json",
-               "predict motion.json --robot {fr3} --log-rate 50 --json"),
-    "excite-document": (f"{_EXCITE} --document --out motion.json",),
+               "predict motion.json --robot {fr3} --settings log_rate=50 --json"),
+    "excite-document": (f"{_EXCITE} --settings document=true --out motion.json",),
     "excite-limits": (
-        f"{_EXCITE} --table 0 --basis fourier --criterion d --carry 1,0,0,0.1,0.1,0.1,0.1"
-        " --payload-band 0.2,0.1 --friction-band 20 --viscous 1 --coulomb 0.5 --model-band cad"
+        f"{_EXCITE} --table 0 --settings basis=fourier --criterion d --carry 1,0,0,0.1,0.1,0.1,0.1"
+        " --settings payload_band=0.2,0.1 --settings friction_band=20 --settings viscous=1 "
+        "--settings coulomb=0.5 --settings model_band=cad"
         " --obstacles {inputs}/cell.toml --export libfranka --speed 50 --out motion.json",
     ),
-    "excite-spline": (f"{_EXCITE} --basis bspline --criterion a --zero-jerk --out motion.json",),
+    "excite-spline": (f"{_EXCITE} --settings basis=bspline --criterion a --settings "
+                      f"zero_jerk=true --out motion.json",),
     "excite-several": (
-        f"{_EXCITE} --motions 2 --table 0 --noise fr3_simulated --noise-model coloured"
+        f"{_EXCITE} --settings motions=2 --table 0 --noise fr3_simulated --settings "
+        f"noise_model=coloured"
         " --cutoff 10 --out motion.json",
     ),
     "excite-until": (
@@ -304,30 +334,34 @@ CASES: dict[str, tuple[str, ...]] = {
         f"{_UNTIL} 'payload 20 g' --out payload.json",
     ),
     "excite-ur5e": (
-        "excite --robot {ur5e} --duration 4 --harmonics 3 --starts 2 --seed 4 --processes 2"
+        "excite --robot {ur5e} --duration 4 --settings harmonics=3 --settings starts=2 "
+        "--settings seed=4 --settings processes=2"
         " --table 0 --out motion.json",
     ),
-    "static": ("excite --robot {fr3} --static --poses 6 --table 0 --out poses.json",),
+    "static": ("excite --robot {fr3} --settings static=true --settings poses=6 --table 0 --out "
+               "poses.json",),
     "campaign": (
-        "campaign --robot {fr3} --target v=2Nm --stages 50 --no-rehearsal --later-duration 2.5"
+        "campaign --robot {fr3} --target v=2Nm --settings stages=50 --settings rehearsal=false "
+        "--settings later_duration=2.5"
         " --out session",
     ),
     "campaign-payload": (
-        "campaign --robot {fr3} --target payload=50g --stages 100 --no-rehearsal"
-        " --later-duration 2.5 --json --out session",
+        "campaign --robot {fr3} --target payload=50g --settings stages=100 --settings "
+        "rehearsal=false"
+        " --settings later_duration=2.5 --json --out session",
     ),
     # The Python interface, tables, and input that is refused.
     "python": ("python identify {fr3}", "python payload {fr3} {inputs}/fr3"),
-    "reproduce": ("reproduce list", "reproduce tables-B --robot {fr3} --out results",
+    "reproduce": ("reproduce list", "reproduce tables-B --settings robot={fr3} --out results",
                   "report results --out report.html --markdown tables.md"),
     "refused": (
         "identify nothing.csv --robot {fr3}",
         "identify fr3_simulated --robot {tx40}",
         "identify fr3_simulated --robot {fr3} --method nothing",
-        "identify fr3_simulated --robot {fr3} --method didim --stream",
-        "identify fr3_simulated --robot {fr3} --tie",
-        "identify fr3_simulated --robot {fr3} --rows base",
-        "identify fr3_simulated --robot {fr3} --encoder-bias --stream",
+        "identify fr3_simulated --robot {fr3} --method didim --settings stream=true",
+        "identify fr3_simulated --robot {fr3} --settings tie=true",
+        "identify fr3_simulated --robot {fr3} --settings rows=base",
+        "identify fr3_simulated --robot {fr3} --settings encoder_bias=true --settings stream=true",
         "identify fr3_simulated panda_gaz --robot {fr3} --method ekf",
         "identify {inputs}/icub_walking.npz --robot {icub} --delay auto",
         "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty panda_gaz",

@@ -192,7 +192,7 @@ def one_build(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) 
 
 def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
-    words = [word for level in levels for word in ("--level", level)]
+    words = [word for level in levels for word in ("--settings", f"level={level}")]
     start = time.perf_counter()
     command = ("-m", "symgen", "build", "--robot", robot, "--out", out, *words)
     run = python(*command, CC=shlex.join(compiler))

@@ -17,10 +17,10 @@ COMMANDS = (
     ("symgen --help", ("-c", f"import sys; sys.argv = ['symgen', '--help']; {_CONSOLE}"), 0.5),
     ("import runtime", ("-c", "import runtime"), 0.3),
     ("identify {log}", _IDENTIFY, 2.0),
-    ("identify {log} --no-report", (*_IDENTIFY, "--no-report"), 1.5),
+    ("identify {log} --settings report=false", (*_IDENTIFY, "--settings", "report=false"), 1.5),
 )
 """Label, words of the interpreter, and largest CPU time on a quiet core [s]."""
-_BUILD = ("-m", "symgen", "build", "--urdf", "arm.urdf", "--name", "arm", "--snap", "1e-9")
+_BUILD = ("-m", "symgen", "build", "--urdf", "arm.urdf", "--name", "arm", "--settings", "snap=1e-9")
 LONGEST_BUILD = 9.0  # CPU time of a build of an arm of seven joints, at most [s]
 
 

@@ -203,7 +203,7 @@ def _reported(path: Path, _: Library) -> None:
 
 _FILES: dict[str, tuple[str, ...]] = {
     "identify": ("log.csv", "--out", "{folder}/out/result"),
-    "excite": ("--document", "--out", "{folder}/out/motion.json"),
+    "excite": ("--settings", "document=true", "--out", "{folder}/out/motion.json"),
     "simulate": ("--trajectory", "motion.json", "--ideal", "--out", "{folder}/out/log.csv"),
     "predict": ("motion.json",),
 }

@@ -32,18 +32,42 @@ from tests.symgen.sources.test_sdf import LOOP
 
 OPTIONS = {
     "identify": {
-        **{"--cutoff": "10", "--rate": "50", "--coulomb-speed": "0.02", "--split": "0.5,0.7"},
-        **{"--seed": "1", "--friction": "viscous,coulomb", "--method": "ols"},
+        **{
+            "--cutoff": "10",
+            "--settings=rate": "50",
+            "--settings=coulomb_speed": "0.02",
+            "--split": "0.5,0.7",
+        },
+        **{"--settings=seed": "1", "--friction": "viscous,coulomb", "--method": "ols"},
     },
     "excite": {
-        **{"--duration": "3", "--harmonics": "2", "--seed": "1", "--noise": "0.05"},
-        **{"--log-rate": "100", "--export-rate": "100", "--speed": "50", "--starts": "1"},
+        **{
+            "--duration": "3",
+            "--settings=harmonics": "2",
+            "--settings=seed": "1",
+            "--noise": "0.05",
+        },
+        **{
+            "--settings=log_rate": "100",
+            "--settings=export_rate": "100",
+            "--speed": "50",
+            "--settings=starts": "1",
+        },
     },
     "simulate": {
-        **{"--perturb": "0.05", "--control-rate": "100", "--torque-noise": "0.05"},
-        **{"--viscous": "0.1", "--coulomb": "0.1", "--rotor": "0.1", "--keep-every": "2"},
+        **{
+            "--settings=perturb": "0.05",
+            "--settings=control_rate": "100",
+            "--settings=torque_noise": "0.05",
+        },
+        **{
+            "--settings=viscous": "0.1",
+            "--settings=coulomb": "0.1",
+            "--settings=rotor": "0.1",
+            "--settings=keep_every": "2",
+        },
     },
-    "predict": {"--noise": "0.05", "--log-rate": "100", "--friction": "viscous"},
+    "predict": {"--noise": "0.05", "--settings=log_rate": "100", "--settings=friction": "viscous"},
 }
 """Options with numbers, by command."""
 MARK = "ab" * 32

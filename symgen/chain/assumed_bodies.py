@@ -56,9 +56,11 @@ def assume_bodies(
     Else it stays as it is, and `read_chain` refuses it.
     """
     for link, mass in masses.items():
-        require_bare(document, link, "--masses")
+        require_bare(document, link, "the setting masses")
         if not (math.isfinite(mass) and mass > 0):
-            raise UrdfError(f"--masses: expected a mass above 0 kg for '{link}', got {mass:g}")
+            raise UrdfError(
+                f"the setting masses: expected a mass above 0 kg for '{link}', got {mass:g}"
+            )
     moving_joints = [j for j in document.joints if document.kind(j) in MOVING]
     moving = [document.child_link(j) for j in moving_joints]
     origins = dict.fromkeys(masses, GIVEN)

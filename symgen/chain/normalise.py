@@ -212,7 +212,7 @@ def _rigid(document: Document, link: str, on_path: set[str]) -> Iterator[str]:
 
 def _snap(document: Document, tolerance: float) -> None:
     if not 0 < tolerance < 0.1:
-        raise UrdfError(f"--snap needs an angle between 0 and 0.1 rad, got {tolerance:g}")
+        raise UrdfError(f"the setting snap needs an angle between 0 and 0.1 rad, got {tolerance:g}")
     for name, element in document.joints.items():
         node = element.find("origin")
         if node is None or "rpy" not in node.attrib:

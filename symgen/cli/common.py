@@ -78,12 +78,12 @@ def read_locks(items: list[str]) -> dict[str, float]:
 
 
 def read_arguments(items: list[str]) -> dict[str, str]:
-    """Return the values of --arg NAME=VALUE by name."""
+    """Return the values of --settings arg=NAME=VALUE by name."""
     arguments = {}
     for item in items:
         name, mark, value = item.partition("=")
         if not name or not mark:
-            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
+            raise BuildError(f"the setting arg needs NAME=VALUE, got '{item}'")
         arguments[name] = value
     return arguments
 

@@ -22,7 +22,7 @@ class InspectSettings(Choices):
     """Settings of `symgen inspect`."""
 
     command = "inspect"
-    options = "as_json strict repair overwrite package_dir arg robot_model"
+    options = "as_json strict repair overwrite robot_model"
     model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")]
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
     strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False

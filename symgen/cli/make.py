@@ -49,9 +49,7 @@ class BuildSettings(Choices):
 
     command = "build"
     options = (
-        "robot urdf description name base tip gravity lock snap project floating masses "
-        "densities mechanism arg package model config level all_levels kernels precision "
-        "casadi watch_size force out overwrite"
+        "robot urdf description name base tip gravity lock mechanism config floating out overwrite"
     )
     robot: Annotated[
         str,
@@ -159,7 +157,7 @@ class BuildSettings(Choices):
         ),
     ] = None
     precision: Annotated[
-        str, typer.Option(help="Numbers of the files of --kernels: double or single.")
+        str, typer.Option(help="Numbers of the files of the setting kernels: double or single.")
     ] = "double"
     casadi: Annotated[
         bool,
@@ -188,7 +186,8 @@ def build_command(given: BuildSettings) -> None:
 
     Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
     them as C to OUT/NAME/ and compiles one library: of your own robot for the instruction set of
-    this processor and a portable one, with --all-levels for every one of this machine.
+    this processor and a portable one, with --settings all_levels=true for every one of this
+    machine.
     Nothing is done if the folder is up to date; the files of an earlier build are replaced.
 
     \b
@@ -196,7 +195,7 @@ def build_command(given: BuildSettings) -> None:
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     python -m symgen build --robot fr3 --name fr3_six --lock fr3_joint7=0
-    python -m symgen build --robot fr3 --kernels inverse_dynamics --precision single
+    python -m symgen build --settings kernels=inverse_dynamics --settings precision=single
     """
     options = ChainOptions(
         given.base,
@@ -214,8 +213,9 @@ def build_command(given: BuildSettings) -> None:
     if urdf is None:
         if any(getattr(given, each) for each in _OF_URDF):
             raise BuildError(
-                "the options --project, --masses, --densities, --mechanism, --arg, --package, "
-                "--model and --config belong to your own robot; give its --urdf too"
+                "--mechanism, --config and the settings project, masses, densities, arg, "
+                "package and "
+                "model belong to your own robot; give its --urdf too"
             )
         request = bundled_request(given.robot)
         if options != ChainOptions() or name:
@@ -241,7 +241,9 @@ def build_command(given: BuildSettings) -> None:
         say(f"{folder}: written")
         return
     if given.precision != "double":
-        raise BuildError("--precision belongs to --kernels; name the kernels to write")
+        raise BuildError(
+            "the setting precision belongs to the setting kernels; name the kernels to write"
+        )
     levels = levels_of(given.level, given.all_levels, request.name)
     with console.status(f"building {request.name}"):
         watch = (lambda cost: say(f"{request.name}: {cost}")) if given.watch_size else None
@@ -296,7 +298,9 @@ def check_command(given: CheckSettings) -> None:
 def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
     """Return the levels to compile."""
     if chosen and every:
-        raise BuildError("--level and --all-levels both name levels; give one of them")
+        raise BuildError(
+            "the setting level and --settings all_levels=true both name levels; give one of them"
+        )
     if chosen or every or name in bundled_robots():
         return tuple(chosen or ())
     return levels_of_processor()
@@ -337,7 +341,10 @@ def request_from_urdf(
     if densities is not None:
         folder = source.packages.file(source.path).parent
         text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
-        say(f"note: mass and inertia of {', '.join(links)} from their meshes by --densities")
+        say(
+            f"note: mass and inertia of {', '.join(links)} from their meshes by the setting "
+            f"densities"
+        )
     of_file = tuple(s for s in mechanism.spring if s not in options.mechanism.spring)
     kept, left = split_by_use(text, replace(options, mechanism=mechanism), of_file)
     known = [(s.name, s.stiffness, s.rest) for s in kept if s.stiffness is not None]

@@ -36,7 +36,7 @@ class ProxiesSettings(Choices):
     """Settings of `symgen proxies`."""
 
     command = "proxies"
-    options = "out package_dir base tip lock config most margin overwrite"
+    options = "out package_dir base tip overwrite"
     urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)]
     out: Annotated[
         Path, typer.Option(help="TOML file to write, for build --config.", dir_okay=False)
@@ -72,7 +72,9 @@ def proxies_command(given: ProxiesSettings) -> None:
     """
     require_unused([given.out], given.overwrite, None)
     if not (math.isfinite(given.margin) and given.margin >= 0):
-        raise BuildError(f"--margin needs a distance in m, not below 0, got {given.margin:g}")
+        raise BuildError(
+            f"the setting margin needs a distance in m, not below 0, got {given.margin:g}"
+        )
     chain = read_chain(
         urdf_text(given.urdf),
         ChainOptions(given.base, given.tip, None, read_locks(given.lock or [])),

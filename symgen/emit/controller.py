@@ -23,7 +23,8 @@ def controller_files(
     unknown = [kernel for kernel in chosen if kernel not in by_name]
     if unknown or precision not in PRECISIONS:
         raise BuildError(
-            f"expected --precision single or double and --kernels of {', '.join(by_name)}; got "
+            f"expected the setting precision single or double and the setting kernels of "
+            f"{', '.join(by_name)}; got "
             f"'{precision}' and '{', '.join(unknown) or ', '.join(chosen)}'"
         )
     composed = {kernel.name for kernel in compositions(by_name)}

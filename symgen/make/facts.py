@@ -34,7 +34,7 @@ ROUNDED = 1e-4
 WORLD = "world"
 """Frame of the pose and of gravity where the base is free."""
 PROJECTION_FLOOR = 1e-4
-"""Smallest eigenvalue of Σ_com after --project, relative to its trace."""
+"""Smallest eigenvalue of Σ_com after --settings project=true, relative to its trace."""
 
 
 def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, float]]:
@@ -202,7 +202,8 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
     if rounded:
         notes.append(
             f"the angles of {', '.join(rounded)} differ from right angles by less than {ROUNDED:g} "
-            f"rad; if the URDF rounds them, --snap {ROUNDED:g} makes them exact, which saves "
+            f"rad; if the URDF rounds them, --settings snap={ROUNDED:g} makes them exact, which "
+            f"saves "
             "operations and spurious base parameters"
         )
     return tuple(notes)
@@ -251,7 +252,8 @@ def _assumed(chain: Chain) -> list[str]:
     notes = []
     if given:
         notes.append(
-            f"mass of {', '.join(given)} as stated by --masses; centre of mass and inertia are "
+            f"mass of {', '.join(given)} as stated by the setting masses; centre of mass and "
+            f"inertia are "
             "those of a solid rod between the joints"
         )
     specks = [link for link, source in chain.assumed.items() if source == MASSLESS]
@@ -264,8 +266,9 @@ def _assumed(chain: Chain) -> list[str]:
         notes.append(
             "no moving link has an <inertial>, so each is a placeholder of "
             f"{PLACEHOLDER_MASS:g} kg: identification uses pc-ols, which needs no inertial prior; "
-            "for map, state masses by --masses FILE (TOML, link = kg), densities of closed meshes "
-            "by --densities FILE, or a prior file"
+            "for map, state masses by --settings masses=FILE (TOML, link = kg), densities of "
+            "closed meshes "
+            "by --settings densities=FILE, or a prior file"
         )
     return notes
 

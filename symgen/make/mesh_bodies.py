@@ -58,7 +58,7 @@ def with_mesh_bodies(
     """Write <inertial> elements for links that have none, from their meshes."""
     document = Document(urdf)
     for link in (name for name in densities if name != DEFAULT):
-        require_bare(document, link, "--densities")
+        require_bare(document, link, "the setting densities")
     done = []
     for name, element in document.links.items():
         density = densities.get(name, densities.get(DEFAULT))
@@ -66,8 +66,9 @@ def with_mesh_bodies(
         if element.find("inertial") is not None or density is None or not meshes:
             if name in densities:
                 raise UrdfError(
-                    f"--densities names the link '{name}', which has no mesh; state its mass with "
-                    "--masses"
+                    f"the setting densities names the link '{name}', which has no mesh; state "
+                    f"its mass with "
+                    "the setting masses"
                 )
             continue
         parts = [_placed(mesh, name, folder, packages) for mesh in meshes]
@@ -75,7 +76,8 @@ def with_mesh_bodies(
         done.append(name)
     if not done:
         raise UrdfError(
-            "--densities gives no link a body: every link has an <inertial>, or no mesh; leave the "
+            "the setting densities gives no link a body: every link has an <inertial>, or no "
+            "mesh; leave the "
             "option out"
         )
     return document.text(), tuple(done)
@@ -100,7 +102,7 @@ def moments_of(vertices: Array, triangles: Array, owner: str) -> Moments:
         reason = f"{open_edges} of its edges have no partner" if open_edges else "it has no volume"
         raise BuildError(
             f"{owner} is not a closed surface ({reason}), so its mass cannot be computed from a "
-            "density; close the mesh, or state the mass of the link with --masses"
+            "density; close the mesh, or state the mass of the link with the setting masses"
         )
     sums = v.sum(axis=1)
     first = np.einsum("t,ti->i", det, sums) / 24
@@ -146,7 +148,7 @@ def _loaded(path: Path, scale: Array, link: str) -> tuple[Array, Array]:
     except (OSError, ValueError, RuntimeError) as error:
         raise BuildError(
             f"cannot read the mesh '{path}' of link '{link}': {' '.join(str(error).split())}; "
-            "correct its name, or give --package DIR"
+            "correct its name, or give --settings package=DIR"
         ) from None
     triangles = [
         [triangle[k] for k in range(3)]

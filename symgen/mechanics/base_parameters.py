@@ -105,7 +105,7 @@ def numeric_base(
         raise RankError(
             f"expected a gap of {CLEAR_GAP:g} between neighbouring singular values of the "
             f"regressor, they decrease without one (smallest {sigma[-2]:.1e}), so the number of "
-            "base parameters is undecided; if the URDF rounds its angles, use --snap 1e-4"
+            "base parameters is undecided; if the URDF rounds its angles, use --settings snap=1e-4"
         )
     rank = int(falls[0]) + 1
     # Independent columns in the order of the regrouping rules, then W_b K = W by least squares.
@@ -184,7 +184,7 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
     if len(residuals) < rank:
         raise RankError(
             f"expected {rank} independent columns by the singular values, got {len(residuals)}; "
-            "if the URDF rounds its angles, use --snap 1e-4"
+            "if the URDF rounds its angles, use --settings snap=1e-4"
         )
     return [k for _, k in residuals]
 

@@ -278,11 +278,12 @@ def require_realisable(pi: Matrix, link: str) -> None:
     if not float(trace) > shift:
         raise InertiaError(
             f"link '{link}' has a mass but zero inertia, which is not physically consistent; "
-            "correct the URDF, or accept the smallest consistent inertia with --project"
+            "correct the URDF, or accept the smallest consistent inertia with --settings "
+            "project=true"
         )
     if not slack >= -(REALISABLE_TOLERANCE * float(trace) + shift):
         raise InertiaError(
             f"the inertia of link '{link}' is not physically consistent: one principal moment "
             f"exceeds the sum of the other two by {-slack:.3g} kg*m^2; correct the URDF, or accept "
-            "the nearest consistent inertia with --project"
+            "the nearest consistent inertia with --settings project=true"
         )

@@ -1,4 +1,4 @@
-"""Folders of ROS packages: --package, then ROS_PACKAGE_PATH, then AMENT_PREFIX_PATH.
+"""Folders of ROS packages: the setting package, then ROS_PACKAGE_PATH, then AMENT_PREFIX_PATH.
 
 xacro files become URDF by the package xacro, in a process of limited time and memory. A xacro file
 is a program: its expressions are Python, its macros call each other. The process of `xacro_child`
@@ -55,7 +55,8 @@ class Packages:
             if (prefix / "share" / name).is_dir():
                 return prefix / "share" / name
         raise BuildError(
-            f"the ROS package '{name}' is not found; name its folder with --package DIR, or set "
+            f"the ROS package '{name}' is not found; name its folder with --settings package=DIR, "
+            "or set "
             "ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
         )
 
@@ -124,5 +125,5 @@ def expanded(
     if "refused" in answer:
         raise BuildError(answer["refused"])
     reason = answer["reason"]
-    hint = "; give it by --arg NAME=VALUE" if "ndefined substitution arg" in reason else ""
+    hint = "; give it by --settings arg=NAME=VALUE" if "ndefined substitution arg" in reason else ""
     raise BuildError(f"xacro cannot expand '{path}': {reason}{hint}")

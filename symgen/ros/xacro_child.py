@@ -62,7 +62,8 @@ def _expand(job: dict[str, Any]) -> dict[str, Any]:
     if unknown:
         names = ", ".join(_one_line(name) for name in files.arguments) or "none"
         return {
-            "refused": f"--arg names '{unknown[0]}', which '{job['path']}' and its includes do not "
+            "refused": f"the setting arg names '{unknown[0]}', which '{job['path']}' and its "
+            f"includes do not "
             f"contain; their arguments are: {names}"
         }
     if len(text) > LARGEST_DOCUMENT:
@@ -146,7 +147,7 @@ class Files:
         if path.exists() and not self._may_read(path.resolve()):
             raise ValueError(
                 f"'{path}' is outside of '{self.folders[0]}' and of the packages that the file "
-                "names; allow its folder with --package DIR"
+                "names; allow its folder with --settings package=DIR"
             )
         try:
             text = text_of(path)

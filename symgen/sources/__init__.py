@@ -80,7 +80,9 @@ def read_source(
     """
     path = source.packages.file(source.path)
     if source.arguments and path.suffix != ".xacro":
-        raise BuildError(f"--arg belongs to xacro files, and '{path}' is none; leave it out")
+        raise BuildError(
+            f"the setting arg belongs to xacro files, and '{path}' is none; leave it out"
+        )
     stated = Mechanism()
     if path.suffix == ".xacro":
         text = expanded(path, source.arguments, source.packages)

@@ -84,7 +84,7 @@ IDENTIFY = {
     "cut-off": (("good.csv", "--cutoff", "1e-308"), "--cutoff expects a number from"),
     "small cut-off": (("good.csv", "--cutoff", "1e-10"), "cutoff_hz expects a number from"),
     "slow cut-off": (("good.csv", "--cutoff", "1e-6"), "cutoff_hz expects at least"),
-    "rate": (("good.csv", "--rate", "1e-308"), "expects a number from"),
+    "rate": (("good.csv", "--settings", "rate=1e-308"), "expects a number from"),
     "name of the log": ((LONG,), "cannot use 'xxx.*File name too long"),
     "name of the recipe": (("good.csv", "--recipe", LONG), "File name too long|no recipe"),
 }
@@ -102,7 +102,11 @@ def test_identify(case: str, desk: Desk, command: Command) -> None:
 
 @pytest.mark.parametrize(
     "words",
-    [("--duration", "1e-308"), ("--harmonics", "1" + "0" * 23), ("--harmonics", "100000")],
+    [
+        ("--duration", "1e-308"),
+        ("--settings", f"harmonics={'1' + '0' * 23}"),
+        ("--settings", "harmonics=100000"),
+    ],
     ids=str,
 )
 def test_excite(words: tuple[str, ...], desk: Desk, command: Command) -> None:
@@ -117,7 +121,10 @@ def test_excite(words: tuple[str, ...], desk: Desk, command: Command) -> None:
     [
         (("--noise", "1e-308"), "--noise expects a number from 1e-12 to 1e"),
         (("--noise", "1,1,1,1e308,1,1,1"), "--noise expects a number from 1e-12 to 1e"),
-        (("--log-rate", "1e308"), "--log-rate expects a number from 1e-12 to 1e"),
+        (
+            ("--settings", "log_rate=1e308"),
+            "the setting log_rate expects a number from 1e-12 to 1e",
+        ),
         (("--box=-1e308,1,0,1,0,1",), "--box expects a number from 1e-12 to 1e"),
         (("--carry", "1,1e200,0,0"), "--carry expects a number from 1e-12 to 1e"),
         (("--table", "inf"), "--table expects a number from 1e-12 to 1e"),
@@ -141,7 +148,7 @@ def test_seeds_have_64_bits(name: str, desk: Desk, command: Command) -> None:
     words = {"excite": desk.excite(), "simulate": desk.simulate()}.get(
         name, desk.identify("good.csv")
     )
-    ran = command(*words, "--seed", "9" * 23)
+    ran = command(*words, "--settings", f"seed={'9' * 23}")
     assert ran.code == 2
     assert not (desk.folder / "out").exists()
 
@@ -194,10 +201,10 @@ COLUMNS = ["viscous", "coulomb", "offset", "load", "rotor", "stribeck"]
 OPTIONS = {
     "--split": st.sampled_from(["0.6,0.8", "0.4,0.5", "0.1,0.9"]),
     "--cutoff": st.floats(1.0, 45.0).map(repr),
-    "--rate": st.floats(20.0, 100.0).map(repr),
-    "--regressor": st.sampled_from(["acceleration", "momentum", "energy"]),
-    "--seed": st.integers(0, 2**63 - 1).map(str),
-    "--coulomb-speed": st.floats(1e-9, 1e9).map(repr),
+    "--settings=rate": st.floats(20.0, 100.0).map(repr),
+    "--settings=regressor": st.sampled_from(["acceleration", "momentum", "energy"]),
+    "--settings=seed": st.integers(0, 2**63 - 1).map(str),
+    "--settings=coulomb_speed": st.floats(1e-9, 1e9).map(repr),
 }
 
 
@@ -230,7 +237,7 @@ def test_what_identify_writes_evaluate_reads(
     columns = data.draw(st.lists(st.sampled_from(COLUMNS), unique=True))
     words += ["--friction", ",".join(columns)] if columns else []
     for option, values in OPTIONS.items():
-        words += [option, data.draw(values)] if data.draw(st.booleans()) else []
+        words += [f"{option}={data.draw(values)}"] if data.draw(st.booleans()) else []
     (desk.folder / "out" / "result.json").unlink(missing_ok=True)
     with pytest.MonkeyPatch.context() as patch:  # the page takes most of the time
         patch.setattr("runtime.outputs.report.report.write_report", lambda folder: folder)

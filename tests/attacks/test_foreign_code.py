@@ -153,7 +153,9 @@ def test_the_working_directory_needs_consent(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Property: a robot that only ./generated holds is refused by name, and runs with --yes."""
+    """Property: a robot that only ./generated holds is refused by name, and runs with --settings
+    yes=true.
+    """
     folder = tmp_path / "generated" / "stranger"
     text = (tiny / "tiny.urdf").read_text()
     build(BuildRequest("stranger", text), tmp_path / "generated", levels=("portable",))
@@ -164,13 +166,24 @@ def test_the_working_directory_needs_consent(
     # The user's own build of that name was of this folder, whose library is now another.
     monkeypatch.setenv("SYMGEN_BUILDS", str(tmp_path / "no-builds"))
     assert not (tmp_path / "no-builds" / record).exists()
-    with pytest.raises(ForeignRobotError, match=r"built by you, .*--robot .*stranger or --yes"):
+    with pytest.raises(
+        ForeignRobotError, match=r"built by you, .*--robot .*stranger or --settings yes=true"
+    ):
         load("stranger")
     refused = command("simulate", "--robot", "stranger")
     assert (refused.code, refused.out) == (2, "")
     assert "generated/stranger" in refused.err
-    words = ("simulate", "--robot", "stranger", "--yes", "--out", "s.csv", "--ideal")
-    agreed = command(*words, "--torque-noise", "-1")
+    words = (
+        "simulate",
+        "--robot",
+        "stranger",
+        "--settings",
+        "yes=true",
+        "--out",
+        "s.csv",
+        "--ideal",
+    )
+    agreed = command(*words, "--settings", "torque_noise=-1")
     assert "robot 'stranger' of the working directory: generated/stranger" in agreed.err
     assert not canary.exists()
 
@@ -247,9 +260,28 @@ def test_workers_import_nothing_of_the_working_directory(tiny: Path, tmp_path: P
     """Property: a worker and the tracker of semaphores begin as `python -c` in that directory."""
     for name in ("pickle", "runpy", "socket", "signal", "tempfile", "struct"):
         (tmp_path / f"{name}.py").write_text(f"open('owned-{name}', 'w').close()\n")
-    words = ("excite", "--robot", tiny, "--duration", "2", "--harmonics", "2", "--document")
+    words = (
+        "excite",
+        "--robot",
+        tiny,
+        "--duration",
+        "2",
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "document=true",
+    )
     ran = subprocess.run(
-        [sys.executable, "-m", "runtime", *words, "--starts", "2", "--processes", "2"],
+        [
+            sys.executable,
+            "-m",
+            "runtime",
+            *words,
+            "--settings",
+            "starts=2",
+            "--settings",
+            "processes=2",
+        ],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         capture_output=True,

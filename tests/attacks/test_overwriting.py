@@ -45,13 +45,13 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "excite --export": (
         (
             *("excite", "--out", "e.json", "--export", "ros", "--export", "libfranka"),
-            *("--speed", "100", "--speed", "50", "--table", "none", "--unchecked", "all"),
+            *("--speed", "100", "--speed", "50", "--table", "none", "--settings", "unchecked=all"),
         ),
         ("e.json", "e.settings.toml", *STAGES),
     ),
     "approach": (("approach", "good.json", "--from", "home", "--out", "e.json"), MOTION_FILES),
-    "excite --pictures": (
-        ("excite", "--out", "e.json", "--pictures"),
+    "excite --settings pictures=true": (
+        ("excite", "--out", "e.json", "--settings", "pictures=true"),
         ("e.json", "e.settings.toml", "e.motion.csv", "e.png", "e-speed.png", "e-space.png"),
     ),
     "identify": (("identify", "good.csv", "--out", "out"), RESULT_FILES),
@@ -90,7 +90,7 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ),
     ),
     "inspect": (("inspect", "good.csv", "--plot", "p.png"), ("p.png",)),
-    "predict": (("predict", "good.csv", "--plot", "p.png"), ("p.png",)),
+    "predict": (("predict", "good.csv", "--settings", "plot=p.png"), ("p.png",)),
     "view": (("view", "good.json", "--html", "v.html"), ("v.html",)),
     "inspect --recipe-out": (("inspect", "good.csv", "--recipe-out", "r.toml"), ("r.toml",)),
     "gains": (
@@ -104,7 +104,7 @@ def programs() -> list[tuple[str, str, set[str]]]:
     """Program, command and parameters of all commands."""
     apps = {"runtime": runtime.cli.app, "symgen": symgen.cli.app}
     return [
-        (program, name, {str(p.name) for p in command.params})
+        (program, name, {str(p.name) for p in (*command.params, *command.settings)})
         for program, app in apps.items()
         for name, command in typer.main.get_command(app).commands.items()  # type: ignore[attr-defined]
     ]
@@ -136,7 +136,7 @@ def test_nothing_is_replaced(case: str, desk: Desk, command: Command) -> None:
         ran = command(*words, "--robot", desk.lib.folder)
         assert ran.code == 2, (name, ran.out)
         assert f"'{name}' exists" in ran.err
-        assert "--overwrite" in ran.err
+        assert "overwrite" in ran.err
         assert len(ran.err.splitlines()) == 1
         assert digests(desk.folder) == before
         path.unlink()
@@ -144,15 +144,27 @@ def test_nothing_is_replaced(case: str, desk: Desk, command: Command) -> None:
 
 @pytest.mark.parametrize("case", ["simulate", "identify", "payload", "inspect", "excite"])
 def test_all_files_are_looked_for(case: str, desk: Desk, command: Command) -> None:
-    """Property: the files that are looked for are those that are written, with --overwrite too."""
+    """Property: the files that are looked for are those that are written, with --settings
+    overwrite=true too.
+    """
     words, files = CASES[case]
     if case == "excite":
-        words = (*words, "--document", "--duration", "4", "--harmonics", "2", "--starts", "1")
+        words = (
+            *words,
+            "--settings",
+            "document=true",
+            "--duration",
+            "4",
+            "--settings",
+            "harmonics=2",
+            "--settings",
+            "starts=1",
+        )
     before = set(digests(desk.folder))
     (desk.folder / files[0]).parent.mkdir(exist_ok=True)
     for name in files[1:]:
         (desk.folder / name).write_text("mine")
-    ran = command(*words, "--robot", desk.lib.folder, "--overwrite")
+    ran = command(*words, "--robot", desk.lib.folder, "--settings", "overwrite=true")
     assert ran.code in {0, 1}, ran.err
     assert set(digests(desk.folder)) - before == {str(desk.folder / name) for name in files}
     assert not any((desk.folder / name).read_bytes() == b"mine" for name in files)

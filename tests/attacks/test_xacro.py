@@ -115,17 +115,17 @@ def test_an_expansion_ends(tmp_path: Path, body: str, sentence: str) -> None:
 
 def test_only_files_of_the_packages_are_read(tmp_path: Path) -> None:
     """Property: includes and YAML tables of other folders, devices and secrets are refused; those
-    of the package of the file, of --package and of $(find …) are read.
+    of the package of the file, of the setting package and of $(find …) are read.
     """
     (tmp_path / "secret.yaml").write_text("{word: 5}")
     inside = tmp_path / "arm"
     (inside / "urdf").mkdir(parents=True)
     table = "${xacro.load_yaml('%s')['word']}"
     body = '<link name="a%s"/>'
-    assert "--package DIR" in refusal(inside, body % (table % "../secret.yaml"))
+    assert "--settings package=DIR" in refusal(inside, body % (table % "../secret.yaml"))
     (inside / "link.yaml").symlink_to(tmp_path / "secret.yaml")
-    assert "--package DIR" in refusal(inside, body % (table % "link.yaml"))
-    assert "--package DIR" in refusal(inside, '<xacro:include filename="/dev/zero"/>')
+    assert "--settings package=DIR" in refusal(inside, body % (table % "link.yaml"))
+    assert "--settings package=DIR" in refusal(inside, '<xacro:include filename="/dev/zero"/>')
     assert "not the name of a ROS package" in refusal(inside, body % "$(find ../arm)")
     assert "MY_TOKEN" in refusal(inside, body % "$(optenv MY_TOKEN no)$(env MY_TOKEN)")
     path = written(inside, body % (table % "../secret.yaml"))

@@ -66,7 +66,7 @@ class Kind:
 KINDS = (
     Kind("one log", ("one.npz",)),
     Kind("several logs", ("one.npz", "two.npz")),
-    Kind("streamed log", ("one.npz", "--stream")),
+    Kind("streamed log", ("one.npz", "--settings", "stream=true")),
     Kind("poses at rest", ("rest.npz",), further=()),
     Kind("commanded torque", ("servo.npz",)),
     Kind("motor currents", ("amps.npz", "--recipe", "amps.toml")),
@@ -75,7 +75,7 @@ KINDS = (
 FEATURES: dict[str, tuple[str, ...]] = {
     "map": (),
     "adam, full": ("--method", "adam"),
-    "adam, real": ("--preset", "real"),
+    "adam, real": ("--settings", "preset=real"),
     "pc-ols": ("--method", "pc-ols"),
     "ols, wls": ("--method", "wls"),
     "lm": ("--method", "lm"),
@@ -84,16 +84,25 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "friction auto": ("--friction", "auto"),
     "friction by name": ("--friction", "viscous,coulomb"),
     "cut-off auto": ("--cutoff", "auto"),
-    "momentum": ("--regressor", "momentum"),
-    "energy": ("--regressor", "energy"),
+    "momentum": ("--settings", "regressor=momentum"),
+    "energy": ("--settings", "regressor=energy"),
     "delay auto": ("--delay", "auto"),
-    "encoder bias": ("--encoder-bias",),
-    "symmetric": ("--symmetric", "left:right"),
-    "tied": ("--symmetric", "left:right", "--tie", "--delay", "auto"),
-    "robust": ("--robust",),
+    "encoder bias": (
+        "--settings",
+        "encoder_bias=true",
+    ),
+    "symmetric": ("--settings", "symmetric=left:right"),
+    "tied": ("--settings", "symmetric=left:right", "--settings", "tie=true", "--delay", "auto"),
+    "robust": (
+        "--settings",
+        "robust=true",
+    ),
     "prior": ("--prior", "arm.toml"),
-    "known payload": ("--payload-of", "two.npz=payload.json"),
-    "statistics for fleet": ("--save-statistics",),
+    "known payload": ("--settings", "payload_of=two.npz=payload.json"),
+    "statistics for fleet": (
+        "--settings",
+        "save_statistics=true",
+    ),
 }
 """Feature of identify → its options."""
 AFTERWARDS: dict[str, tuple[str, ...]] = {
@@ -103,6 +112,7 @@ AFTERWARDS: dict[str, tuple[str, ...]] = {
     "observe": ("observe", "LOG", "--model", "OUT", "--overwrite"),
     "watch": ("watch", "OUT", "LOG"),
     "sample": ("sample", "OUT", "--count", "2", "--to", "urdf", "--overwrite"),
+    "rerun": ("rerun", "OUT"),
 }
 """Command that follows → its words; LOG is the log itself, OUT the folder of the result."""
 
@@ -112,9 +122,11 @@ REASONS = {
           "the samples one by one, of one run at the controller's rate"),
     "b": ("rows of energy", "rows of energy mix the joints: no offset per joint and log, and none "
           "of a log that stays in its file"),
-    "c": ("in memory, but it is streamed|takes no robust|read as a whole, but --stream",
-          "needs the whole log in memory, which --stream avoids"),
-    "d": ("--payload-of expects LOG=FILE", "one of several logs carries the known payload"),
+    "c": ("in memory, but it is streamed|takes no robust|read as a whole, but --settings "
+          "stream=true",
+          "needs the whole log in memory, which --settings stream=true avoids"),
+    "d": ("the setting payload_of expects LOG=FILE", "one of several logs carries the known "
+                                                     "payload"),
     "e": ("poses at rest|compares drives|excites \\d+ of|training rows or more|columns as inputs|"
           "three samples", "poses at rest: few rows, without motion"),
     "f": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
@@ -208,7 +220,7 @@ def write_walk(urdf: str, feet: tuple[str, ...], folder: Path) -> None:
 def words_of(kind: Kind, feature: str, robot: Path) -> tuple[list[str], list[str]]:
     """Command line that the cell needs before, whose result is OUT, and that of the cell."""
     log, out = [*kind.logs, "--robot", str(robot)], kind.name.replace(" ", "-")
-    fast = [] if kind.robot == "hopper" else ["--no-report"]
+    fast = [] if kind.robot == "hopper" else ["--settings", "report=false"]
     usual = ["identify", *log, *fast, "--overwrite", "--out"]
     first = [*usual, out, *kind.further]
     if feature in FEATURES:

@@ -49,7 +49,16 @@ class Desk:
         return ("simulate", "--robot", chosen, *motion, *words)
 
     def excite(self, *words: object) -> Words:
-        return ("excite", "--robot", self.lib.folder, "--starts", "1", "--out", "e.json", *words)
+        return (
+            "excite",
+            "--robot",
+            self.lib.folder,
+            "--settings",
+            "starts=1",
+            "--out",
+            "e.json",
+            *words,
+        )
 
     def robot(self, damage: Callable[[Path], object]) -> Words:
         """identify with a copy of the robot's folder that was damaged."""

@@ -1,4 +1,6 @@
-"""URDFs that state no masses: bodies by --masses, placeholders, and identification with them."""
+"""URDFs that state no masses: bodies by the setting masses, placeholders, and identification with
+them.
+"""
 
 import re
 
@@ -44,7 +46,7 @@ def test_stated_masses() -> None:
     chain = read(BARE, masses)
     assert [j.mass for j in chain.joints] == list(masses.values())
     assert chain.assumed == dict.fromkeys(masses, "given mass")
-    with pytest.raises(UrdfError, match=r"'right_arm' moves .* no mass, .* --masses"):
+    with pytest.raises(UrdfError, match=r"'right_arm' moves .* no mass, .* the setting masses"):
         read(BARE, {"trunk": 5.0, "left_arm": 2.0, "left_hand": 0.5})
 
 
@@ -105,13 +107,13 @@ def test_build_with_masses(tmp_path, capsys: pytest.CaptureFixture[str]) -> None
     )
     (tmp_path / "masses.toml").write_text("rod = 1.5\n")
     words = ("build", "--urdf", tmp_path / "own.urdf", "--name", "own", "--out", tmp_path / "out")
-    level = ("--level", *ONE_LEVEL)
-    code, out, err = run(capsys, *words, "--masses", tmp_path / "masses.toml", *level)
+    level = ("--settings", f"level={ONE_LEVEL[0]}")
+    code, out, err = run(capsys, *words, "--settings", f"masses={tmp_path / 'masses.toml'}", *level)
     assert (code, err) == (0, "")
-    assert "note: mass of rod as stated by --masses" in out
+    assert "note: mass of rod as stated by the setting masses" in out
     assert "note: no joint of the URDF attaches 'base' to the world; it is taken as fixed" in out
     (tmp_path / "masses.toml").write_text("rod = 'heavy'\n")
-    code, _, err = run(capsys, *words, "--masses", tmp_path / "masses.toml", *level)
+    code, _, err = run(capsys, *words, "--settings", f"masses={tmp_path / 'masses.toml'}", *level)
     assert code == 2
     assert "rod expects a mass in kg, got 'heavy'; correct it" in err
 

@@ -86,7 +86,7 @@ def test_rounded_zeros_are_structural() -> None:
 
 
 def test_snap_takes_only_what_it_says() -> None:
-    """Property: 1.5708 is π/2 only with --snap, 1.56 never."""
+    """Property: 1.5708 is π/2 only with the setting snap, 1.56 never."""
     rounded = TINY_URDF.replace('xyz="0 0 0.5"', 'xyz="0 0 0.5" rpy="1.5708 0 1.56"')
     exact, snapped = read(rounded), read(rounded, snap=1e-4)
     assert exact.joints[0].rotation[2][1] != 1.0

@@ -144,7 +144,7 @@ def test_malformed_urdf(name: str) -> None:
         ({"locks": {"wrist": 0.0}}, "--lock names the joint 'wrist'.*its joints are trunk_turn"),
         ({"locks": {"camera_mount": 0.0}}, "'camera_mount', which is fixed"),
         ({"locks": {"left_lift": float("inf")}}, "--lock left_lift=inf: expected a finite value"),
-        ({"snap": 1.0}, "--snap needs an angle between 0 and 0.1 rad, got 1"),
+        ({"snap": 1.0}, "the setting snap needs an angle between 0 and 0.1 rad, got 1"),
         ({"tip": "floor"}, "no joint of this URDF moves"),
     ],
 )
@@ -167,9 +167,9 @@ def test_options_that_do_not_fit(options: dict, message: str) -> None:
     ],
 )
 def test_impossible_inertia(old: str, new: str, message: str) -> None:
-    """Property: refused by name without --project, repaired and reported with it."""
+    """Property: refused by name without --settings project=true, repaired and reported with it."""
     chain = read(tiny(old, new))
-    with pytest.raises(InertiaError, match=f"{message}.*--project"):
+    with pytest.raises(InertiaError, match=f"{message}.*--settings project=true"):
         initial_parameters(chain, project=False)
     pi, projected = initial_parameters(chain, project=True)
     assert projected["rod"] > 0

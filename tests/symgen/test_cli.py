@@ -19,7 +19,7 @@ from tests.robots import ONE_LEVEL
 from tests.symgen.builds import snapshot
 from tests.symgen.test_chain_refusals import MALFORMED
 
-QUICKLY = ("--level", *ONE_LEVEL)
+QUICKLY = ("--settings", f"level={ONE_LEVEL[0]}")
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -82,7 +82,7 @@ def test_malformed_urdf(
         (["--gravity", "down"], "--gravity needs three numbers X,Y,Z, got 'down'"),
         (["--gravity", "1,2"], "--gravity needs three numbers"),
         (["--gravity", "0,0,nan"], "--gravity needs three finite numbers"),
-        (["--snap", "3"], "--snap needs an angle between 0 and 0.1 rad"),
+        (["--settings", "snap=3"], "the setting snap needs an angle between 0 and 0.1 rad"),
         (["--name", "My-Robot"], "expected lower-case letters, digits and _, got 'My-Robot'"),
         (["--name", "fr3"], "'fr3' is the name of a bundled robot"),
         (
@@ -110,7 +110,7 @@ def test_bad_files(tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -
     urdf.write_bytes(b"<robot name='caf\xe9'/>")
     assert "is not UTF-8 text" in refuses(capsys, tiny.parent, *build)
     urdf.write_text(TINY_URDF.replace('izz="0.01"', 'izz="0.5"'))
-    assert "--project" in refuses(capsys, tiny.parent, *build)
+    assert "--settings project=true" in refuses(capsys, tiny.parent, *build)
     urdf.unlink()
     assert "cannot read the URDF" in refuses(capsys, tiny.parent, *build)
     config = urdf.with_suffix(".toml")
@@ -127,7 +127,10 @@ def test_options_without_urdf(tiny: Path, capsys: pytest.CaptureFixture[str]) ->
     """Property: options of an own robot are not silently dropped for a bundled one."""
     for arguments in (["--tip", "x"], ["--gravity", "0,0,1"]):
         assert "needs a --name" in refuses(capsys, tiny.parent, "build", *arguments)
-    for arguments in (["--project"], ["--name", "x", "--project"]):
+    for arguments in (
+        ["--settings", "project=true"],
+        ["--name", "x", "--settings", "project=true"],
+    ):
         assert "give its --urdf too" in refuses(capsys, tiny.parent, "build", *arguments)
     assert "no bundled robot is called" in refuses(capsys, tiny.parent, "build", "--robot", "r2")
 
@@ -163,7 +166,17 @@ def test_build_says_what_happened(
     """Property: built, then up to date, and rebuilt when forced."""
     own = ("--urdf", urdf, "--name", "own", "--base", "base")  # a stated base needs no note
     build = ("build", *own, "--gravity", "0,0,-1.62", *QUICKLY)
-    for extra, state in (((), "built"), ((), "up to date"), (("--force",), "built")):
+    for extra, state in (
+        ((), "built"),
+        ((), "up to date"),
+        (
+            (
+                "--settings",
+                "force=true",
+            ),
+            "built",
+        ),
+    ):
         code, out, _ = run(capsys, *build, *extra, "--out", tmp_path / "out")
         assert (code, out.strip()) == (0, f"{tmp_path / 'out' / 'own'}: {state}")
     manifest = json.loads((tmp_path / "out" / "own" / "manifest.json").read_text())
@@ -173,7 +186,7 @@ def test_build_says_what_happened(
 def test_build_notes(tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Property: a projection is never silent."""
     urdf.write_text(TINY_URDF.replace('izz="0.01"', 'izz="0.5"'))
-    build = ("build", "--urdf", urdf, "--name", "own", "--project", *QUICKLY)
+    build = ("build", "--urdf", urdf, "--name", "own", "--settings", "project=true", *QUICKLY)
     code, out, _ = run(capsys, *build, "--out", tmp_path / "out")
     assert code == 0
     assert "note: the inertia of 'rod' is not physically consistent and was projected" in out

@@ -1,4 +1,4 @@
-"""Bodies of links without <inertial> from closed meshes: `build --densities`."""
+"""Bodies of links without <inertial> from closed meshes: `build --settings densities=FILE`."""
 
 from pathlib import Path
 
@@ -71,7 +71,12 @@ def test_faults_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[s
     written(tmp_path, FACES[1:])
     (tmp_path / "dense.toml").write_text("default = 1000\n")
     words = ("build", "--urdf", tmp_path / "arm.urdf", "--name", "arm", "--out", tmp_path / "out")
-    given = ("--densities", tmp_path / "dense.toml", "--package", tmp_path / "parts")
+    given = (
+        "--settings",
+        f"densities={tmp_path / 'dense.toml'}",
+        "--settings",
+        f"package={tmp_path / 'parts'}",
+    )
     code, _, sentence = run(capsys, *words, *given)
     assert code == 2
     assert "box.stl' of link 'rod' is not a closed surface (3 of its edges have no" in sentence

@@ -84,10 +84,10 @@ def test_published_robots_move_like_pinocchio(name: str, shared_data: Path) -> N
 @pytest.mark.parametrize(
     ("file", "project", "sentence"),
     [
-        ("franka_fer/fer.urdf", False, r"fer_link4.*--project"),
-        ("kuka_lwr4/kuka_lwr4_gaz.urdf", False, r"lwr_1_link.*--project"),
-        ("kuka_lwr4/kuka_lwr4_identified.urdf", False, r"lwr_._link.*--project"),
-        ("staubli_tx40/tx40_mdh_modified.urdf", False, r"link_6.*--project"),
+        ("franka_fer/fer.urdf", False, r"fer_link4.*--settings project=true"),
+        ("kuka_lwr4/kuka_lwr4_gaz.urdf", False, r"lwr_1_link.*--settings project=true"),
+        ("kuka_lwr4/kuka_lwr4_identified.urdf", False, r"lwr_._link.*--settings project=true"),
+        ("staubli_tx40/tx40_mdh_modified.urdf", False, r"link_6.*--settings project=true"),
     ],
 )
 def test_what_does_not_load_says_how_it_would(

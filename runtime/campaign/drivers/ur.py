@@ -115,10 +115,13 @@ def _open(lib: Library, settings: DriverSettings) -> Driver:
     address = require_address(settings, NAME, "192.168.0.2")
     if settings.gains is None:
         raise SimulationError(
-            "an arm of Universal Robots measures currents; give --gains with one number in N·m/A "
+            "an arm of Universal Robots measures currents; give --settings gains=K,K,… with one "
+            "number in N·m/A "
             "per joint, which `symgen gains LOG` estimates from a log in A"
         )
     return UrDriver(lib, address, settings.gains)
 
 
-UR = DriverKind(NAME, "an arm of Universal Robots by ur_rtde, ur:ADDRESS with --gains", _open)
+UR = DriverKind(
+    NAME, "an arm of Universal Robots by ur_rtde, ur:ADDRESS with the setting gains", _open
+)

@@ -137,7 +137,7 @@ def choose_regressor(
             "the rate"
         )
     cutoff = float(f"{quality.harmless_hz:.2g}")
-    remedy = f"--regressor momentum --cutoff {cutoff:g}"
+    remedy = f"--settings regressor=momentum --cutoff {cutoff:g}"
     where = "without a low-pass" if usual.cutoff_hz is None else f"at {usual.cutoff_hz:g} Hz"
     reason = f"differentiation fails {where}: {' and '.join(reasons)}"
     if not replaces:

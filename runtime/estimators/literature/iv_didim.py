@@ -258,7 +258,7 @@ def _controlled(log: Origin | None, method: str) -> tuple[Origin, ClosedLoop]:
         raise NeedsError(
             f"the method {method} simulates the robot under its controller and needs its "
             "description; give the controller's gains and the reference motion "
-            "by --controller FILE.toml"
+            "by --settings controller=FILE.toml"
         )
     return log, controller
 

@@ -130,19 +130,19 @@ def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
             raise IdentificationError(
                 f"at the home position {home[joint]:.4g} of '{constraint.labels[worst]}' its "
                 f"velocity limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose "
-                "another --home"
+                "another home"
             )
         value, limit, unit = constraint.measured(worst, float(g[worst]))
         if g[worst] <= AT_LIMIT:
             raise IdentificationError(
                 f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]}, "
                 f"{limit:.4g} {unit}, is already reached and leaves no room for a motion; choose "
-                "another --home or limit"
+                "another home or limit"
             )
         raise IdentificationError(
             f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]} is already "
             f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
-            f"{abs(value - limit):.3g} {unit} too far; choose another --home or limit"
+            f"{abs(value - limit):.3g} {unit} too far; choose another home or limit"
         )
 
 

@@ -52,7 +52,7 @@ class Limits:
             j = int(np.argmax(outside))
             raise IdentificationError(
                 f"the home position {home[j]:.4g} of joint '{lib.joint_names[j]}' is not inside "
-                f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another --home"
+                f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another home"
             )
         end = duration / 2 if basis.is_symmetric else duration
         t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
@@ -115,7 +115,7 @@ def whitening(matrix: Array, n: int) -> Array:
             # Between samples such functions move without any limit.
             raise IdentificationError(
                 f"the limits are sampled every {LIMIT_STEP:g} s, too seldom for {width} functions "
-                "per joint in this duration; lower --harmonics or raise --duration"
+                "per joint in this duration; lower the setting harmonics or raise --duration"
             ) from None
         result[part, part] = np.linalg.inv(lower).T
     return result

@@ -164,14 +164,15 @@ def require_consent(missing: Collection[str], accepted: Collection[str]) -> None
     words = {_word(kind) for kind in accepted}
     if unknown := sorted(words - known - {EVERYTHING}):
         raise ExportError(
-            f"--unchecked takes {', '.join(sorted(known))} or {EVERYTHING}, got '{unknown[0]}'"
+            f"the setting unchecked takes {', '.join(sorted(known))} or {EVERYTHING}, got "
+            f"'{unknown[0]}'"
         )
     left = [] if EVERYTHING in words else [kind for kind in missing if _word(kind) not in words]
     if left:
         remedies = [_REMEDIES[kind] for kind in left if kind in _REMEDIES]
         if {TORQUE, BRAKING, RATE, TIP} & set(left):
-            remedies.insert(0, "--criterion cond in place of --document")
-        consent = " ".join(f"--unchecked {_word(kind)}" for kind in left)
+            remedies.insert(0, "--criterion cond in place of --settings document=true")
+        consent = " ".join(f"--settings unchecked={_word(kind)}" for kind in left)
         raise ExportError(
             f"nothing is exported for a robot, these limits are not checked: {', '.join(left)}; "
             f"give {', '.join(remedies)}, or accept that with {consent}"

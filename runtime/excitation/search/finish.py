@@ -31,7 +31,7 @@ SLOWER = 1.01 ** np.arange(1, 41)
 """Factors of the duration, up to 1.5."""
 SMALL = 0.9 ** np.arange(1, 23)
 """Factors of the motion where nothing else helps, down to 0.1: with a small share of the limits
-(--margin) the cost of a search rises faster than its penalty of nonlinear limits."""
+(the setting margin) the cost of a search rises faster than its penalty of nonlinear limits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,6 +154,7 @@ def too_many(excited: int, wanted: int, size: int) -> str:
     """Sentence about more unknowns than a motion excites."""
     return (
         f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
-        "raise --harmonics, widen the range of positions, or leave out unknowns (friction, a "
+        "raise the setting harmonics, widen the range of positions, or leave out unknowns "
+        "(friction, a "
         "payload that too few joints turn)"
     )

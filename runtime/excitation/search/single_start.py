@@ -419,7 +419,7 @@ class Search:
         raise IdentificationError(
             "the limits leave no room for a motion: shrunk to "
             f"{100 * LEAST:g} % of what the joints may do it still meets the limits of "
-            f"{' and of '.join(stopped)}; relax one of them or choose another --home"
+            f"{' and of '.join(stopped)}; relax one of them or choose another home"
         )
 
     def _objective(self, measure: Measure) -> Objective:

@@ -214,7 +214,7 @@ def read_truth(path: Path, lib: Library) -> TrueParameters:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
             f"expected a JSON with {lib.pi0.size} numbers 'pi' of '{lib.name}', as simulate writes "
-            f"it, got '{path}'; correct it, name another with --truth, or move it away"
+            f"it, got '{path}'; correct it, name another with the setting truth, or move it away"
         ) from None
     return TrueParameters(lib.base_matrix @ pi, path.name, hashlib.sha256(data).hexdigest())
 

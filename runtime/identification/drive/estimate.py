@@ -50,7 +50,8 @@ SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
 """Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %
 but for the least validation part."""
 NO_BIAS = (
-    "encoder biases were not estimated, which need accelerations; use --regressor acceleration"
+    "encoder biases were not estimated, which need accelerations; use --settings "
+    "regressor=acceleration"
 )
 MOST_SIGMA = 0.02
 """Standard deviation of a delay above which it is not determined [s]."""

@@ -70,7 +70,8 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
         left, mark, right = text.partition(":")
         if not (left and mark and right) or left == right:
             raise IdentificationError(
-                f"--symmetric needs two parts of joint names, such as left:right, got '{text}'"
+                f"the setting symmetric needs two parts of joint names, such as left:right, got "
+                f"'{text}'"
             )
         partners = [
             (i, names.index(name.replace(left, right, 1)))
@@ -79,7 +80,8 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
         ]
         if not partners:
             raise IdentificationError(
-                f"--symmetric {text}: no joint with '{left}' has one with '{right}' in its place; "
+                f"--settings symmetric={text}: no joint with '{left}' has one with '{right}' in "
+                f"its place; "
                 f"the joints are {', '.join(names)}"
             )
         places += partners
@@ -92,7 +94,8 @@ def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification
     covariance = friction_covariance(result)
     if covariance is None:
         raise IdentificationError(
-            "--symmetric compares drives with their standard deviations, which this identification "
+            "the setting symmetric compares drives with their standard deviations, which this "
+            "identification "
             "does not have; give friction columns, and a method with a posterior"
         )
     places_of_keys = places_of(result.friction.columns)
@@ -179,7 +182,8 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
     places = mirrored_joints(lib.joint_names, pairs)
     if lib.n_links != lib.n_joints:
         raise IdentificationError(
-            f"--tie needs one link per joint, but '{lib.name}' has {lib.n_links} links and "
+            f"--settings tie=true needs one link per joint, but '{lib.name}' has {lib.n_links} "
+            f"links and "
             f"{lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
         )
     poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
@@ -244,8 +248,9 @@ def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:
 
 def _not_mirrored(left: str, right: str) -> IdentificationError:
     return IdentificationError(
-        f"--tie expects {left} and {right} to be mirrored about a plane of the base, got joints or "
-        "links that are not; leave --tie out, which compares them only"
+        f"--settings tie=true expects {left} and {right} to be mirrored about a plane of the "
+        f"base, got joints or "
+        "links that are not; leave --settings tie=true out, which compares them only"
     )
 
 
@@ -257,9 +262,10 @@ def identify_tied(
     prior, names = tied_prior(first, settings, pairs)
     result = fit(replace(settings, friction_prior=prior, friction=first.friction))
     note = (
-        f"{' and '.join(names)} of the joints that --symmetric pairs are tied to their mean within "
+        f"{' and '.join(names)} of the joints that the setting symmetric pairs are tied to "
+        f"their mean within "
         f"{100 * SPREAD:.0f} %, and the standard deviations count it; compare the sides without "
-        "--tie"
+        "--settings tie=true"
     )
     kept = tuple(each for each in first.notes if each not in result.notes)
     return replace(result, notes=(note, *kept, *result.notes))

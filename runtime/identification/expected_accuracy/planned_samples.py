@@ -198,7 +198,7 @@ def information_of_logs(
         if not len(samples):
             raise IdentificationError(
                 f"the log '{recording.name}' has no samples left after its preparation; "
-                "leave out this --earlier-log"
+                "leave out this log of earlier_log"
             )
         statistics = compress(lib, samples, 1 / noise**2)
         size = len(statistics.target)

@@ -211,7 +211,7 @@ def rows_of(
 ) -> FreeBaseRows:
     """Equations of a motion, with the columns of the drives of commanded torques."""
     if choice not in CHOSEN:
-        raise IdentificationError(f"expected --rows {'|'.join(CHOSEN)}, got '{choice}'")
+        raise IdentificationError(f"expected --settings rows={'|'.join(CHOSEN)}, got '{choice}'")
     kept = np.arange(lib.n_rows)[CHOSEN[choice]]
     count, root = len(motion), np.asarray(np.eye(len(kept)))
     right = np.zeros((count, lib.n_rows))
@@ -219,7 +219,8 @@ def rows_of(
         right[:, FREEDOM:] = motion.tau
     elif choice != "base":
         raise IdentificationError(
-            f"--rows {choice} needs joint torques, but the log has no array tau; use --rows base"
+            f"--settings rows={choice} needs joint torques, but the log has no array tau; use "
+            f"--settings rows=base"
         )
     jacobian = contact_jacobian(lib, motion)  # (N, 6 C, 6 + n)
     wrench = motion.contacts.wrench.reshape(count, -1)
@@ -248,7 +249,7 @@ def rows_of(
         return FreeBaseRows(_samples(y, known, errors), basis, names, known, root)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
-        more = ", or torques and --rows all" if choice == "base" else ""
+        more = ", or torques and --settings rows=all" if choice == "base" else ""
         raise IdentificationError(
             "the contact wrenches that were not measured leave no equation; give contact_wrench or "
             "contact_force_z, contact_flags of the feet that are lifted, contact_kind = 'point' "
@@ -259,7 +260,8 @@ def rows_of(
     if not left.any():
         raise IdentificationError(
             "no measured force or torque is left in the equations, so that nothing determines the "
-            "scale of the masses; give contact_wrench or contact_force_z, or torques and --rows all"
+            "scale of the masses; give contact_wrench or contact_force_z, or torques and "
+            "--settings rows=all"
         )
     return FreeBaseRows(_samples(back @ y, left, back @ errors), basis, names, known, root)
 

@@ -114,7 +114,8 @@ class PostureDeviation:
         return (
             f"the difference of the runs has errors that repeat with the position of "
             f"'{self.joint}', beside the payload: the intervals contain them (mass: "
-            f"{self.factors[0]:.1f} times the noise); check --link, and record both runs with the "
+            f"{self.factors[0]:.1f} times the noise); check the setting link, and record both "
+            f"runs with the "
             "same cables, springs and temperature"
         )
 
@@ -450,7 +451,7 @@ def notes_of(
     else:
         notes.append(
             "the intervals assume that the torque gains are exact: a gain that is 10 % too large "
-            "makes the mass 10 % too large; --gain-error 0.1 includes such errors"
+            "makes the mass 10 % too large; --settings gain_error=0.1 includes such errors"
         )
     if weak:
         notes.append(

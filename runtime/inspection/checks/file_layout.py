@@ -144,7 +144,8 @@ def _recipe(
                 "missing_clock",
                 ERROR,
                 "the log has no column of time, and no velocity to compute its rate from; give the "
-                "rate of the logger with --log-rate, or write rate_hz under [time] of the recipe",
+                "rate of the logger with the setting log_rate, or write rate_hz under [time] of "
+                "the recipe",
             )
         )
     recipe = Recipe(run=run, time=time, **chosen)  # type: ignore[arg-type]

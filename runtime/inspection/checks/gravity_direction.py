@@ -73,7 +73,8 @@ def build_command(lib: Library, suffix: str, gravity: Array) -> str:
     urdf = lib.folder / f"{lib.name}.urdf"
     return (
         f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity "
-        f"{_numbers(gravity)} (with the other options of its build, such as --tip, --project, "
+        f"{_numbers(gravity)} (with the other options of its build, such as --tip, --settings "
+        f"project=true, "
         "--config)"
     )
 

@@ -51,13 +51,13 @@ def statistics_files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise IdentificationError(
             f"expected a folder with the statistics of a fleet, got '{folder}'; give the folder "
-            "that holds the results of identify --save-statistics"
+            "that holds the results of identify --settings save_statistics=true"
         )
     files = [path for path in sorted(folder.rglob("*.npz")) if _is_statistics(path)]
     if not files:
         raise IdentificationError(
             f"'{folder}' holds no compressed statistics; write some with: "
-            "identify LOG --save-statistics"
+            "identify LOG --settings save_statistics=true"
         )
     if len(files) > MOST_UNITS:
         raise IdentificationError(

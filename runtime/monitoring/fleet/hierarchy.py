@@ -81,7 +81,7 @@ def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> Flee
     if len(units) < LEAST_UNITS:
         raise IdentificationError(
             f"expected statistics of at least {LEAST_UNITS} units, got {len(units)}; identify more "
-            "units with --save-statistics"
+            "units with --settings save_statistics=true"
         )
     urdf = prior_of(lib)
     A, b = np.stack([u.factor for u in units]), np.stack([u.target for u in units])

@@ -49,7 +49,7 @@ class TextReader(LogReader):
         if self.raw.in_place and self.raw.name.lower().endswith(".gz"):
             raise RecordingError(
                 f"a log is streamed from uncompressed text, got {self.raw.name!r}; expand it, or "
-                "read it as a whole with --no-stream"
+                "read it as a whole with --settings stream=false"
             )
         if self.raw.in_place:
             return next(_pieces(self.raw.hashed()), "")

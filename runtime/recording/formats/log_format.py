@@ -150,7 +150,7 @@ class LogReader:
         raise RecordingError(
             f"a log is streamed from uncompressed NPZ, Parquet, HDF5, CSV or a bag, got "
             f"{self.raw.name!r} with {', '.join(parts)}; convert it, or read it as a whole with "
-            "--no-stream"
+            "--settings stream=false"
         )
 
     def extras(self) -> Extras:
@@ -193,7 +193,7 @@ def require_whole_columns(parts: Mapping[str, Signal | Time], name: str) -> None
     if any(isinstance(p, Signal) and (p.cells or (p.key and p.columns)) for p in parts.values()):
         raise RecordingError(
             f"{name} is streamed by whole arrays and columns, but the recipe picks numbers from "
-            "arrays or cells; read it as a whole with --no-stream"
+            "arrays or cells; read it as a whole with --settings stream=false"
         )
 
 

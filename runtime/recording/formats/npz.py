@@ -178,7 +178,7 @@ class NpzRows:
             raise RecordingError(
                 f"{self.path.name}: the array {key!r} cannot be read row by row (it is compressed, "
                 "or not a matrix of numbers); write it by numpy.savez with samples as rows, or as "
-                "Parquet, or read the log as a whole with --no-stream"
+                "Parquet, or read the log as a whole with --settings stream=false"
             )
         return array
 

@@ -60,7 +60,7 @@ class NpzReader(LogReader):
         if "columns" in NpzRows(path).keys:
             raise RecordingError(
                 f"{self.raw.name} holds friction columns of a prepared recording, which is not "
-                "streamed; read it as a whole with --no-stream"
+                "streamed; read it as a whole with --settings stream=false"
             )
         return NpzRows(path, {kind: part.key for kind, part in parts.items()})
 

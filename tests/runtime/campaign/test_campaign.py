@@ -199,8 +199,8 @@ def test_bad_input(command: Command, fr3: Library, tmp_path: Path) -> None:
     """Property: one sentence, exit code 2, nothing written."""
     for words, said in (
         (("--target", "v=5"), "expected a target such as v=5mNm"),
-        (("--target", "v=5mNm", "--stages", "100,10"), "expected rising speeds"),
-        (("--target", "v=5mNm", "--stages", "fast"), "expected speeds in percent"),
+        (("--target", "v=5mNm", "--settings", "stages=100,10"), "expected rising speeds"),
+        (("--target", "v=5mNm", "--settings", "stages=fast"), "expected speeds in percent"),
     ):
         ran = command("campaign", "--robot", fr3.folder, *words, "--out", "c")
         assert ran.code == 2
@@ -210,7 +210,7 @@ def test_bad_input(command: Command, fr3: Library, tmp_path: Path) -> None:
 
 def test_the_command_without_time(command: Command, fr3: Library, tmp_path: Path) -> None:
     """Property: JSON and exit code 1 where no motion fits into the time."""
-    words = ("--target", "a=1%", "--most-seconds", "1", "--out", "c", "--json")
+    words = ("--target", "a=1%", "--settings", "most_seconds=1", "--out", "c", "--json")
     ran = command("campaign", "--robot", fr3.folder, *words)
     assert ran.code == 1
     facts = json.loads(ran.out)

@@ -147,7 +147,9 @@ def test_a_planted_fault_that_passes_is_stated(arm: Library) -> None:
     assert "nan" not in said
 
 
-@pytest.mark.parametrize(("k", "option"), [(1, "--duration above 2.5"), (2, "--later-duration")])
+@pytest.mark.parametrize(
+    ("k", "option"), [(1, "--duration above 2.5"), (2, "the setting later_duration")]
+)
 def test_a_refused_motion_names_its_option(
     arm: Library, tmp_path: Path, k: int, option: str
 ) -> None:

@@ -168,8 +168,11 @@ def test_a_controller_that_reports_an_error(monkeypatch, pendulum: Library) -> N
     [
         (("--driver", "ros2"), "the driver 'ros2' needs rclpy, which cannot be imported"),
         (("--driver", "libfranka:h"), "install it with: pip install pylibfranka"),
-        (("--driver", "ur:h"), "an arm of Universal Robots measures currents; give --gains"),
-        (("--driver", "ur:h", "--gains", "1,2"), "--gains needs 7 numbers"),
+        (
+            ("--driver", "ur:h"),
+            "an arm of Universal Robots measures currents; give --settings gains=K,K,…",
+        ),
+        (("--driver", "ur:h", "--settings", "gains=1,2"), "the setting gains needs 7 numbers"),
         (
             ("--driver", "tractor"),
             "expected a driver of virtual, ros2, libfranka, ur, got 'tractor'",

@@ -127,7 +127,7 @@ def test_a_target_below_the_model_error(pendulum: Library) -> None:
 
 def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path) -> None:
     """Property: error and times are printed and in the file; what it chooses is not given."""
-    words = ("excite", "--robot", tiny, "--starts", 1, "--until", "v 60 mNm")
+    words = ("excite", "--robot", tiny, "--settings", f"starts={1}", "--until", "v 60 mNm")
     ran = command(*words, "--from", "0.6", "--return", "--out", "u.json")
     assert (ran.code, ran.err.count("Traceback")) == (0, 0), ran.err
     facts = json.loads((tmp_path / "u.json").read_text())
@@ -139,12 +139,14 @@ def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path)
     for more, match in (
         (("--duration", 5), "leave out --duration"),
         (("--criterion", "a"), "leave out --criterion"),
-        (("--gain-error", 2), "--gain-error is a share"),
+        (("--settings", f"gain_error={2}"), "the setting gain_error is a share"),
     ):
         refused = command(*words, *more, "--out", "w.json")
         assert refused.code == 2
         assert match in refused.err
-    refused = command("excite", "--robot", tiny, "--gain-error", 0.01, "--out", "w.json")
+    refused = command(
+        "excite", "--robot", tiny, "--settings", f"gain_error={0.01}", "--out", "w.json"
+    )
     assert (refused.code, "give --until, or leave it out" in refused.err) == (2, True)
     refused = command("excite", "--until", "mass=5g")
     assert (refused.code, "expected a target such as" in refused.err) == (2, True)

@@ -40,7 +40,7 @@ def test_a_command_of_an_advice_removes_the_doubt(
     of the same kind.
     """
     write_recording(put(clean), tmp_path / "log.npz")
-    words = ("log.npz", "--robot", lib.folder, "--no-report", "--out", "out")
+    words = ("log.npz", "--robot", lib.folder, "--settings", "report=false", "--out", "out")
     ran = command("identify", *words)
     assert ran.code == code, ran.err
     printed = (ran.out + ran.err).split(mark)[1].splitlines()[0]

@@ -116,7 +116,16 @@ def test_inconsistent_models_get_no_urdf(
 
 def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
     """Property: files per kind and stage, a table per stage; a CSV only if requested."""
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
+    words = (
+        "--duration",
+        "4",
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "starts=1",
+        "--settings",
+        "export_rate=100",
+    )
     stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
     stages = (*stages, "--table", "none")
     ran = command("excite", "--robot", lib.folder, *words, *stages, "--out", "m.json")
@@ -125,7 +134,7 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     assert "certificate at 100 % speed: holds at every instant" in ran.out
     kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
     expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
-    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *expected}
+    assert {path.name for path in tmp_path.iterdir()} == {"m.json", "m.settings.toml", *expected}
     uses = json.loads((tmp_path / "m.certificate.json").read_text())["uses"]
     shares = [use["bound"] for use in uses if use["limit"] not in DISTANCES]
     # An exported motion leaves 5 % of every limit; 1e-8 is rounding.
@@ -134,7 +143,7 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
 
 
-UNCHECKED = ("--unchecked", "self-collision")
+UNCHECKED = ("--settings", "unchecked=self-collision")
 """The arm of two joints, on which a motion is cheap, has no collision proxies."""
 
 
@@ -151,7 +160,16 @@ def test_excite_exports_nothing_that_breaks_a_limit(
         return replace(optimum, trajectory=faster)
 
     monkeypatch.setattr(designed_motion, "design", wild)
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
+    words = (
+        "--duration",
+        "4",
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "starts=1",
+        "--out",
+        "m.json",
+    )
     # The slow stage would hold, the fast one does not: neither is written.
     stages = ("--speed", "10", "--speed", "100")
     ran = command(
@@ -172,9 +190,9 @@ def test_excite_exports_nothing_that_breaks_a_limit(
 def test_excite_leaves_a_measured_log_alone(
     command: Command, double: Library, tmp_path: Path
 ) -> None:
-    """Property: refused before the search; replaced with --overwrite."""
-    words = ("excite", "--robot", double.folder, "--duration", "4", "--harmonics", "2")
-    words = (*words, "--starts", "1", "--document", "--out", "m.json")
+    """Property: refused before the search; replaced with --settings overwrite=true."""
+    words = ("excite", "--robot", double.folder, "--duration", "4", "--settings", "harmonics=2")
+    words = (*words, "--settings", "starts=1", "--settings", "document=true", "--out", "m.json")
     log = tmp_path / "m.motion.csv"
     log.write_text("t,q1,tau1\n0,0,0\n", encoding="utf-8")
     ran = command(*words)
@@ -183,7 +201,7 @@ def test_excite_leaves_a_measured_log_alone(
     assert len(ran.err.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["m.motion.csv"]
     assert log.read_text(encoding="utf-8") == "t,q1,tau1\n0,0,0\n"
-    assert command(*words, "--overwrite").code == 0
+    assert command(*words, "--settings", "overwrite=true").code == 0
     assert len(log.read_text(encoding="utf-8").splitlines()) > 100
 
 
@@ -200,8 +218,26 @@ def test_excite_certifies_a_motion_once(
         return certificate_of(lib, trajectory, safety)
 
     monkeypatch.setattr(certified_motion, "certificate_of", counted)
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--pictures")
-    exports = ("--table", "none", "--export", "ros", "--export", "csv", "--export-rate", "100")
+    words = (
+        "--duration",
+        "4",
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "starts=1",
+        "--settings",
+        "pictures=true",
+    )
+    exports = (
+        "--table",
+        "none",
+        "--export",
+        "ros",
+        "--export",
+        "csv",
+        "--settings",
+        "export_rate=100",
+    )
     words = ("excite", "--out", "m.json", "--robot", double.folder, *words, *exports, *UNCHECKED)
     ran = command(*words)
     assert ran.code == 0, ran.err
@@ -209,6 +245,6 @@ def test_excite_certifies_a_motion_once(
     assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
     assert {path.name for path in tmp_path.glob("*.png")} == set(pictures)
     durations.clear()
-    ran = command(*words, "--speed", "50", "--speed", "100", "--overwrite")
+    ran = command(*words, "--speed", "50", "--speed", "100", "--settings", "overwrite=true")
     assert ran.code == 0, ran.err
     assert durations == [4.0, 8.0]

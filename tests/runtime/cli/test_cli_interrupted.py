@@ -81,8 +81,17 @@ def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path:
 def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     """Property: SIGINT after the first of many starts writes that one."""
     code = WAITING.format(module="runtime.cli.designed_motion", function="design", stop=1)
-    words = ("--harmonics", "2", "--starts", "1000", "--duration", "4", "--out", "a.json")
-    words = ("--document", *words)
+    words = (
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "starts=1000",
+        "--duration",
+        "4",
+        "--out",
+        "a.json",
+    )
+    words = ("--settings", "document=true", *words)
     ran = interrupted(code, "excite", "--robot", lib.folder, *words, cwd=tmp_path)
     assert ran[0] == 0, ran
     facts = json.loads((tmp_path / "a.json").read_text())

@@ -23,8 +23,9 @@ def record_command(name: str) -> CheckedCommand:
 def example_of(choice: Choice) -> Any:
     """A value of a file that differs from the default."""
     kind = next(each for each in (*get_args(choice.kind), choice.kind) if each is not NoneType)
-    if get_origin(choice.kind) is list or get_origin(kind) is list:
-        return ["a", "b"]
+    listed = next((each for each in (choice.kind, kind) if get_origin(each) is list), None)
+    if listed is not None:
+        return [2.5, 3.5] if get_args(listed) == (float,) else ["a", "b"]
     if isinstance(kind, type) and issubclass(kind, Enum):
         return list(kind)[-1].value
     if kind is bool:
@@ -38,7 +39,9 @@ def test_every_field_is_reachable_by_the_file(command: Command, tmp_path: Path) 
     made = imported(command)
     if made.record is None:
         return
-    choices = [each for each in choices_of(made.record) if each.name != CONSENT]
+    choices = [
+        each for each in choices_of(made.record) if each.name != CONSENT and not each.info.is_eager
+    ]
     values = {each.key: example_of(each) for each in choices}
     file = tmp_path / "all.toml"
     file.write_text("".join(f"{key} = {_toml(value)}\n" for key, value in values.items()))
@@ -100,4 +103,51 @@ def test_bad_files(text: str, sentence: str, tmp_path: Path) -> None:
     file.write_text(text)
     with pytest.raises(RuntimeFault) as fault:
         params_of("identify", "log.csv", "--settings", str(file))
+    assert sentence in str(fault.value)
+
+
+def test_numbers_out_of_range() -> None:
+    """Property: the bounds of an option hold for the setting."""
+    with pytest.raises(RuntimeFault, match="the setting 'seed': Input should be greater"):
+        params_of("identify", "log.csv", "--settings", "seed=-1")
+
+
+MOST, MOST_OF_A_COMMAND = 190, 16
+"""Largest numbers of options of all commands together, and of one."""
+IDENTIFY = "robot recipe run method friction cutoff delay prior split out settings overwrite"
+EXCITE = (
+    "robot duration budget criterion noise table box obstacles carry from return until export "
+    "speed out settings"
+)
+
+
+def options_of(command: Command) -> set[str]:
+    """Options of the command line, without --help."""
+    params = [each for each in imported(command).params if each.param_type_name == "option"]
+    return {each.opts[0].removeprefix("--") for each in params} - {"help"}
+
+
+def test_number_of_options() -> None:
+    """Property: what most users decide is on the command line, the rest in the settings."""
+    counts = {f"{each.name} {each.argument}": len(options_of(each)) for each in COMMANDS}
+    assert {name for name, count in counts.items() if count > MOST_OF_A_COMMAND} == set()
+    assert sum(counts.values()) <= MOST
+    named = {each.name: each for each in COMMANDS}
+    assert options_of(named["identify"]) == set(IDENTIFY.split())
+    assert options_of(named["excite"]) == set(EXCITE.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("identify", "log.csv", "--rate", "10"), "--rate is a setting of identify; give "
+                                                  "--settings rate=VALUE, or rate = … in the"),
+        (("identify", "log.csv", "--no-refit"), "give --settings refit=false"),
+        (("excite", "--pictures"), "give --settings pictures=true"),
+    ],
+)  # fmt: skip
+def test_an_option_that_moved_says_where_it_is(words: tuple[str, ...], sentence: str) -> None:
+    """Property: one sentence with what to write in its place."""
+    with pytest.raises(RuntimeFault) as fault:
+        params_of(*words)
     assert sentence in str(fault.value)

@@ -68,7 +68,7 @@ def test_a_clean_log_keeps_its_result(lib, clean):
 def test_what_counts_less_is_named(command, lib, clean, tmp_path):
     """Property: instants and joint, also where the friction model is chosen on such a log."""
     write_recording(damaged(clean, "torque"), tmp_path / "log.npz")
-    words = ("--robust", "--no-refit", "--out", "out", "--verbose")
+    words = ("--settings", "robust=true", "--settings", "refit=false", "--out", "out", "--verbose")
     ran = command("identify", "log.npz", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     said = re.search(r"robust: 6\.7 % of the training rows count less.*fr3_joint2", ran.out)
@@ -81,7 +81,9 @@ def test_what_counts_less_is_named(command, lib, clean, tmp_path):
 
 def test_methods_and_logs_that_take_no_weights(lib, clean):
     """Property: one sentence with the methods that do, or what the log lacks."""
-    with pytest.raises(NeedsError, match="use --robust with one of map, pc-ols, ols, wls"):
+    with pytest.raises(
+        NeedsError, match="use --settings robust=true with one of map, pc-ols, ols, wls"
+    ):
         identify_recording(clean, lib, "adam", robust=True, certify=False)
     with pytest.raises(IdentificationError, match="need 200 training rows or more, got 180"):
         identify_recording(clean.take(slice(0, 300), "short"), lib, robust=True, certify=False)

@@ -173,9 +173,11 @@ def test_an_export_needs_consent_for_what_is_not_checked(
     with pytest.raises(ExportError, match=f"not checked: {', '.join(kinds)}; give --criterion"):
         export_trajectory(document, tmp_path / "m", "ros", 100.0)
     some = [kind for kind in kinds if kind != "tip speed"]
-    with pytest.raises(ExportError, match=r"not checked: tip speed; .* --unchecked tip-speed$"):
+    with pytest.raises(
+        ExportError, match=r"not checked: tip speed; .* --settings unchecked=tip-speed$"
+    ):
         export_trajectory(document, tmp_path / "m", "ros", 100.0, unchecked=some)
-    with pytest.raises(ExportError, match=r"--unchecked takes .*, got 'everything'"):
+    with pytest.raises(ExportError, match=r"the setting unchecked takes .*, got 'everything'"):
         export_trajectory(document, tmp_path / "m", "ros", 100.0, unchecked=["everything"])
     assert list(tmp_path.iterdir()) == []
     words = [kind.replace(" ", "-") for kind in kinds]
@@ -196,11 +198,17 @@ def test_excite_asks_before_the_search(
     words = ("excite", "--robot", lib.folder, "--out", "m.json", "--export", "ros")
     for options, sentence in (
         ((), "not checked: table; give --table Z for a table at this height or --table none, or "),
-        (("--document",), "not checked: torque, position-dependent velocity, torque rate"),
+        (
+            (
+                "--settings",
+                "document=true",
+            ),
+            "not checked: torque, position-dependent velocity, torque rate",
+        ),
         (("--table", "none"), "the search has begun"),
         (("--table", "0"), "the search has begun"),
-        (("--unchecked", "table"), "the search has begun"),
-        (("--document", "--unchecked", "all"), "the search has begun"),
+        (("--settings", "unchecked=table"), "the search has begun"),
+        (("--settings", "document=true", "--settings", "unchecked=all"), "the search has begun"),
         (("--table", "low"), "--table needs a height in m in the base frame, or none"),
         (("--table", "none", "--carry", "1,0,0,0.1"), "not checked: carried body; give a box"),
     ):
@@ -225,19 +233,27 @@ def test_tip_speed_is_its_share(lib: Library, motion: Trajectory) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--harmonics", 8, "--duration", 0.3), "too seldom for 8 functions per joint"),
-        (("--harmonics", 400, "--duration", 5), "too seldom for 400 functions per joint"),
-        (("--home", "0,1"), "--home needs 7 numbers with commas, got '0,1'"),
-        (("--home", "9,0,0,-2,0,2,0"), "is not inside its limits .* choose another --home"),
-        (("--home", "nan,0,0,-2,0,2,0"), "home"),
-        (("--table", 0, "--box", "0.2,0.8,-0.5,0.5,0.1,1.0"), "choose another --home or limit"),
+        (
+            ("--settings", f"harmonics={8}", "--duration", 0.3),
+            "too seldom for 8 functions per joint",
+        ),
+        (
+            ("--settings", f"harmonics={400}", "--duration", 5),
+            "too seldom for 400 functions per joint",
+        ),
+        (("--settings", "home=0,1"), "the setting home needs 7 numbers with commas, got '0,1'"),
+        (("--settings", "home=9,0,0,-2,0,2,0"), "is not inside its limits .* choose another home"),
+        (("--settings", "home=nan,0,0,-2,0,2,0"), "home"),
+        (("--table", 0, "--box", "0.2,0.8,-0.5,0.5,0.1,1.0"), "choose another home or limit"),
     ],
 )
 def test_options_without_a_motion_are_one_sentence(
     command: Command, lib: Library, words: tuple[object, ...], sentence: str
 ) -> None:
     """Property: exit code 2, no traceback, no file."""
-    ran = command("excite", "--robot", lib.folder, "--starts", 1, "--out", "m.json", *words)
+    ran = command(
+        "excite", "--robot", lib.folder, "--settings", f"starts={1}", "--out", "m.json", *words
+    )
     assert (ran.code, ran.err.count("\n")) == (2, 1), ran.err
     assert re.search(sentence, ran.err), ran.err
     assert not Path("m.json").exists()
@@ -246,11 +262,20 @@ def test_options_without_a_motion_are_one_sentence(
 def test_the_example_of_the_help(command: Command, lib: Library) -> None:
     """Property: table, box and home of the help give a motion from that home."""
     page = " ".join(command("excite", "--help").out.split())
-    example = re.search(r"--home (\S+) --table (\S+) --box (\S+)", page)
+    example = re.search(r"--settings home=(\S+) --table (\S+) --box (\S+)", page)
     assert example is not None
     home, table, box = example.groups()
-    words = ("--duration", 4, "--harmonics", 2, "--starts", 1, "--out", "m.json")
-    words = (*words, "--home", home, "--table", table, "--box", box)
+    words = (
+        "--duration",
+        4,
+        "--settings",
+        f"harmonics={2}",
+        "--settings",
+        f"starts={1}",
+        "--out",
+        "m.json",
+    )
+    words = (*words, "--settings", f"home={home}", "--table", table, "--box", box)
     ran = command("excite", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     facts = json.loads(Path("m.json").read_text())

@@ -21,7 +21,16 @@ from tests.runtime.excitation.test_excitation import closed_form
 
 GetRobot = Callable[[str], Library]
 DURATION, HARMONICS = 5, 3
-WORDS = ("--duration", DURATION, "--harmonics", HARMONICS, "--starts", 1, "--out", "x.json")
+WORDS = (
+    "--duration",
+    DURATION,
+    "--settings",
+    f"harmonics={HARMONICS}",
+    "--settings",
+    f"starts={1}",
+    "--out",
+    "x.json",
+)
 
 
 @pytest.fixture
@@ -58,17 +67,17 @@ def assert_safe(lib: Library, path: Path, share: float | None) -> None:
 
 CASES = {
     "xarm7": (),
-    "ur5": ("--criterion", "a", "--torque-fraction", 0.4),
-    "iiwa14": ("--criterion", "v", "--payload-only"),
+    "ur5": ("--criterion", "a", "--settings", f"torque_fraction={0.4}"),
+    "iiwa14": ("--criterion", "v", "--settings", "payload_only=true"),
     "kinova_gen3": (
         "--criterion",
         "d",
         "--box",
         "-1,1,-1,1,0.1,2",
-        "--viscous",
-        1,
-        "--coulomb",
-        0.5,
+        "--settings",
+        f"viscous={1}",
+        "--settings",
+        f"coulomb={0.5}",
     ),
     "double": (),
 }
@@ -78,7 +87,7 @@ CASES = {
 def test_all_limits_that_the_robot_states(command: Command, arm: GetRobot, name: str) -> None:
     """Oracle: Pinocchio at 1 kHz; what is assumed or not looked at is told."""
     lib, words = arm(name), CASES[name]
-    share = 0.4 if "--torque-fraction" in words else 0.95
+    share = 0.4 if "the setting torque_fraction" in words else 0.95
     ran = command("excite", "--robot", lib.folder, *WORDS, *words)
     assert ran.code == 0, ran.err
     path = Path("x.json")
@@ -94,7 +103,7 @@ def test_all_limits_that_the_robot_states(command: Command, arm: GetRobot, name:
 def test_the_documents_problem(command: Command, arm: GetRobot, name: str) -> None:
     """Oracle: closed forms at 1 kHz."""
     lib = arm(name)
-    ran = command("excite", "--robot", lib.folder, *WORDS, "--document")
+    ran = command("excite", "--robot", lib.folder, *WORDS, "--settings", "document=true")
     assert ran.code == 0, ran.err
     assert_safe(lib, Path("x.json"), None)
     assert certificate_of(lib, read_trajectory(Path("x.json"), lib)).holds
@@ -104,16 +113,16 @@ def test_the_documents_problem(command: Command, arm: GetRobot, name: str) -> No
 def test_other_bases(command: Command, double: Library, basis: str) -> None:
     """Property: the certificate holds at all speeds asked for, files for a robot are written."""
     words = (
-        "--basis",
-        basis,
+        "--settings",
+        f"basis={basis}",
         "--speed",
         10,
         "--speed",
         100,
         "--export",
         "ros",
-        "--unchecked",
-        "all",
+        "--settings",
+        "unchecked=all",
     )
     ran = command("excite", "--robot", double.folder, *WORDS, *words)
     assert ran.code == 0, ran.err
@@ -125,8 +134,14 @@ def test_other_bases(command: Command, double: Library, basis: str) -> None:
     ("words", "sentence"),
     [
         (("--table", 0), "'double' has no collision proxies, so a table cannot be checked"),
-        (("--clearance", 0.02), "so a clearance between its links cannot be checked"),
-        (("--payload-only",), "excites 4 of 10 unknown columns"),
+        (("--settings", f"clearance={0.02}"), "so a clearance between its links cannot be checked"),
+        (
+            (
+                "--settings",
+                "payload_only=true",
+            ),
+            "excites 4 of 10 unknown columns",
+        ),
     ],
 )
 def test_what_cannot_be_is_one_sentence(

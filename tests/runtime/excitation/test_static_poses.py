@@ -1,4 +1,6 @@
-"""Poses at rest: `python -m runtime excite --static --poses K` and the accuracy they give."""
+"""Poses at rest: `python -m runtime excite --settings static=true --settings poses=K` and the
+accuracy they give.
+"""
 
 import csv
 import json
@@ -125,7 +127,7 @@ def test_a_log_of_poses_gives_the_gravity_torque(
     # One count of the encoder.
     np.testing.assert_allclose(rows.q, designed.poses, atol=2 * np.pi / 4096)
     write_recording(log, tmp_path / "visits.csv")
-    words = ("--out", "out", "--no-report", "--verbose")
+    words = ("--out", "out", "--settings", "report=false", "--verbose")
     ran = command("identify", "visits.csv", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert "12 poses at rest that were reached from both sides" in ran.out
@@ -177,8 +179,18 @@ def test_the_command_writes_poses_that_keep_all_limits(
 ) -> None:
     """Property: joints, table and self-clearance at the poses and at the starts of both visits."""
     ran = command(
-        *("excite", "--robot", lib.folder, "--static", "--poses", 8, "--table", TABLE),
-        *("--starts", 1, "--out", "poses.json"),
+        *(
+            "excite",
+            "--robot",
+            lib.folder,
+            "--settings",
+            "static=true",
+            "--settings",
+            f"poses={8}",
+            "--table",
+            TABLE,
+        ),
+        *("--settings", f"starts={1}", "--out", "poses.json"),
     )
     assert ran.code == 0, ran.err
     assert "8 poses, each reached from both sides" in ran.out
@@ -208,32 +220,34 @@ def test_the_command_writes_poses_that_keep_all_limits(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--static", "--poses", 0), "expected 1 to 500 poses"),
-        (("--static", "--poses", 1), "expected at least"),
-        (("--poses", 5), "give --static too"),
-        (("--static", "--duration", 5), "--duration does not apply"),
-        (("--static", "--export", "ros"), "--export does not apply"),
-        (("--static", "--margin", 0), "a margin above 0"),
-        (("--static", "--out", "poses.txt"), "ends in .json"),
-        (("--static", "--table", 5), "poses within all limits"),
+        (("--settings", "static=true", "--settings", f"poses={0}"), "expected 1 to 500 poses"),
+        (("--settings", "static=true", "--settings", f"poses={1}"), "expected at least"),
+        (("--settings", f"poses={5}"), "give --settings static=true too"),
+        (("--settings", "static=true", "--duration", 5), "--duration does not apply"),
+        (("--settings", "static=true", "--export", "ros"), "--export does not apply"),
+        (("--settings", "static=true", "--settings", f"margin={0}"), "a margin above 0"),
+        (("--settings", "static=true", "--out", "poses.txt"), "ends in .json"),
+        (("--settings", "static=true", "--table", 5), "poses within all limits"),
     ],
 )
 def test_bad_options_get_a_sentence(
     lib: Library, command: Command, tmp_path: Path, words: tuple[object, ...], sentence: str
 ) -> None:
     """Property: exit code 2, what was expected, no file."""
-    ran = command("excite", "--robot", lib.folder, "--starts", 1, *words)
+    ran = command("excite", "--robot", lib.folder, "--settings", f"starts={1}", *words)
     assert ran.code == 2
     assert sentence in " ".join(ran.err.split())
     assert not (tmp_path / "results").exists()
 
 
 def test_existing_poses_are_not_replaced(lib: Library, command: Command, tmp_path: Path) -> None:
-    """Property: the old file stays unless --overwrite is given."""
+    """Property: the old file stays unless --settings overwrite=true is given."""
     (tmp_path / "poses.csv").write_text("mine")
-    ran = command("excite", "--robot", lib.folder, "--static", "--out", "poses.json")
+    ran = command(
+        "excite", "--robot", lib.folder, "--settings", "static=true", "--out", "poses.json"
+    )
     assert ran.code == 2
-    assert "--overwrite" in ran.err
+    assert "--settings overwrite=true" in ran.err
     assert (tmp_path / "poses.csv").read_text() == "mine"
 
 

@@ -213,7 +213,7 @@ def test_a_session_in_one_file(
         "t,q1,q2,q3,q4,q5,q6,q7\n" + "".join(f"{t},{','.join(map(str, start))}\n" for t in (0, 1))
     )
     words = ("approach", "m.json", "--return", "--table", "none", "--out", "s.json")
-    formats = ("--export", "npz", "--export", "libfranka", "--export-rate", 100)
+    formats = ("--export", "npz", "--export", "libfranka", "--settings", f"export_rate={100}")
     numbers = ",".join(map(str, start))
     ran = command(*words, "--from", numbers, *formats)
     assert (ran.code, ran.err.count("Traceback")) == (0, 0), ran.err

@@ -79,7 +79,15 @@ def test_the_ideal_case_is_the_documents(lib: Library, tmp_path: Path, command: 
     """
     ran = command(
         "reproduce",
-        *("table-5.2", "--robot", lib.folder, "--trials", 12, "--out", tmp_path / "out"),
+        *(
+            "table-5.2",
+            "--settings",
+            f"robot={lib.folder}",
+            "--trials",
+            12,
+            "--out",
+            tmp_path / "out",
+        ),
     )
     assert ran.code == 0, ran.err
     facts = valid_result(tmp_path / "out" / "ideal")

@@ -156,7 +156,7 @@ def test_a_full_disk_is_one_sentence(lib: Library, begun: Path) -> None:
     )
     words = (sys.executable, "-c", code)
     ran = subprocess.run(
-        [*words, "reproduce", "tables-B", "--robot", str(lib.folder), "--out", str(begun)],
+        [*words, "reproduce", "tables-B", "--settings", f"robot={lib.folder}", "--out", str(begun)],
         capture_output=True,
         text=True,
         check=False,
@@ -182,7 +182,7 @@ def test_ctrl_c_keeps_finished_chunks(
             return study.run(setting, numbers, threads)
 
         monkeypatch.setitem(IDS, "table-5.2", replace(study, run=stopped))
-        rest = ("--robot", lib.folder, "--trials", 6, "--out", begun)
+        rest = ("--settings", f"robot={lib.folder}", "--trials", 6, "--out", begun)
         words = ("reproduce", "table-5.2", *rest)
         ran = command(*words)
         assert ran.code == 130
@@ -202,15 +202,17 @@ def test_errors_of_the_command_are_one_sentence(
     lib: Library, command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Property: an unknown id, a place that is none, no pyarrow."""
-    ran = command("reproduce", "table-9.9", "--robot", lib.folder)
+    ran = command("reproduce", "table-9.9", "--settings", f"robot={lib.folder}")
     assert ran.code == 2
     assert "got 'table-9.9'; choose one of" in ran.err
     (tmp_path / "file").write_text("")
-    ran = command("reproduce", "tables-B", "--robot", lib.folder, "--out", tmp_path / "file")
+    ran = command(
+        "reproduce", "tables-B", "--settings", f"robot={lib.folder}", "--out", tmp_path / "file"
+    )
     assert ran.code == 2
     assert "choose another place with --out" in ran.err
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    ran = command("reproduce", "tables-B", "--robot", lib.folder)
+    ran = command("reproduce", "tables-B", "--settings", f"robot={lib.folder}")
     assert ran.code == 2
     assert "pip install 'symgen[experiments]'" in ran.err
     with pytest.raises(RuntimeFault, match=r"expected an experiment of .*got"):

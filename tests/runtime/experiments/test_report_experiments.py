@@ -255,19 +255,21 @@ def test_the_command_says_one_sentence_and_writes_nothing(tmp_path: Path, comman
     assert (ran.code, ran.err.count("\n")) == (2, 1)
     assert "differs from its trials" in ran.err
     assert not list(tmp_path.rglob("report.html")) + list(tmp_path.rglob("tables.md"))
-    ran = command("report", study(tmp_path / "good", some("table-5.2")), "--readme")
+    ran = command(
+        "report", study(tmp_path / "good", some("table-5.2")), "--settings", "readme=true"
+    )
     assert ran.code == 2
     assert "README.md' (No such file" in ran.err
     (tmp_path / "README.md").write_text("no place")
-    ran = command("report", tmp_path / "good", "--readme")
+    ran = command("report", tmp_path / "good", "--settings", "readme=true")
     assert "expected the markers <!-- reproduce -->" in ran.err
     assert (tmp_path / "README.md").read_text() == "no place"
     page = tmp_path / "benchmarks.md"
     page.write_text("<!-- reproduce --><!-- /reproduce -->")
-    ran = command("report", tmp_path / "good", "--into", page)
+    ran = command("report", tmp_path / "good", "--settings", f"into={page}")
     assert ran.code == 0
     assert "| Table 5.2 |" in page.read_text()
-    ran = command("report", tmp_path, "--figures", "figures")
+    ran = command("report", tmp_path, "--settings", "figures=figures")
     assert "need a folder written by reproduce, got" in ran.err
 
 

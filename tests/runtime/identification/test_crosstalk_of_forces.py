@@ -177,7 +177,7 @@ def test_command_states_the_crosstalk(
     """Property: the output names the axis and the unit."""
     np.savez(tmp_path / "walk.npz", **swinging | {"contact_force_z_cutoff": np.array(5.0)})
     done = command(
-        *("identify", tmp_path / "walk.npz", "--robot", hopper.folder, "--rows", "base"),
+        *("identify", tmp_path / "walk.npz", "--robot", hopper.folder, "--settings", "rows=base"),
         *("--cutoff", "1", "--out", tmp_path / "out"),
     )
     assert done.code == 0, done.err

@@ -132,8 +132,8 @@ def test_identify_states_what_is_undetermined(lib: Library, command, tmp_path: P
     assert any(f.kind == "current_gains" for f in seen.findings)
     assert seen.plan.has_unknown_gains
     words = (str(log), "--robot", lib.folder, "--recipe", str(recipe))
-    friction = ("--friction", "offset,viscous,coulomb,rotor")
-    ran = command("identify", *words, *friction, "--no-refit", "--out", "out")
+    friction = ("--settings", "friction=offset,viscous,coulomb,rotor")
+    ran = command("identify", *words, *friction, "--settings", "refit=false", "--out", "out")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["torque_source"] == "current"
@@ -167,7 +167,7 @@ def test_currents_are_never_taken_for_torques(lib: Library, command, tmp_path: P
     assert result.train.gains is result.test.gains is not None
     assert of_gain_one(read).recipe.torque.gain == 1.0  # type: ignore[union-attr]
     assert scaled(result.train, result.train.gains) is result.train
-    for words in (("--payload", "1,0,0,0"), ("--loaded-run", "2")):
+    for words in (("--payload", "1,0,0,0"), ("--settings", "loaded_run=2")):
         ran = command("gains", str(log), "--robot", lib.folder, *words)
         assert ran.code == 2, words
         assert len(ran.err.splitlines()) == 1

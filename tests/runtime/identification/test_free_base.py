@@ -202,10 +202,12 @@ def test_derivatives_and_poses(lib: Library, log: VirtualLog) -> None:
 
 
 def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command) -> None:
-    """Property: `identify --rows` writes result.json and a URDF with the base link's inertial."""
+    """Property: `identify the setting rows` writes result.json and a URDF with the base link's
+    inertial.
+    """
     path, out = tmp_path / "walk.npz", tmp_path / "out"
     np.savez(path, **without(log, contact_axes="link"))
-    done = command("identify", path, "--robot", lib.folder, "--rows", "base", "--out", out)
+    done = command("identify", path, "--robot", lib.folder, "--settings", "rows=base", "--out", out)
     assert done.code == 0, done.err
     assert "total mass" in done.out
     facts = json.loads((out / "result.json").read_text())

@@ -74,9 +74,9 @@ def test_contacts_that_hide_every_row_name_what_is_missing(hopper: Library, arra
     everything = unknown | {"contact_flags": np.ones((200, 2))}
     with pytest.raises(RuntimeFault, match="leave no equation") as raised:
         identify_free_base(free_base_of(everything, "log"), hopper, "all")
-    assert "--rows all" not in str(raised.value)
+    assert "--settings rows=all" not in str(raised.value)
     assert "contact_kind = 'point'" in str(raised.value)
-    with pytest.raises(RuntimeFault, match="--rows all"):
+    with pytest.raises(RuntimeFault, match="--settings rows=all"):
         identify_free_base(free_base_of(everything, "log"), hopper, "base")
 
 
@@ -132,7 +132,9 @@ def test_other_commands_read_the_result_of_a_free_base(
         log[key] = arrays[key] + sigma * rng.normal(size=arrays[key].shape)
     path, out = tmp_path / "walk.npz", tmp_path / "out"
     np.savez(path, **log)
-    done = command("identify", path, "--robot", hopper.folder, "--out", out, "--no-report")
+    done = command(
+        "identify", path, "--robot", hopper.folder, "--out", out, "--settings", "report=false"
+    )
     assert done.code == 0, done.err
     assert not (out / "report.html").exists()
     facts = json.loads((out / "result.json").read_text())

@@ -175,7 +175,7 @@ def test_unknown_rows_and_split(
     wrench[50:100, 0] = np.nan
     path, out = tmp_path / "walk.npz", tmp_path / "out"
     np.savez(path, **(arrays | {"contact_wrench": wrench, "torque": arrays["tau"]}))
-    words = ("identify", path, "--robot", hopper.folder, "--rows", "all", "--out", out)
+    words = ("identify", path, "--robot", hopper.folder, "--settings", "rows=all", "--out", out)
     done = command(*words, "--split", "0.5,0.8")
     assert done.code == 0, done.err
     facts = json.loads((out / "result.json").read_text())
@@ -186,11 +186,14 @@ def test_unknown_rows_and_split(
     for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)
-    refused = ("--encoder-bias", "--stream", "--save-statistics", "--coulomb-speed=0.1")
-    for option in (*refused, "--no-refit", "--seed=1"):
-        done = command(*words, "--overwrite", option)
+    refused = ("encoder_bias=true", "stream=true", "save_statistics=true", "coulomb_speed=0.1")
+    for setting in (*refused, "refit=false", "seed=1"):
+        done = command(*words, "--overwrite", "--settings", setting)
         assert done.code == 2
-        assert f"{option.partition('=')[0]} does not apply to a robot with a free base" in done.err
+        assert (
+            f"the setting {setting.partition('=')[0]} does not apply to a robot with a free base"
+            in done.err
+        )
 
 
 def test_a_table_is_no_log_of_a_free_base(

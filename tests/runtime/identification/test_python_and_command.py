@@ -15,7 +15,9 @@ from tests.runtime.conftest import Command
 
 def parameters_of(command: Command, folder: Path, lib: Library, *words: object) -> dict[str, Any]:
     """Parameters and friction of result.json by the command."""
-    ran = command("identify", *words, "--robot", lib.folder, "--no-report", "--out", "out")
+    ran = command(
+        "identify", *words, "--robot", lib.folder, "--settings", "report=false", "--out", "out"
+    )
     assert ran.code == 0, ran.err
     facts = json.loads((folder / "out" / "result.json").read_text())
     columns = facts["friction"]["columns"] if facts["friction"] else []
@@ -40,7 +42,7 @@ def test_one_log(command: Command, fr3: Library, tmp_path: Path, method: str) ->
 
 def test_a_streamed_log(command: Command, fr3: Library, tmp_path: Path) -> None:
     """Property: the log stays in its file for both."""
-    facts = parameters_of(command, tmp_path, fr3, "fr3_simulated", "--stream")
+    facts = parameters_of(command, tmp_path, fr3, "fr3_simulated", "--settings", "stream=true")
     log = open_log("fr3_simulated", stream=True)
     require_equal(facts, runtime.identify(log, fr3))
 

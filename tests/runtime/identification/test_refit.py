@@ -138,10 +138,23 @@ def test_a_motion_out_and_back_tests_on_its_training_rows(
 
 
 def test_the_command_refits(command: Command, lib: Library, tmp_path: Path) -> None:
-    """Property: by default, not with --no-refit; retraced rows are named; --no-report holds."""
+    """Property: by default, not with --settings refit=false; retraced rows are named; --settings
+    report=false holds.
+    """
     log = "fr3_simulated"
     assert command("identify", log, "--robot", lib.folder, "--out", "a").code == 0
-    ran = command("identify", log, "--robot", lib.folder, "--out", "b", "--no-refit", "--no-report")
+    ran = command(
+        "identify",
+        log,
+        "--robot",
+        lib.folder,
+        "--out",
+        "b",
+        "--settings",
+        "refit=false",
+        "--settings",
+        "report=false",
+    )
     assert ran.code == 0
     assert "report" not in ran.out
     assert [(tmp_path / name / "report.html").exists() for name in "ab"] == [True, False]

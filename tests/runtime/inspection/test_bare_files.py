@@ -48,7 +48,8 @@ def test_panda(command: Command, lib: Library, bare, tmp_path: Path) -> None:
     assert "rotor" in facts["friction"]["columns"]
     ran = command(
         *("identify", raw, *robot, "--recipe", "r.toml", "--friction", "auto", "--out", "auto"),
-        "--no-refit",  # the test rows must not train
+        "--settings",
+        "refit=false",  # the test rows must not train
     )
     assert ran.code == 0, ran.err
     # In the published band and split, the last 40 % of 21 s: the narrower own band flatters.
@@ -72,7 +73,8 @@ def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
     assert ran.code == 1, ran.err
     ran = command(
         *("identify", raw, *by, "--recipe", "r.toml", "--out", "out", "--split", "0.582,0.5952"),
-        "--no-refit",  # the test rows must not train
+        "--settings",
+        "refit=false",  # the test rows must not train
     )
     assert ran.code == 0, ran.err
     facts = facts_of(tmp_path / "out")
@@ -83,7 +85,15 @@ def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
     # More of the noise of τ in a wider band: the same model, another percentage.
     errors = []
     for f_c in (5, 50):
-        requested = ("--recipe", "r.toml", "--cutoff", f_c, "--rate", 10 * f_c, "--json")
+        requested = (
+            "--recipe",
+            "r.toml",
+            "--cutoff",
+            f_c,
+            "--settings",
+            f"rate={10 * f_c}",
+            "--json",
+        )
         ran = command("evaluate", "out", raw, *by, *requested)
         errors.append(json.loads(ran.out)["torque_error_percent"]["after_overall"])
     assert errors[0] < errors[1]

@@ -33,15 +33,16 @@ def test_parameters_that_no_motion_shows_are_left_out(
         design(wrist, usual)
     path = tmp_path / "narrow.json"
     words = (
-        "--document",
+        "--settings",
+        "document=true",
         "--duration",
         "4",
-        "--starts",
-        "1",
-        "--margin",
-        str(NARROW),
-        "--processes",
-        "1",
+        "--settings",
+        "starts=1",
+        "--settings",
+        f"margin={NARROW}",
+        "--settings",
+        "processes=1",
     )
     ran = command("excite", "--robot", wrist.folder, *words, "--out", path)
     assert ran.code == 0

@@ -74,12 +74,12 @@ def test_observe_with_free_motion(
     three, so that the Poisson error of a third of a log remains, 3.7, here three times.
     """
     words = ["observe", rest_file, "--model", monitored.folder, "--out", "seen", "--json"]
-    words += ["--false-alarms", "100 per minute", "--calibrate", rest_file]
+    words += ["--settings", "false_alarms=100 per minute", "--settings", f"calibrate={rest_file}"]
     ran = command(*words)
     assert ran.code == 2
     assert "calibrate with a longer log" in ran.err
     assert not (tmp_path / "seen").exists()
-    ran = command(*words, *(2 * ["--calibrate", rest_file]))
+    ran = command(*words, *(2 * ["--settings", f"calibrate={rest_file}"]))
     assert ran.code == 0, ran.err
     facts = json.loads(ran.out)
     expected = facts["false_alarms"]["expected_in_log"]

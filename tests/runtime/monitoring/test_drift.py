@@ -200,7 +200,7 @@ def test_the_history_has_date_temperature_and_sizes(
     warm = [f"{row},{20 + k % 11}" for k, row in enumerate(rows)]
     (tmp_path / "a.csv").write_text("\n".join([f"{head},motor_temp", *warm]) + "\n")
     words = ("watch", arm, "a.csv", "--history", "h.jsonl")
-    ran = command(*words, "--temperature", "motor_temp", "--date", "2026-11-30")
+    ran = command(*words, "--settings", "temperature=motor_temp", "--settings", "date=2026-11-30")
     assert ran.code == 1, ran.err
     entry = json.loads((tmp_path / "h.jsonl").read_text())
     expected = np.mean([20 + k % 11 for k in range(len(rows))])
@@ -209,10 +209,14 @@ def test_the_history_has_date_temperature_and_sizes(
     sizes = {(each["group"], each["where"]): each for each in entry["sizes"]}
     assert sizes["sensor gain", "fr3_joint3"]["size"] == pytest.approx(entry["size"])
     assert len(sizes) > 25
-    for option, value in (("--temperature", "nothing"), ("--temperature", "1e9"), ("--date", "x")):
+    for option, value in (
+        ("--settings", "temperature=nothing"),
+        ("--settings", "temperature=1e9"),
+        ("--settings", "date=x"),
+    ):
         ran = command(*words, option, value)
         assert ran.code == 2
-        assert value in ran.err
+        assert value.partition("=")[2] in ran.err
     assert len((tmp_path / "h.jsonl").read_text().splitlines()) == 1
 
 

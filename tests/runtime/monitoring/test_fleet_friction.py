@@ -40,7 +40,7 @@ def test_the_friction_model_of_the_fleet_is_the_default(
     (tmp_path / "fleet.toml").write_text(PRIOR)
     ran = command(
         *("identify", log, "--robot", lib.folder, "--prior", "fleet.toml", *words),
-        *("--no-refit", "--no-report", "--out", "new", "--verbose"),
+        *("--settings", "refit=false", "--settings", "report=false", "--out", "new", "--verbose"),
     )
     assert ran.code == 0, ran.err
     friction = json.loads((tmp_path / "new" / "result.json").read_text())["friction"]

@@ -65,7 +65,9 @@ def test_friction_of_another_width_is_refused(
     path = tmp_path / "fleet.toml"
     path.write_text("[friction]\ncoulomb_speed = 0.05\n[friction.fr3_joint1]\ncoulomb = [0.3, 0.1]")
     prior = read_prior(path, lib)
-    with pytest.raises(IdentificationError, match=r"coulomb_speed = 0\.05.*--coulomb-speed 0\.05"):
+    with pytest.raises(
+        IdentificationError, match=r"coulomb_speed = 0\.05.*the setting coulomb_speed 0\.05"
+    ):
         identify_recording(noisy, lib, friction=TERMS, prior=prior)
 
 

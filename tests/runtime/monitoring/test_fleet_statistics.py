@@ -128,9 +128,18 @@ def test_the_commands_from_log_to_prior(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Property: identify --save-statistics, fleet, identify --prior; nothing is overwritten."""
+    """Property: identify --settings save_statistics=true, fleet, identify --prior; nothing is
+    overwritten.
+    """
     monkeypatch.setattr("runtime.outputs.report.report.write_report", lambda folder: folder)  # slow
-    words = ("--friction", "viscous,coulomb", "--out", "units/real", "--save-statistics")
+    words = (
+        "--friction",
+        "viscous,coulomb",
+        "--out",
+        "units/real",
+        "--settings",
+        "save_statistics=true",
+    )
     ran = command("identify", log, "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert read_statistics(tmp_path / "units/real/statistics.npz").unit == "real"

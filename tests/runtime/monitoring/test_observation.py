@@ -27,7 +27,7 @@ PUSHES = ((1, 2.0, 14.0), (1, -2.0, 16.0), (5, 0.6, 15.0), (5, -0.6, 18.0))
 
 def observed(command: Command, log: Path, folder: Path, *words: object) -> dict:
     """JSON of `observe`."""
-    rate = ("--false-alarms", "1 per hour")
+    rate = ("--settings", "false_alarms=1 per hour")
     ran = command("observe", log, "--model", folder, *rate, "--json", *words)
     assert ran.code == 0, ran.err
     return json.loads(ran.out)
@@ -38,7 +38,15 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
 ) -> None:
     """Oracle, real data: no contact in the part that the model has not seen; files are written."""
     facts = observed(
-        command, rest_file, monitored.folder, "--out", "seen", "--free", rest_file, "--mcap"
+        command,
+        rest_file,
+        monitored.folder,
+        "--out",
+        "seen",
+        "--free",
+        rest_file,
+        "--settings",
+        "mcap=true",
     )
     assert (facts["alarms"], facts["contacts"]) == (0, [])
     assert facts["free_motion"]["alarms"] == 0
@@ -66,7 +74,9 @@ def test_pushes_on_a_real_arm_are_found(
     for j, size, start in PUSHES:
         tau[(t >= start) & (t < start + 0.3), j] -= size
     write_recording(rest_of_log.replace(tau=tau), tmp_path / "pushed.npz")
-    facts = observed(command, tmp_path / "pushed.npz", monitored.folder, "--link", "fr3_link7")
+    facts = observed(
+        command, tmp_path / "pushed.npz", monitored.folder, "--settings", "link=fr3_link7"
+    )
     contacts = facts["contacts"]
     assert len(contacts) == len(PUSHES)
     for j, size, start in PUSHES:
@@ -82,9 +92,9 @@ def test_pushes_on_a_real_arm_are_found(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--false-alarms", "rarely"), "such as '1 per hour'"),
-        (("--within", "0.001"), "raise --within"),
-        (("--link", "hand"), "correct --link"),
+        (("--settings", "false_alarms=rarely"), "such as '1 per hour'"),
+        (("--settings", "within=0.001"), "raise the setting within"),
+        (("--settings", "link=hand"), "correct the setting link"),
     ],
 )
 def test_bad_options_are_one_sentence(

@@ -98,7 +98,16 @@ def test_files_are_those_of_the_draws(
     import mujoco
     import pinocchio
 
-    words = ("sample", monitored.folder, "--count", 3, "--to", "mjcf,urdf", "--seed", 4)
+    words = (
+        "sample",
+        monitored.folder,
+        "--count",
+        3,
+        "--to",
+        "mjcf,urdf",
+        "--settings",
+        f"seed={4}",
+    )
     ran = command(*words, "--out", "a")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "a" / "samples.json").read_text())

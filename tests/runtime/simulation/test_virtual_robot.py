@@ -195,7 +195,7 @@ def test_the_command_writes_a_log_like_a_real_one(
 ) -> None:
     """Property: raw 1 kHz signals, quantised, and the truth; run again, the same bytes."""
     words = ("simulate", "--robot", lib.folder, "--trajectory", "m.json", "--seed", "3")
-    words += ("--payload", "1.8,0.01,0.02,0.167,0.1,0.08,0.1", "--truth-seed", "2")
+    words += ("--payload", "1.8,0.01,0.02,0.167,0.1,0.08,0.1", "--settings", "truth_seed=2")
     for name in ("a", "b"):
         ran = command(*words, "--out", f"{name}.csv")
         assert ran.code == 0, ran.err
@@ -220,9 +220,15 @@ def test_the_command_writes_a_log_like_a_real_one(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--engine", "mujoco", "--viscous", "1"), "--viscous belongs to the engine 'compiled'"),
+        (
+            ("--engine", "mujoco", "--settings", "viscous=1"),
+            "the setting viscous belongs to the engine 'compiled'",
+        ),
         (("--payload", "1,0,0,0", "--ideal"), "--ideal belongs to the engine 'compiled'"),
-        (("--engine", "compiled", "--truth-seed", "1"), "--truth-seed belongs to the engine 'mujo"),
+        (
+            ("--engine", "compiled", "--settings", "truth_seed=1"),
+            "the setting truth_seed belongs to the engine 'mujo",
+        ),
         (
             ("--settings", "virtual_robot=none.toml"),
             "'none.toml' cannot be read .* one: fr3",

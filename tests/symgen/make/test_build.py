@@ -131,7 +131,7 @@ def test_notes_report_what_was_done() -> None:
 
 
 def test_rounded_angles_are_reported() -> None:
-    """Property: 3.1416 hides a right angle that --snap finds; 0.5 and π hide none."""
+    """Property: 3.1416 hides a right angle that the setting snap finds; 0.5 and π hide none."""
     tilted = TINY_URDF.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 0.5" rpy="ANGLE 0 0"/>')
     assert tilted != TINY_URDF
     for angle, snap, is_reported in (
@@ -143,7 +143,7 @@ def test_rounded_angles_are_reported() -> None:
         chain = read_chain(tilted.replace("ANGLE", angle), ChainOptions(snap=snap))
         notes = symgen.make.facts.notes_of(chain, {})
         assert (
-            any("angles of swing" in note and "--snap 0.0001" in note for note in notes)
+            any("angles of swing" in note and "--settings snap=0.0001" in note for note in notes)
             == is_reported
         )
 

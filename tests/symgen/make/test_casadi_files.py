@@ -29,8 +29,8 @@ def test_both_files_equal_the_kernels(
 ) -> None:
     """Oracle: values to 1e-12, Jacobians to 1e-10; a later build without them drops them."""
     options = ["--urdf", str(DATA / "gantry.urdf"), "--name", "gantry", "--out", str(tmp_path)]
-    command = ["build", *options, "--level", "portable"]
-    monkeypatch.setattr(sys, "argv", ["symgen", *command, "--casadi"])
+    command = ["build", *options, "--settings", "level=portable"]
+    monkeypatch.setattr(sys, "argv", ["symgen", *command, "--settings", "casadi=true"])
     with pytest.raises(SystemExit, match="0"):
         main()
     folder, shown = tmp_path / "gantry", capsys.readouterr().out
@@ -67,7 +67,7 @@ def test_both_files_equal_the_kernels(
     regressor = lib.regressor(q, dq, ddq)
     np.testing.assert_allclose(np.asarray(by_pi), regressor, rtol=1e-10, atol=1e-10)
     _exported_functions(lib, tmp_path)
-    monkeypatch.setattr(sys, "argv", ["symgen", *command, "--force"])
+    monkeypatch.setattr(sys, "argv", ["symgen", *command, "--settings", "force=true"])
     with pytest.raises(SystemExit, match="0"):
         main()
     assert not list(folder.glob("*casadi*"))

@@ -44,9 +44,9 @@ def test_the_file_has_the_digits_of_the_library(
 
 def test_refusals_name_what_there_is(tiny_request: BuildRequest, tmp_path: Path) -> None:
     """Property: an unknown kernel, a precision and a file that exists are one sentence each."""
-    with pytest.raises(BuildError, match=r"--kernels of .* got 'double' and 'no_such'"):
+    with pytest.raises(BuildError, match=r"the setting kernels of .* got 'double' and 'no_such'"):
         controller_files("tiny", (), ["no_such"], "double", {})
-    with pytest.raises(BuildError, match=r"--precision single or double .* got 'half'"):
+    with pytest.raises(BuildError, match=r"the setting precision single or double .* got 'half'"):
         controller_files("tiny", (), [], "half", {})
     (tmp_path / "tiny/controller").mkdir(parents=True)
     (tmp_path / "tiny/controller/tiny.c").touch()

@@ -62,11 +62,23 @@ def test_what_the_command_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("symgen.cli.make.build", build)
     (tmp_path / "own.urdf").write_text(TINY_URDF, encoding="utf-8")
     own = ["build", "--urdf", str(tmp_path / "own.urdf"), "--name", "own", "--out", str(tmp_path)]
-    for words in (own, [*own, "--all-levels"], [*own, "--level", "casadi"], ["build"]):
+    for words in (
+        own,
+        [*own, "--settings", "all_levels=true"],
+        [*own, "--settings", "level=casadi"],
+        ["build"],
+    ):
         assert CliRunner().invoke(app, words).exception is None
     assert seen == [levels_of_processor(), (), ("casadi",), ()]
-    error = CliRunner().invoke(app, [*own, "--all-levels", "--level", "v2"]).exception
-    assert str(error) == "--level and --all-levels both name levels; give one of them"
+    error = (
+        CliRunner()
+        .invoke(app, [*own, "--settings", "all_levels=true", "--settings", "level=v2"])
+        .exception
+    )
+    assert (
+        str(error)
+        == "the setting level and --settings all_levels=true both name levels; give one of them"
+    )
 
 
 def test_the_cost_is_printed_before_the_compilation(
@@ -76,7 +88,9 @@ def test_the_cost_is_printed_before_the_compilation(
     (tmp_path / "own.urdf").write_text(TINY_URDF, encoding="utf-8")
     monkeypatch.setenv("CC", "false")
     own = ["build", "--urdf", str(tmp_path / "own.urdf"), "--name", "own", "--out", str(tmp_path)]
-    ran = CliRunner().invoke(app, [*own, "--level", "portable", "--watch-size"])
+    ran = CliRunner().invoke(
+        app, [*own, "--settings", "level=portable", "--settings", "watch_size=true"]
+    )
     assert "'false -std=c99" in str(ran.exception)
     kernels = make_catalogue(read_chain(TINY_URDF)).kernels
     cost = expected_cost(kernels, ["portable"])

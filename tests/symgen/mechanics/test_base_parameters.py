@@ -178,7 +178,7 @@ def test_no_gap_is_an_error(one_joint: Chain) -> None:
     rng = np.random.default_rng(2)
     u, v = (np.linalg.qr(rng.normal(size=(10, 10)))[0] for _ in range(2))
     mixture = u @ np.diag(np.geomspace(1, 1e-15, 10)) @ v
-    with pytest.raises(RankError, match=r"expected a gap of 1000 .* --snap 1e-4"):
+    with pytest.raises(RankError, match=r"expected a gap of 1000 .* --settings snap=1e-4"):
         numeric_base(one_joint, toy(mixture))
 
 

@@ -51,7 +51,9 @@ def checked(request: pytest.FixtureRequest, robot: Callable[[str], Library]) -> 
 
 
 def projected_links(lib: Library) -> dict[str, float]:
-    """Links whose inertia in the URDF is impossible, with the change that --project made."""
+    """Links whose inertia in the URDF is impossible, with the change that --settings project=true
+    made.
+    """
     manifest = json.loads((lib.folder / "manifest.json").read_text(encoding="utf-8"))
     return manifest["projected"]
 

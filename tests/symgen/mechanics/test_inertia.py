@@ -218,7 +218,7 @@ def test_printed_link_7_is_no_body() -> None:
     assert np.linalg.eigvalsh(call(PSEUDO, pi))[0] == pytest.approx(-2.3e-5, abs=0.05e-5)
     assert np.isnan(call(LAM, pi)).any()
     with pytest.raises(
-        InertiaError, match=r"link 'link7' is not physically consistent: .* --project"
+        InertiaError, match=r"link 'link7' is not physically consistent: .* --settings project=true"
     ):
         inertia.require_realisable(ca.DM(pi), "link7")
 

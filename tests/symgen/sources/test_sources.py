@@ -82,7 +82,7 @@ def test_mjcf_moves_like_mujoco(tmp_path: Path) -> None:
 def test_a_package_is_found_by_option_and_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Property: package:// through --package, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH."""
+    """Property: package:// through the setting package, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH."""
     folder = tmp_path / "src/robots/my_arm"
     (folder / "urdf").mkdir(parents=True)
     (folder / "package.xml").write_text("<package/>")
@@ -93,7 +93,7 @@ def test_a_package_is_found_by_option_and_environment(
     for root in (folder, tmp_path / "src"):
         source = Source(name, packages=Packages((root,)))
         assert read_source(source, Mechanism())[0] == TINY_URDF
-    with pytest.raises(BuildError, match=r"package 'my_arm' is not found.*--package DIR"):
+    with pytest.raises(BuildError, match=r"package 'my_arm' is not found.*--settings package=DIR"):
         read_source(Source(name), Mechanism())
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path / 'src'}")
     assert read_source(Source(name), Mechanism())[0] == TINY_URDF
@@ -122,7 +122,7 @@ ROD = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
     reason="SKIPPED LOUDLY: the package xacro is not installed",
 )
 def test_xacro_is_expanded_with_arguments_and_packages(tmp_path: Path) -> None:
-    """Property: --arg and $(find …) count; a missing argument is one sentence."""
+    """Property: the setting arg and $(find …) count; a missing argument is one sentence."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/package.xml").write_text("<package/>")
     (tmp_path / "parts/rod.xacro").write_text(ROD)
@@ -133,7 +133,7 @@ def test_xacro_is_expanded_with_arguments_and_packages(tmp_path: Path) -> None:
     (joint,) = read_chain(read_source(source, Mechanism())[0]).joints
     assert (joint.mass, joint.com) == (2.5, (0.0, 0.0, 0.2))
     for bad, sentence in (
-        (Source(path, {}, packages), r"arm\.urdf\.xacro'.*length.*--arg NAME=VALUE"),
+        (Source(path, {}, packages), r"arm\.urdf\.xacro'.*length.*--settings arg=NAME=VALUE"),
         (Source(path, {"length": "long"}, packages), "xacro cannot expand"),
         (Source(path, {"length": "1"}), "the ROS package 'parts' is not found"),
         (Source(tmp_path / "no.xacro"), "there is no such file"),
@@ -261,12 +261,12 @@ def test_two_mechanisms_and_stray_arguments_are_refused(tmp_path: Path) -> None:
     row = {"joint": "curl", "of": {"bend": 1.0}}
     with pytest.raises(BuildError, match="both describe a mechanism"):
         read_source(Source(path), mechanism_from_table({"coupling": [row]}, "M"))
-    with pytest.raises(BuildError, match="--arg belongs to xacro files"):
+    with pytest.raises(BuildError, match="the setting arg belongs to xacro files"):
         read_source(Source(path, {"a": "1"}), Mechanism())
 
 
 def test_an_argument_that_a_xacro_file_lacks_is_refused(tmp_path: Path) -> None:
-    """Property: a misspelt --arg, which xacro ignores, is named with the arguments that there are;
+    """Property: a misspelt arg, which xacro ignores, is named with the arguments that there are;
     an argument of a branch that is not taken is accepted.
     """
     path = tmp_path / "arm.urdf.xacro"

@@ -176,8 +176,8 @@ def test_several_logs_take_the_model_of_the_first(command, lib, clean, tmp_path)
 
 
 def test_a_width_alone_is_a_width_of_the_choice(command, lib, tmp_path):
-    """Property: --coulomb-speed without --friction was without effect."""
-    words = ("--robot", lib.folder, "--coulomb-speed", "0.05", "--out", "out")
+    """Property: the setting coulomb_speed without --friction was without effect."""
+    words = ("--robot", lib.folder, "--settings", "coulomb_speed=0.05", "--out", "out")
     assert command("identify", EXAMPLE, *words).code == 0
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["friction"]["coulomb_speed"] == 0.05

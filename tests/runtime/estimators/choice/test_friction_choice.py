@@ -147,7 +147,7 @@ def test_auto_on_the_command_line_says_what_it_chose(lib, ideal_runs, command, t
     """Property: the table, the sentence among the notes, and the columns in result.json."""
     log = _with_friction(ideal_runs[0], lib, Friction(("offset", "viscous")))
     write_recording(log, tmp_path / "log.csv")
-    words = ("--friction", "auto", "--coulomb-speed", "0.02", "--out", "out", "--verbose")
+    words = ("--friction", "auto", "--settings", "coulomb_speed=0.02", "--out", "out", "--verbose")
     ran = command("identify", "log.csv", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert "Friction model: cross-validation error" in ran.out

@@ -125,10 +125,10 @@ def test_what_is_said(lib: Library, clean: Recording):
     assert same is usual
     assert "differentiation fails at 20 Hz" in sentence
     assert "is noise, which reduces its identified inertia" in sentence
-    assert "--regressor momentum --cutoff" in sentence
+    assert "--settings regressor=momentum --cutoff" in sentence
     taken, (chosen,) = choose_regressor(loud, lib, usual, replaces=True)
     assert taken.regressor == "momentum"
-    assert f"--regressor momentum --cutoff {taken.cutoff_hz:g} was taken" in chosen
+    assert f"--settings regressor=momentum --cutoff {taken.cutoff_hz:g} was taken" in chosen
     # The cut-off that is offered leaves as much noise as is harmless, to the form of the filter.
     again = differentiation_of(loud, lib, replace(usual, cutoff_hz=taken.cutoff_hz))
     assert again.noise.max() == pytest.approx(NOISY, rel=0.5)
@@ -149,13 +149,13 @@ def test_nothing_is_said_of_what_is_not_done(lib: Library, clean: Recording, cha
 
 
 def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):
-    """`identify` notes it, `--regressor auto` takes momentum, the doctor warns of it."""
+    """`identify` notes it, `--settings regressor=auto` takes momentum, the doctor warns of it."""
     log = noisy.replace(ddq=None, dq=None, q=np.round(noisy.q * 40) / 40)  # 250 counts per turn
     write_recording(log, tmp_path / "log.csv")
     said = ("identify", "log.csv", "--friction", "viscous,coulomb,offset", "--cutoff", "5")
     notes = {}
     for form in ("acceleration", "auto"):
-        ran = command(*said, "--regressor", form, "--out", form)
+        ran = command(*said, "--settings", f"regressor={form}", "--out", form)
         assert ran.code == 0, ran.err
         facts = json.loads((tmp_path / form / "result.json").read_text())
         (notes[form],) = (w for w in facts["warnings"] if "differentiation fails" in w)

@@ -178,7 +178,7 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: SimulatedCase) -> None:
     """Property: no loop, a foreign reference, friction that cannot be simulated: one sentence."""
     for method in ("iv", "didim"):
         with pytest.raises(
-            IdentificationError, match=r"its description; give .* --controller FILE"
+            IdentificationError, match=r"its description; give .* --settings controller=FILE"
         ):
             good_q.identify(method, inputs=None)
     late = ClosedLoop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)

@@ -93,20 +93,30 @@ def test_simulate_and_identify_by_the_loop(
     robot = ("--robot", lib.folder)
     made = command(
         *("simulate", *robot, "--trajectory", "motion.json", "--out", "log.npz"),
-        *("--viscous", "0.3", "--coulomb", "0.3", "--seed", "3"),
+        *("--settings", "viscous=0.3", "--settings", "coulomb=0.3", "--seed", "3"),
     )
     assert (made.code, made.err) == (0, "")
     truth = json.loads((tmp_path / "log.truth.json").read_text())
     beta = lib.base_matrix @ np.array(truth["pi"])
-    common = ("log.npz", *robot, "--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
+    common = (
+        "log.npz",
+        *robot,
+        "--friction",
+        "viscous,coulomb",
+        "--settings",
+        "coulomb_speed=0.03",
+    )
     for method in ("didim", "iv"):
         folder = tmp_path / method
-        options = ("--method", method, "--cutoff", "20", "--rate", "100", "--out", folder)
+        options = ("--method", method, "--cutoff", "20", "--settings", "rate=100", "--out", folder)
         known = command("identify", *common, *options)
         assert known.code == 2
-        assert "give the controller's gains and the reference motion by --controller" in known.err
+        assert (
+            "give the controller's gains and the reference motion by --settings controller"
+            in known.err
+        )
         assert not folder.exists()
-        ran = command("identify", *common, *options, "--controller", "log.loop.toml")
+        ran = command("identify", *common, *options, "--settings", "controller=log.loop.toml")
         assert (ran.code, ran.err) == (0, "")
         facts = json.loads((folder / "result.json").read_text())
         # σ_q = 1e-5, σ_τ = 0.05, 48 % of the run: some tenths of a percent.

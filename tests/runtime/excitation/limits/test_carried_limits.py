@@ -202,15 +202,26 @@ def test_a_file_of_a_body(lib: Library, tmp_path: Path) -> None:
 
 def test_excite_with_a_body_in_the_hand(command: Command, lib: Library, tmp_path: Path) -> None:
     """Property: the certificate states the load; without the option it states an empty hand."""
-    words = ("--duration", 4, "--harmonics", 2, "--starts", 1, "--out", "m.json")
+    words = (
+        "--duration",
+        4,
+        "--settings",
+        f"harmonics={2}",
+        "--settings",
+        f"starts={1}",
+        "--out",
+        "m.json",
+    )
     ran = command("excite", "--robot", lib.folder, *words, "--carry", "1.8,0,0,0.12,0.1,0.1,0.2")
     assert ran.code == 0, ran.err
     assert "load: 1.8 kg in a box of 100 x 100 x 200 mm; NOT checked: table" in ran.out
-    ran = command("excite", "--robot", lib.folder, *words, "--overwrite")
+    ran = command("excite", "--robot", lib.folder, *words, "--settings", "overwrite=true")
     assert ran.code == 0, ran.err
     assert "load: empty hand; NOT checked: table" in ran.out
     assert ran.out.count("checked: position, velocity, acceleration, jerk, braking, torque") == 1
-    for option in (("--carry", "1,0,0,0"), ("--torque-fraction", "0.9")):
-        ran = command("excite", "--robot", lib.folder, *words, "--document", *option)
+    for option in (("--carry", "1,0,0,0"), ("--settings", "torque_fraction=0.9")):
+        ran = command(
+            "excite", "--robot", lib.folder, *words, "--settings", "document=true", *option
+        )
         assert (ran.code, ran.err.count("\n")) == (2, 1)
-        assert "--document excludes" in ran.err
+        assert "--settings document=true excludes" in ran.err

@@ -117,7 +117,7 @@ def test_bands_that_are_none_are_refused(lib: Library) -> None:
         Exception, match="needs a mass above 0 kg and a reach from 0 m up, got '0,1'"
     ):
         band_of_payload(lib, "0,1", None)
-    with pytest.raises(Exception, match="--payload-band needs 2 numbers"):
+    with pytest.raises(Exception, match="the setting payload_band needs 2 numbers"):
         band_of_payload(lib, "1", None)
     with pytest.raises(Exception, match="a band of friction from 0 up is needed, got -5 %"):
         Safety(friction_band=-0.05)
@@ -135,7 +135,9 @@ def test_the_band_of_the_prior(lib: Library) -> None:
     both = np.array(band_of(lib, "0.5,0.1", "cad", None))
     assert both == pytest.approx(band + band_of_payload(lib, "0.5,0.1", None), rel=1e-12)
     assert band_of(lib, None, None, None) == ()
-    with pytest.raises(Exception, match="--model-band needs cad, gripper, none or a trust above 0"):
+    with pytest.raises(
+        Exception, match="the setting model_band needs cad, gripper, none or a trust above 0"
+    ):
         band_of_prior(lib, "steel")
 
 

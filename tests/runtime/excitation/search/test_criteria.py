@@ -267,20 +267,26 @@ def test_criteria_that_are_none(lib: Library) -> None:
     ("words", "match"),
     [
         (("--criterion", "best"), "no criterion 'best'"),
-        (("--basis", "wavelet"), "no basis 'wavelet'"),
+        (("--settings", "basis=wavelet"), "no basis 'wavelet'"),
         (("--noise", "0"), "torque noise above 0"),
         (("--noise", "1,2"), "--noise needs 7 numbers"),
-        (("--log-rate", "-1"), "sampling rate above 0 Hz"),
-        (("--friction", "0.5,0.1"), "--friction needs names of columns with commas, or none"),
-        (("--friction", "rotor"), "functions of a joint's speed, got rotor; choose from viscous"),
-        (("--earlier-log", "nowhere.csv"), "nowhere.csv"),
+        (("--settings", "log_rate=-1"), "sampling rate above 0 Hz"),
+        (
+            ("--settings", "friction=0.5,0.1"),
+            "--friction needs names of columns with commas, or none",
+        ),
+        (
+            ("--settings", "friction=rotor"),
+            "functions of a joint's speed, got rotor; choose from viscous",
+        ),
+        (("--settings", "earlier_log=nowhere.csv"), "nowhere.csv"),
     ],
 )
 def test_bad_options(
     command: Command, lib: Library, tmp_path: Path, words: tuple[str, ...], match: str
 ) -> None:
     """Property: one sentence, code 2, no file."""
-    ran = command("excite", "--robot", lib.folder, "--starts", "1", *words)
+    ran = command("excite", "--robot", lib.folder, "--settings", "starts=1", *words)
     assert ran.code == 2
     assert match in ran.err
     assert len(ran.err.splitlines()) == 1

@@ -63,7 +63,16 @@ def test_a_criterion_from_outside(lib: Library, tmp_path: Path) -> None:
         return " ".join(ran.stdout.split())
 
     assert "trace: inverse root of the trace" in excite("--help").replace("│ │ ", "")
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--criterion", "trace")
+    words = (
+        "--duration",
+        "4",
+        "--settings",
+        "harmonics=2",
+        "--settings",
+        "starts=1",
+        "--criterion",
+        "trace",
+    )
     words = (*words, "--table", "none")
     out = excite(
         "--robot",

@@ -56,11 +56,20 @@ def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
 def test_the_command_on_a_cluster_and_interrupted(
     command: Command, lib: Library, cluster: Any, tmp_path: Path
 ) -> None:
-    """Property: --scheduler works from any folder; Ctrl-C keeps what has ended."""
+    """Property: the setting scheduler works from any folder; Ctrl-C keeps what has ended."""
     address = cluster.scheduler_address
     folder = os.path.relpath(lib.folder, tmp_path)  # from where the command runs, not the workers
-    words = ("--duration", 4, "--harmonics", 2, "--starts", 2, "--document")
-    ran = command("excite", "--robot", folder, *words, "--scheduler", address)
+    words = (
+        "--duration",
+        4,
+        "--settings",
+        f"harmonics={2}",
+        "--settings",
+        f"starts={2}",
+        "--settings",
+        "document=true",
+    )
+    ran = command("excite", "--robot", folder, *words, "--settings", f"scheduler={address}")
     assert ran.code == 0, ran.err
     reports: list[float] = []
 
@@ -88,7 +97,7 @@ def test_errors_of_a_cluster_are_one_sentence(
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
         design(lib, **SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)
-    words = ("--robot", lib.folder, "--scheduler", "tcp://127.0.0.1:9")
+    words = ("--robot", lib.folder, "--settings", "scheduler=tcp://127.0.0.1:9")
     ran = command("excite", *words)
     assert ran.code == 2
     assert "pip install 'symgen[cluster]'" in ran.err

@@ -108,11 +108,11 @@ def test_spectrum_of_residuals() -> None:
 def test_bad_input(command: Command, pendulum: Library) -> None:
     """Property: one sentence, exit code 2."""
     for words, said in (
-        (("--cutoff", "0"), "expected a cut-off above 0 Hz"),
-        (("--noise-model", "pink"), "expected --noise-model white or coloured"),
-        (("--noise-model", "coloured"), "give --noise LOG"),
-        (("--cutoff", "5", "--criterion", "cond"), "counts neither noise nor filter"),
-        (("--cutoff", "5", "--until", "a=10%"), "leave out --cutoff"),
+        (("--settings", "cutoff=0"), "expected a cut-off above 0 Hz"),
+        (("--settings", "noise_model=pink"), "expected --settings noise_model=white or coloured"),
+        (("--settings", "noise_model=coloured"), "give --noise LOG"),
+        (("--settings", "cutoff=5", "--criterion", "cond"), "counts neither noise nor filter"),
+        (("--settings", "cutoff=5", "--until", "a=10%"), "leave out the setting cutoff"),
     ):
         ran = command("excite", "--robot", pendulum.folder, *words)
         assert (ran.code, said in ran.err) == (2, True), ran.err

@@ -179,27 +179,41 @@ def test_more_unknowns_than_the_motion_excites(
 
 def test_excite_tells_what_to_expect(command: Command, lib: Library, tmp_path: Path) -> None:
     """Property: the options reach the design, its file and the table."""
-    words = ("--duration", "4", "--harmonics", "3", "--starts", "1", "--export-rate", "100")
-    first = command("excite", "--robot", lib.folder, *words, "--document", "--out", "a.json")
+    words = (
+        "--duration",
+        "4",
+        "--settings",
+        "harmonics=3",
+        "--settings",
+        "starts=1",
+        "--settings",
+        "export_rate=100",
+    )
+    first = command(
+        "excite", "--robot", lib.folder, *words, "--settings", "document=true", "--out", "a.json"
+    )
     assert first.code == 0, first.err
     facts = json.loads((tmp_path / "a.json").read_text())
     assert (facts["criterion"], facts["basis_name"]) == ("cond", "cosine")
     log = tmp_path / "log.csv"
     assert command(
-        *("simulate", "--robot", lib.folder, "--trajectory", "a.json", "--control-rate", "100"),
+        *("simulate", "--robot", lib.folder, "--trajectory", "a.json"),
+        *("--settings", "control_rate=100"),
         *("--out", log),
     ).code == 0  # fmt: skip
     more = (
-        "--basis",
-        "bspline",
-        "--zero-jerk",
+        "--settings",
+        "basis=bspline",
+        "--settings",
+        "zero_jerk=true",
         "--noise",
         "0.02",
-        "--earlier-log",
-        log,
-        "--log-rate",
+        "--settings",
+        f"earlier_log={log}",
+        "--settings",
+        "log_rate=200",
     )
-    ran = command("excite", "--robot", lib.folder, *words, *more, "200", "--out", "b.json")
+    ran = command("excite", "--robot", lib.folder, *words, *more, "--out", "b.json")
     assert ran.code == 0, ran.err
     assert "with earlier logs" in ran.out
     assert "64 = base + friction" in ran.out

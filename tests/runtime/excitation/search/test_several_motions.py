@@ -57,8 +57,17 @@ def test_a_later_motion_complements(pendulum: Library) -> None:
 
 def test_the_command(command: Command, pendulum: Library, tmp_path: Path) -> None:
     """Property: one file per motion, none replaced; options of one motion are refused by name."""
-    words = ("excite", "--robot", pendulum.folder, "--motions", "2", "--duration", "4", "--starts")
-    words += ("1", "--harmonics", "3", "--criterion", "v", "--out", "m.json")
+    words = ("excite", "--robot", pendulum.folder, "--settings", "motions=2", "--duration", "4")
+    words += (
+        "--settings",
+        "starts=1",
+        "--settings",
+        "harmonics=3",
+        "--criterion",
+        "v",
+        "--out",
+        "m.json",
+    )
     refused = command(*words, "--export", "csv")
     assert (refused.code, "--export does not apply" in refused.err) == (2, True)
     ran = command(*words)

@@ -27,7 +27,7 @@ from runtime.recording import Friction
 from tests.runtime.conftest import Command
 
 EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_simulated.npz"
-TERMS = ("--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
+TERMS = ("--friction", "viscous,coulomb", "--settings", "coulomb_speed=0.03")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,16 @@ def facts_of_all(
         app,
         [
             *("simulate", "--robot", lib.folder, "--trajectory", str(folder / "motion.json")),
-            *("--out", str(log), "--viscous", "0.3", "--coulomb", "0.3", "--keep-every", "5"),
+            *(
+                "--out",
+                str(log),
+                "--settings",
+                "viscous=0.3",
+                "--settings",
+                "coulomb=0.3",
+                "--settings",
+                "keep_every=5",
+            ),
         ],
     )
     assert made.exit_code == 0, made.output
@@ -50,7 +59,12 @@ def facts_of_all(
         app,
         [
             *("compare", str(log), "--robot", lib.folder, *TERMS, "--cutoff", "20"),
-            *("--rate", "100", "--controller", str(log.with_suffix(".loop.toml"))),
+            *(
+                "--settings",
+                "rate=100",
+                "--settings",
+                f"controller={log.with_suffix('.loop.toml')!s}",
+            ),
             *("--out", str(folder / "out")),
         ],
     )
@@ -144,7 +158,7 @@ def test_what_is_missing_is_a_row(
     outcomes = {name: row["outcome"] for name, row in rows.items() if row["outcome"] != RAN}
     missing = dict.fromkeys(("iv", "didim", "ekf", "ukf", "nn"), NOT_RUN)
     assert outcomes == {**missing, "adam": FAILED}
-    assert "--controller FILE" in rows["iv"]["status"]
+    assert "--settings controller=FILE" in rows["iv"]["status"]
     assert "at 200 Hz or more" in rows["ekf"]["status"]
     assert "--friction" in rows["nn"]["status"]
     assert "its linear algebra failed on these data (singular)" in rows["adam"]["status"]

@@ -20,12 +20,12 @@ EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_simulated.npz"
     ("words", "sentence"),
     [
         (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
-        (("--split", "0.9"), "--split needs 2 numbers"),
+        (("--settings", "split=0.9"), "--split needs 2 numbers"),
         (
-            ("--truth", "no.json"),
+            ("--settings", "truth=no.json"),
             "expected a JSON with 70 numbers 'pi' of 'fr3', as simulate writes it, got 'no.json'",
         ),
-        (("--controller", "no.toml"), "cannot be read as TOML"),
+        (("--settings", "controller=no.toml"), "cannot be read as TOML"),
         (("--friction", "treacle"), "treacle"),
     ],
 )

@@ -222,7 +222,7 @@ def test_every_log_has_a_delay_of_its_own(lib: Library, command: Command, tmp_pa
         )
         logged = {key: values for key, values in arrays.items() if key != "tau_true"}
         np.savez(tmp_path / f"{name}.npz", **logged)  # type: ignore[arg-type]
-    words = ("--robot", lib.folder, "--cutoff", 10, "--delay", "auto", "--no-report")
+    words = ("--robot", lib.folder, "--cutoff", 10, "--delay", "auto", "--settings", "report=false")
     ran = command("identify", "a.npz", "b.npz", *words, "--out", "out", "--verbose")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out/result.json").read_text())

@@ -83,11 +83,11 @@ def test_equations_hold_for_mirrored_masses(sign: float) -> None:
 
 
 def test_joints_that_are_not_mirrored_are_refused() -> None:
-    """Property: another axis or place is named; --tie alone asks for the pair."""
+    """Property: another axis or place is named; --settings tie=true alone asks for the pair."""
     robot = limbs(np.random.default_rng(1))
     robot.places = (robot.places[0], robot.places[1] + 0.05)
     with pytest.raises(IdentificationError, match="left_hip and right_hip to be mirrored"):
         mirrored_links(cast(Library, robot), ("left:right",))
-    with pytest.raises(IdentificationError, match="--symmetric LEFT:RIGHT"):
+    with pytest.raises(IdentificationError, match="--settings symmetric=LEFT:RIGHT"):
         with_mirrored_links(None, cast(Library, robot), (), True)
     assert with_mirrored_links(None, cast(Library, robot), ("left:right",), False) is None

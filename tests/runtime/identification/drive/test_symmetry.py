@@ -65,15 +65,24 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     assert worn.exchanged_error_ratio is not None
     assert worn.exchanged_error_ratio > RISES
     assert "the two drives differ" in worn.sentence
-    words = ("identify", str(log), "--robot", lib.folder, "--cutoff", "10", "--no-encoder-bias")
-    pairs = ("--symmetric", PAIRS[0], "--symmetric", PAIRS[1])
+    words = (
+        "identify",
+        str(log),
+        "--robot",
+        lib.folder,
+        "--cutoff",
+        "10",
+        "--settings",
+        "encoder_bias=false",
+    )
+    pairs = ("--settings", f"symmetric={PAIRS[0]}", "--settings", f"symmetric={PAIRS[1]}")
     ran = command(*words, *pairs, "--delay", "auto", "--out", "out")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     differ = {(e["left"][-1], e["quantity"]) for e in facts["symmetric"] if not e["agrees"]}
     assert ("1", "friction") in differ
     assert "Left and right" in (tmp_path / "out" / "report.html").read_text()
-    ran = command(*words, "--symmetric", "left:right", "--out", "other")
+    ran = command(*words, "--settings", "symmetric=left:right", "--out", "other")
     assert ran.code == 2
     assert len(ran.err.splitlines()) == 1
     assert not (tmp_path / "other").exists()

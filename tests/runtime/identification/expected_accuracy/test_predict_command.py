@@ -44,18 +44,29 @@ def test_predict(
     assert reported["links"][lib.link_names[6]]["mass"] == pytest.approx(one.pi[60], rel=1e-9)
     assert reported["payload"]["mass"] == pytest.approx(one.payload[0], rel=1e-9)
     assert (reported["n_eff"], reported["noise_from_residuals"]) == (1001, False)
-    faster = command("predict", motion, *robot, "--log-rate", "400", "--friction", "none", "--json")
+    faster = command(
+        "predict",
+        motion,
+        *robot,
+        "--settings",
+        "log_rate=400",
+        "--settings",
+        "friction=none",
+        "--json",
+    )
     other = json.loads(faster.out)
     assert (other["n_samples"], other["friction"]) == (4001, [])
     write_recording(noisy, tmp_path / "log.npz")
-    words = ("--more", motion, "--earlier-log", "log.npz", "--plot", "sigma.png")
+    words = ("--more", motion, "--settings", "earlier_log=log.npz", "--settings", "plot=sigma.png")
     ran = command("predict", "log.npz", *robot, *words)
     assert ran.code == 0, ran.err
     assert "RMS of the log's residuals" in ran.out
     assert "earlier logs counted" in ran.out
     assert re.search(r"^10 s more of motion improve payload mass by \d+ %.*: go on$", ran.out, re.M)
     assert (tmp_path / "sigma.png").read_bytes()[:4] == b"\x89PNG"
-    ran = command("predict", "log.npz", *robot, "--more", "same", "--payload-only", "--json")
+    ran = command(
+        "predict", "log.npz", *robot, "--more", "same", "--settings", "payload_only=true", "--json"
+    )
     reported = json.loads(ran.out)
     assert [entry["seconds"] for entry in reported["more"]] == [10, 30, 60]
     assert reported["more"][0]["gains"].keys() == {"payload mass", "payload CoM", "payload inertia"}
@@ -73,7 +84,7 @@ def test_noise_of_a_log_counts_its_model_error(
     """Oracle: `predict` of that log, which has the same motion, rate, residuals and N_eff."""
     rippled = noisy.replace(tau=noisy.tau + 0.3 * np.sin(8 * noisy.q))
     write_recording(rippled, tmp_path / "log.npz")
-    robot, names = ("--robot", lib.folder), ("--friction", ",".join(FRICTION))
+    robot, names = ("--robot", lib.folder), ("--settings", f"friction={','.join(FRICTION)}")
     plan = ("predict", motion, *robot, *names)
     by_log = json.loads(command(*plan, "--noise", "log.npz", "--json").out)
     white = json.loads(command(*plan, "--noise", "0.05", "--json").out)
@@ -118,16 +129,28 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
         (("motion.json", "--noise", "1,2"), "--noise needs 7 numbers"),
         (("motion.json", "--noise", "nowhere.csv"), "nowhere.csv"),
         (("motion.json", "--noise", "other.npz"), "has 6 joints, the robot 'fr3"),
-        (("motion.json", "--log-rate", "0"), "sampling rate above 0 Hz"),
-        (("motion.json", "--rate", "50"), "is a planned motion; give --log-rate"),
-        (("other.npz", "--log-rate", "50"), "is a log; give --rate to decimate it"),
-        (("motion.json", "--friction", "sticky"), "no friction column 'sticky'; choose from"),
+        (("motion.json", "--settings", "log_rate=0"), "sampling rate above 0 Hz"),
+        (
+            ("motion.json", "--settings", "rate=50"),
+            "is a planned motion; give --settings log_rate=NUMBER",
+        ),
+        (
+            ("other.npz", "--settings", "log_rate=50"),
+            "is a log; give --settings rate=HZ to decimate it",
+        ),
+        (
+            ("motion.json", "--settings", "friction=sticky"),
+            "no friction column 'sticky'; choose from",
+        ),
         (("other.npz",), "has 6 joints, the robot 'fr3"),
         (("motion.json", "--more", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("foreign.json",), "belongs to another robot"),
-        (("short.json", "--payload-only"), "does not determine all ten parameters of a payload"),
-        (("motion.json", "--plot", "sigma.txt"), "expected an image file with the suffix"),
-        (("motion.json", "--earlier-log", "nowhere.csv"), "nowhere.csv"),
+        (
+            ("short.json", "--settings", "payload_only=true"),
+            "does not determine all ten parameters of a payload",
+        ),
+        (("motion.json", "--settings", "plot=sigma.txt"), "expected an image file with the suffix"),
+        (("motion.json", "--settings", "earlier_log=nowhere.csv"), "nowhere.csv"),
     ],
 )
 def test_bad_input(

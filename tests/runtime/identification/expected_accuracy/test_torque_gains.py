@@ -81,7 +81,7 @@ def test_predict_states_both(command: Command, double: Library, tmp_path: Path) 
     write_motion(swing(double), double, tmp_path / "motion.json")
     plan = ("predict", "motion.json", "--robot", double.folder)
     usual = json.loads(command(*plan, "--json").out)
-    less = json.loads(command(*plan, "--gain-error", "0.001", "--json").out)
+    less = json.loads(command(*plan, "--settings", "gain_error=0.001", "--json").out)
     noise = np.array(usual["torque_of_unseen_motions"])
     assert less["torque_of_unseen_motions"] == noise.tolist()
     both = [np.array(one["torque_of_unseen_motions_with_gains"]) for one in (usual, less)]
@@ -90,15 +90,16 @@ def test_predict_states_both(command: Command, double: Library, tmp_path: Path) 
     assert parts[0] == pytest.approx(25 * parts[1], rel=1e-9)  # rounding of the difference
     lines = command(*plan).out.splitlines()
     shown = ", ".join(f"{1000 * one:.2f}" for one in both[0])
-    start = "with torque gains that may be 0.5 % off (--gain-error), which residuals hardly show"
+    off = "0.5 % off (the setting gain_error), which residuals hardly show"
+    start = f"with torque gains that may be {off}"
     assert f"{start}: {shown} mN·m" in lines
-    assert "--gain-error" not in command(*plan, "--gain-error", "0").out
-    ran = command(*plan, "--gain-error", "-1")
+    assert "the setting gain_error" not in command(*plan, "--settings", "gain_error=0").out
+    ran = command(*plan, "--settings", "gain_error=-1")
     assert ran.code == 2
-    assert "--gain-error is a share of one, such as 0.005, got -1" in ran.err
-    alone = command(*plan, "--payload-only", "--gain-error", "0.01")
+    assert "the setting gain_error is a share of one, such as 0.005, got -1" in ran.err
+    alone = command(*plan, "--settings", "payload_only=true", "--settings", "gain_error=0.01")
     assert alone.code == 2
-    assert "which --payload-only does not print; leave out one of them" in alone.err
+    assert "which --settings payload_only=true does not print; leave out one of them" in alone.err
 
 
 def test_rows_of_power_are_named(command: Command, double: Library, tmp_path: Path) -> None:

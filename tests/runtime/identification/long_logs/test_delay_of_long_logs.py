@@ -1,4 +1,6 @@
-"""`identify --delay --stream`: the delay of the first rows is that of the whole log."""
+"""`identify --delay --settings stream=true`: the delay of the first rows is that of the whole
+log.
+"""
 
 import json
 from pathlib import Path
@@ -27,24 +29,45 @@ def test_a_streamed_log_has_a_delay(
     arrays = servo_arrays(lib, servo, rng, seconds=45.0)
     logged = {key: values for key, values in arrays.items() if key != "tau_true"}
     np.savez(tmp_path / "log.npz", **logged)  # type: ignore[arg-type]
-    words = ("identify", "log.npz", "--robot", lib.folder, "--cutoff", 10, "--no-report")
-    ran = command(*words, "--stream", "--delay", "auto", "--out", "auto")
+    words = (
+        "identify",
+        "log.npz",
+        "--robot",
+        lib.folder,
+        "--cutoff",
+        10,
+        "--settings",
+        "report=false",
+    )
+    ran = command(*words, "--settings", "stream=true", "--delay", "auto", "--out", "auto")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "auto/result.json").read_text())
     late = facts["delay_s"]
     assert abs(late["value"] - servo.delay[0]) < 4 * late["sigma"]
     assert any("from the first 2048 rows" in note for note in facts["warnings"])
-    number = command(*words, "--stream", "--delay", late["value"], "--out", "number")
+    number = command(
+        *words, "--settings", "stream=true", "--delay", late["value"], "--out", "number"
+    )
     assert number.code == 0, number.err
     same = json.loads((tmp_path / "number/result.json").read_text())
     error = "torque_error_percent"
     assert same[error]["after_overall"] == pytest.approx(facts[error]["after_overall"], rel=1e-9)
-    held = command(*words, "--no-stream", "--no-refit", "--delay", late["value"], "--out", "held")
+    held = command(
+        *words,
+        "--settings",
+        "stream=false",
+        "--settings",
+        "refit=false",
+        "--delay",
+        late["value"],
+        "--out",
+        "held",
+    )
     assert held.code == 0, held.err
     whole = json.loads((tmp_path / "held/result.json").read_text())
     assert facts[error]["after_overall"] == pytest.approx(whole[error]["after_overall"], rel=0.05)
-    words = (*words, "--stream", "--delay", late["value"])
-    ran = command(*words, "--encoder-bias", "--out", "biased")
+    words = (*words, "--settings", "stream=true", "--delay", late["value"])
+    ran = command(*words, "--settings", "encoder_bias=true", "--out", "biased")
     assert ran.code == 0, ran.err
     biased = json.loads((tmp_path / "biased/result.json").read_text())
     for drive, bias in zip(biased["drive"], servo.bias, strict=True):

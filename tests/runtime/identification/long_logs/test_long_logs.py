@@ -195,17 +195,30 @@ def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
 
 
 def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
-    """Oracle: --stream on the command line, and what does not go with it in one sentence."""
+    """Oracle: --settings stream=true on the command line, and what does not go with it in one
+    sentence.
+    """
     write_recording(log, tmp_path / "x.parquet")
     (tmp_path / "x.mcap").write_bytes(b"")
-    words = ("--robot", lib.folder, "--stream", "--cutoff", "20", "--rate", "100", "--out", "out")
+    words = (
+        "--robot",
+        lib.folder,
+        "--settings",
+        "stream=true",
+        "--cutoff",
+        "20",
+        "--settings",
+        "rate=100",
+        "--out",
+        "out",
+    )
     ran = command("identify", "x.parquet", *words, "--friction", "viscous,coulomb")
     assert ran.code == 0, ran.err
     assert "streaming 20000 rows of x" in ran.out
     assert (tmp_path / "out" / "report.html").is_file()
     for extra, message in {
         ("--method", "nn"): "the method nn needs the samples one by one",
-        ("--preset", "real"): "a preset with mini-batches needs the samples one by one",
+        ("--settings", "preset=real"): "a preset with mini-batches needs the samples one by one",
     }.items():
         ran = command("identify", "x.parquet", *words, *extra)
         assert ran.code == 2

@@ -103,7 +103,9 @@ def test_a_block_is_prepared_once(lib, log, tmp_path, monkeypatch):
 @pytest.mark.parametrize("method", sorted(set(METHODS) - set(methods_from_statistics())))
 def test_methods_that_need_samples_say_so(method):
     """Property: one sentence that names the way out."""
-    with pytest.raises(IdentificationError, match=f"{method} needs the samples .* --no-stream"):
+    with pytest.raises(
+        IdentificationError, match=f"{method} needs the samples .* --settings stream=false"
+    ):
         passes.require_streamable(method)
 
 
@@ -111,11 +113,12 @@ def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command, monk
     """Oracle: the table of the whole log, all rows counted, and the sentence for the others."""
     monkeypatch.setattr(passes, "LENGTH", 200)
     write_recording(log, tmp_path / "x.npz")
-    words = ("x.npz", "--robot", lib.folder, "--cutoff", "20", "--rate", "100")
+    words = ("x.npz", "--robot", lib.folder, "--cutoff", "20", "--settings", "rate=100")
     words += ("--friction", "viscous,coulomb,offset")
     facts = []
-    for way in ("--stream", "--no-stream"):
-        ran = command("compare", *words, way, "--methods", "map,ols,pc-ols", "--out", way)
+    for way in ("stream=true", "stream=false"):
+        words_of_way = ("--settings", way, "--methods", "map,ols,pc-ols", "--out", way)
+        ran = command("compare", *words, *words_of_way)
         assert ran.code == 0, ran.err
         facts.append(json.loads((tmp_path / way / "compare.json").read_text()))
     result, whole = facts
@@ -129,6 +132,6 @@ def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command, monk
         # The noise of windows is known to a tenth; one entry lies that near to its verdict.
         assert one["determined"] == pytest.approx(two["determined"], abs=1)
     assert "streamed 12000 rows" in " ".join(result["notes"])
-    ran = command("compare", *words, "--stream", "--methods", "map,nn")
+    ran = command("compare", *words, "--settings", "stream=true", "--methods", "map,nn")
     assert ran.code == 2
     assert "the method nn needs the samples one by one" in ran.err

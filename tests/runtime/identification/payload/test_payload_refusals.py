@@ -60,7 +60,7 @@ def test_bad_input_is_one_sentence_of_advice(case, ideal_runs, lib, arm):
 def test_the_command_refuses_with_one_sentence(ideal_runs, lib, command, tmp_path):
     """Property: exit code 2, one line, and nothing written."""
     write_recording(ideal_runs[0], tmp_path / "loaded.csv")
-    ran = command("payload", "loaded.csv", "--robot", lib.folder, "--link", "hand")
+    ran = command("payload", "loaded.csv", "--robot", lib.folder, "--settings", "link=hand")
     assert ran.code == 2
     assert len(ran.err.splitlines()) == 1
     assert "no moving link 'hand'; choose one of fr3_link1" in ran.err

@@ -162,9 +162,17 @@ def test_the_command_writes_a_recipe_that_identify_takes(runs, lib, command, tmp
     plan = plan_of(tmp_path / "empty.csv")
     ampere = Signal("A", layout="csv", columns=plan.torque.columns, gain=1.0)
     (tmp_path / "amps.toml").write_text(recipe_text(plan.replace(torque=ampere)))
-    words = ("gains", "empty.csv", "loaded.csv", "--robot", lib.folder, "--coulomb-speed", WIDTH)
+    words = (
+        "gains",
+        "empty.csv",
+        "loaded.csv",
+        "--robot",
+        lib.folder,
+        "--settings",
+        f"coulomb_speed={WIDTH}",
+    )
     known = ("--payload", "3,0.01,0.02,0.05,0.004,0.005,0.003,0,0,0")
-    options = ("--friction", "viscous,coulomb", "--recipe", "amps.toml")
+    options = ("--settings", "friction=viscous,coulomb", "--recipe", "amps.toml")
     ran = command(*words, *known, *options, "--recipe-out", "new.toml")
     assert ran.code == 0, ran.err
     assert f"{10 / GAINS[0]:.4g} N·m/A" in ran.out

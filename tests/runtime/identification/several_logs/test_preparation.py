@@ -63,9 +63,9 @@ def test_the_filter_of_several_logs_is_that_of_evaluate(command, lib, folder, tm
 def test_another_filter_of_evaluate_is_reported(command, lib, folder, tmp_path):
     """Property: both filters in one sentence, where they differ and only there."""
     robot, log = ("--robot", lib.folder), folder / "0.npz"
-    at_20 = ("--cutoff", "20", "--rate", "100")
+    at_20 = ("--cutoff", "20", "--settings", "rate=100")
     assert command("identify", log, *robot, *at_20, "--out", "one").code == 0
-    _, notes = errors(command, "one", log, *robot, "--cutoff", "5", "--rate", "100")
+    _, notes = errors(command, "one", log, *robot, "--cutoff", "5", "--settings", "rate=100")
     said = [note for note in notes if "do not compare" in note]
     assert len(said) == 1
     assert "low-pass at 20 Hz" in said[0]
@@ -78,13 +78,13 @@ def test_fitted_rows_are_no_test(command, lib, folder, tmp_path):
     """Property: under another name and format they are recognised, and a log given twice is named;
     of a result without refit, the rows before its test part are.
     """
-    robot, bare = ("--robot", lib.folder), ("--friction", "none", "--no-report")
+    robot, bare = ("--robot", lib.folder), ("--friction", "none", "--settings", "report=false")
     write_recording(read_recording(folder / "0.npz"), tmp_path / "copy.csv")
     assert command("identify", folder / "0.npz", *robot, *bare, "--out", "one").code == 0
     assert "torque error on fitted data" in command("evaluate", "one", "copy.csv", *robot).out
     assert "fitted to 100 % of the rows" in errors(command, "one", "copy.csv", *robot)[1][0]
     assert not errors(command, "one", folder / "1.npz", *robot)[1]
-    words = ("--no-refit", "--out", "half")
+    words = ("--settings", "refit=false", "--out", "half")
     assert command("identify", folder / "0.npz", *robot, *bare, *words).code == 0
     assert "fitted to 6" in errors(command, "half", "copy.csv", *robot)[1][0]
     words = ("--out", "two", "--verbose")

@@ -156,10 +156,10 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
         write_recording(session.recording, tmp_path / f"{session.name[-1]}.npz")
     facts = {"link": lib.link_names[-1], "pi_in_link": load_of(lib)[-10:].tolist()}
     (tmp_path / "payload.json").write_text(json.dumps(facts))
-    words = ("--robot", lib.folder, "--cutoff", "20", "--rate", "100", "--out", "out")
+    words = ("--robot", lib.folder, "--cutoff", "20", "--settings", "rate=100", "--out", "out")
     words += ("--friction", "viscous,coulomb,offset")
     logs = ("identify", "0.npz", "1.npz", "2.npz")
-    ran = command(*logs, *words, "--payload-of", "1.npz=payload.json")
+    ran = command(*logs, *words, "--settings", "payload_of=1.npz=payload.json")
     assert ran.code == 0, ran.err
     assert "repeatability: the base parameters" in ran.out
     reported = json.loads((tmp_path / "out" / "result.json").read_text())["sessions"]
@@ -167,21 +167,27 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
     ran = command("evaluate", "out", "2.npz", "--robot", lib.folder)
     assert ran.code == 0, ran.err
     for extra, message in {
-        ("--payload-of", "3.npz=payload.json"): "expects LOG=FILE with a log of 0.npz, 1.npz",
-        ("--payload-of", "1.npz=none.json"): "holds no payload",
+        (
+            "--settings",
+            "payload_of=3.npz=payload.json",
+        ): "expects LOG=FILE with a log of 0.npz, 1.npz",
+        ("--settings", "payload_of=1.npz=none.json"): "holds no payload",
         ("--method", "ekf"): "cannot join several logs",
-        ("--stream",): "read as a whole",
+        (
+            "--settings",
+            "stream=true",
+        ): "read as a whole",
     }.items():
         ran = command(*logs, *words, *extra)
         assert ran.code == 2
         assert message in ran.err
-    ran = command(*logs, *words, "--friction", "auto", "--regressor", "auto")
+    ran = command(*logs, *words, "--friction", "auto", "--settings", "regressor=auto")
     assert ran.code == 0, ran.err
     reported = json.loads((tmp_path / "out" / "result.json").read_text())
     chosen = [note for note in reported["warnings"] if "chosen by cross-validation" in note]
     assert [note.partition(":")[0] for note in chosen] == ["0"]  # once, on the first log
     assert np.shape(reported["sessions"]["offsets"]) == (3, 7)
-    ran = command("identify", "0.npz", *words, "--payload-of", "0.npz=payload.json")
+    ran = command("identify", "0.npz", *words, "--settings", "payload_of=0.npz=payload.json")
     assert "several logs" in ran.err
 
 

@@ -19,7 +19,16 @@ def test_drives_reach_their_files(lib: Library, command: Command, tmp_path: Path
     arrays = servo_arrays(lib, random_servo(lib, rng), rng, seconds=8.0)
     arrays.pop("tau_true")
     np.savez(tmp_path / "servo.npz", **arrays)  # type: ignore[arg-type]
-    words = ("--cutoff", "10", "--delay", "per-joint", "--no-encoder-bias", "--out", "out")
+    words = (
+        "--cutoff",
+        "10",
+        "--delay",
+        "per-joint",
+        "--settings",
+        "encoder_bias=false",
+        "--out",
+        "out",
+    )
     ran = command("identify", "servo.npz", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     ran = command("export", "out", "--robot", lib.folder, "--to", "mjcf,actuators")

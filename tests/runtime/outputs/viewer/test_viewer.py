@@ -244,6 +244,6 @@ def test_without_viser_there_is_a_sentence(
 ) -> None:
     write_motion(Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 0.2), fr3, tmp_path / "m.json")
     monkeypatch.setitem(sys.modules, "viser", None)
-    ran = command("view", "m.json", "--robot", fr3.folder, "--no-open")
+    ran = command("view", "m.json", "--robot", fr3.folder, "--settings", "no_open=true")
     assert ran.code == 2
     assert "the viewer is not installed; install it with: pip install 'symgen[view]'" in ran.err

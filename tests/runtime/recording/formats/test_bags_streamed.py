@@ -136,7 +136,7 @@ def test_command_takes_a_bag(lib: Library, tmp_path, command: Command, monkeypat
     told = [("/joint_states", t, lib.joint_names, *signals) for t, *signals in rows]
     mcap_cdr(tmp_path / "x.mcap", told)
     monkeypatch.setattr(streamed, "LARGE", 2**19)
-    words = ("--robot", lib.folder, "--cutoff", "20", "--rate", "100", "--out", "out")
+    words = ("--robot", lib.folder, "--cutoff", "20", "--settings", "rate=100", "--out", "out")
     ran = command("identify", "x.mcap", *words, "--friction", "viscous,coulomb")
     assert ran.code == 0, ran.err
     assert "streaming 4000 rows of x" in ran.out

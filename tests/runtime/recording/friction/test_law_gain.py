@@ -110,7 +110,13 @@ def test_commands(lib: Library, tmp_path: Path, command) -> None:
     ).read_text().replace("\n", " ")
     for more, sentence in (
         (("--method", "wls"), "comes from an inertial prior"),
-        (("--stream",), "in passes over rows"),
+        (
+            (
+                "--settings",
+                "stream=true",
+            ),
+            "in passes over rows",
+        ),
     ):
         ran = command("identify", "log.npz", *GIVEN, *more)
         assert ran.code == 2

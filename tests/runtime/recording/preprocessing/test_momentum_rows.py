@@ -240,7 +240,7 @@ def test_several_logs_with_a_payload(lib):
     beta = lib.base_matrix @ lib.pi0
     assert np.linalg.norm(found.beta - beta) < 0.01 * np.linalg.norm(beta)
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]
-    with pytest.raises(IdentificationError, match="use --regressor momentum"):
+    with pytest.raises(IdentificationError, match="use --settings regressor=momentum"):
         identify_recording(wrong, lib, friction=Friction())
     mixed = [sessions[0], replace(sessions[1], preparation=at(5.0, "acceleration"))]
     with pytest.raises(IdentificationError, match="give all of them one regressor"):
@@ -266,7 +266,7 @@ def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):
     found = identify_recording(streamed, lib, preparation=usual, friction=PLAIN)
     same = identify_recording(log, lib, preparation=usual, friction=PLAIN)
     np.testing.assert_allclose(found.beta, same.beta, atol=1e-3 * np.abs(same.beta).max())
-    with pytest.raises(IdentificationError, match="--no-stream"):
+    with pytest.raises(IdentificationError, match="--settings stream=false"):
         identify_recording(streamed, lib, preparation=replace(usual, regressor="energy"))
 
 
@@ -278,23 +278,23 @@ def test_a_recipe_may_ask_for_them(lib, made):
 
 
 def test_the_command(lib, made, tmp_path, command: Command):
-    """`identify --regressor momentum --cutoff 2` and `compare`, which tells who cannot."""
+    """`identify --settings regressor=momentum --cutoff 2` and `compare`, which tells who cannot."""
     write_recording(made, tmp_path / "log.csv")
     said = ("log.csv", "--friction", "viscous,coulomb,offset", "--cutoff", "2")
-    ran = command("identify", *said, "--regressor", "momentum", "--out", "out")
+    ran = command("identify", *said, "--settings", "regressor=momentum", "--out", "out")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["torque_error_percent"]["after_overall"] < 0.5
     assert any("balance of momentum" in line for line in facts["recording"]["history"])
     assert any("uses momenta and no accelerations" in line for line in facts["warnings"])
-    ran = command("identify", "log.csv", *said, "--regressor", "auto", "--out", "two")
+    ran = command("identify", "log.csv", *said, "--settings", "regressor=auto", "--out", "two")
     assert ran.code == 0, ran.err  # the form is that of the first log
     sessions = json.loads((tmp_path / "two" / "result.json").read_text())["sessions"]
     assert len(sessions["names"]) == 2
-    ran = command("compare", *said, "--regressor", "energy", "--methods", "pc-ols,nn")
+    ran = command("compare", *said, "--settings", "regressor=energy", "--methods", "pc-ols,nn")
     assert ran.code == 0, ran.err
     rows = json.loads((tmp_path / "results" / "log-compare" / "compare.json").read_text())["rows"]
     assert [row["outcome"] for row in rows] == ["ran", "not run"]
-    ran = command("identify", *said, "--regressor", "power")
+    ran = command("identify", *said, "--settings", "regressor=power")
     assert ran.code == 2
     assert "regressor expects one of acceleration, momentum, energy" in ran.err

@@ -32,7 +32,7 @@ def made(lib: Library, noisy: Recording):
 )
 def test_methods_that_do_not(lib, made, method, preset, form):
     """One sentence: what is missing and what to use."""
-    with pytest.raises(NeedsError, match="use --regressor acceleration, or one of map"):
+    with pytest.raises(NeedsError, match="use --settings regressor=acceleration, or one of map"):
         identify_recording(
             made, lib, method, preset=preset, preparation=at(2.0, form), friction=Friction()
         )

@@ -335,6 +335,8 @@ def find(robot: str | os.PathLike[str]) -> RobotFolder:
     A name, [a-z][a-z0-9_]*, is looked up in the package, then among the folders that this user has
     built, of which ./generated/<name> comes first. Anything else is a path.
     """
+    if not isinstance(robot, str | os.PathLike):
+        raise LibraryError(f"expected the name or folder of a robot, got {robot!r:.60}")
     if isinstance(robot, os.PathLike) or not NAME.fullmatch(robot):
         return RobotFolder(Path(robot), "the folder that was given")
     package = Path(__file__).parents[1]  # generated/ lies in it if installed, else beside it

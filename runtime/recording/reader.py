@@ -8,6 +8,7 @@ angle.
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,8 @@ def place_and_recipe(
 
 def locate(path: str | Path) -> Path:
     """The existing path, or the place of the known data set of that name."""
+    if not isinstance(path, str | PathLike):
+        raise RecordingError(f"expected the path or name of a log, got {path!r:.60}")
     place = Path(path)
     if place.is_file() or place.is_dir():
         return place

@@ -71,6 +71,8 @@ def test_keywords_are_the_fields(record: type, keywords: type) -> None:
         (lambda lib, log: runtime.export(lib, 3), "a folder for the files, got 3"),
         (lambda lib, log: runtime.report(3), "the folder of a result, got 3"),
         (lambda lib, log: runtime.read_result(3), "the folder of a result, got 3"),
+        (lambda lib, log: runtime.load(3), "the name or folder of a robot, got 3"),
+        (lambda lib, log: runtime.read_recording(3), "the path or name of a log, got 3"),
     ],
 )
 def test_a_wrong_type_gets_a_sentence(

@@ -49,8 +49,9 @@ def to_pinocchio(result: Result, lib: Library | None = None) -> Any:
         velocity and effort, ±inf where there are none.
 
     Raises:
+        IdentificationError: the argument is no result.
         RecordingError: the result cannot be read, or is of another robot.
-        ExportError: no result, a link that is not physically consistent, or no Pinocchio.
+        ExportError: a link that is not physically consistent, or no Pinocchio.
     """
     text, known = _checked(result, lib, "urdf")
     model = pinocchio.parsed(text, known.lib)
@@ -90,9 +91,9 @@ def to_mujoco(result: Result, lib: Library | None = None) -> Any:
         gains of the control law were identified; equalities of coupled joints and closed loops.
 
     Raises:
+        IdentificationError: the argument is no result.
         RecordingError: the result cannot be read, or is of another robot.
-        ExportError: no result, a link that is not physically consistent, a free base, or no
-            MuJoCo.
+        ExportError: a link that is not physically consistent, a free base, or no MuJoCo.
     """
     specification = mujoco.parsed(_checked(result, lib, "mjcf")[0])
     if specification is None:

@@ -6,14 +6,11 @@ import pytest
 import runtime
 from runtime.errors import ShapeError
 from runtime.library import Library
-from tests.runtime.tapes.conftest import state_of
+from tests.runtime.tapes.conftest import bounds, differentiable, state_of
 
 jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'symgen[jax]'")
 jnp = jax.numpy
 test_util = pytest.importorskip("jax.test_util")
-
-TOLERANCE = 1e-8
-"""Of check_grads, absolute and relative; differences over 1e-6 of torques of 50 N·m have 5e-9."""
 
 
 @pytest.fixture(autouse=True)
@@ -25,20 +22,10 @@ def _doubles():
 @pytest.mark.parametrize("lib", ["fr3", "palletizer"], indirect=True)
 def test_gradients(lib: Library) -> None:
     """Derivative: check_grads of every function in every argument, forward and reverse."""
-    on_tape, (q, dq, ddq, tau, weight, rotor) = runtime.jax(lib), state_of(lib, 1)
-    pi, lam = lib.pi0, lib.lam0
-    cases = [
-        (on_tape.inverse_dynamics, (q, dq, ddq, pi)),
-        (on_tape.bias, (q, dq, pi)),
-        (on_tape.gravity, (q, pi)),
-        (on_tape.mass_matrix, (q, pi)),
-        (on_tape.forward_dynamics, (q, dq, tau, pi, rotor)),
-        (on_tape.regressor_loss, (q, dq, ddq, tau, pi, weight)),
-        (on_tape.pi_from_lam, (lam,)),
-    ]
-    for function, arguments in cases:
-        arrays = tuple(map(jnp.asarray, arguments))
-        test_util.check_grads(function, arrays, 1, atol=TOLERANCE, rtol=TOLERANCE, eps=1e-6)
+    cases = differentiable(runtime.jax(lib), lib, lib.name == "palletizer", jnp.asarray)
+    for name, (function, state) in cases.items():
+        arrays = tuple(map(jnp.asarray, state))
+        test_util.check_grads(function, arrays, 1, **bounds(name))
 
 
 def test_transforms(fr3: Library) -> None:

@@ -6,12 +6,9 @@ import pytest
 import runtime
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library
-from tests.runtime.tapes.conftest import state_of
+from tests.runtime.tapes.conftest import bounds, differentiable, state_of
 
 torch = pytest.importorskip("torch", reason="torch is not installed: pip install 'symgen[torch]'")
-
-TOLERANCE = 1e-8
-"""Of gradcheck, absolute and relative; differences over 1e-6 of torques of 50 N·m have 5e-9."""
 
 
 def recorded(*arrays: np.ndarray) -> list["torch.Tensor"]:
@@ -20,20 +17,10 @@ def recorded(*arrays: np.ndarray) -> list["torch.Tensor"]:
 
 def test_gradients(lib: Library) -> None:
     """Derivative: gradcheck of every function in every argument."""
-    on_tape, (q, dq, ddq, tau, weight, rotor) = runtime.torch(lib), state_of(lib, 1)
-    pi, lam = lib.pi0, lib.lam0
-    cases = [
-        (on_tape.inverse_dynamics, (q, dq, ddq, pi)),
-        (on_tape.bias, (q, dq, pi)),
-        (on_tape.gravity, (q, pi)),
-        (on_tape.mass_matrix, (q, pi)),
-        (on_tape.forward_dynamics, (q, dq, tau, pi, rotor)),
-        (on_tape.regressor_loss, (q, dq, ddq, tau, pi, weight)),
-        (on_tape.pi_from_lam, (lam,)),
-    ]
-    for function, arguments in cases:
-        arrays = recorded(*arguments)
-        assert torch.autograd.gradcheck(function, arrays, atol=TOLERANCE, rtol=TOLERANCE)
+    cases = differentiable(runtime.torch(lib), lib, lib.name == "palletizer", torch.tensor)
+    for name, (function, state) in cases.items():
+        arrays = recorded(*state)
+        assert torch.autograd.gradcheck(function, arrays, **bounds(name))
 
 
 def test_values_are_those_of_the_library(lib: Library) -> None:

@@ -75,7 +75,9 @@ def test_joints_without_limits_have_none_in_pinocchio(arm: Library) -> None:
 @pytest.mark.parametrize("door", [runtime.to_pinocchio, runtime.to_mujoco])
 def test_what_is_no_result_ends_in_a_sentence(door, arm: Library, tmp_path: Path) -> None:
     """Property: a library, a folder without result.json, and bodies that cannot exist."""
-    with pytest.raises(ExportError, match=r"expected a result of runtime\.identify or .*, got Lib"):
+    with pytest.raises(
+        RuntimeFault, match=r"expected a result of runtime\.identify or .*, got Lib"
+    ):
         door(arm)
     with pytest.raises(RuntimeFault, match=r"cannot read .*result\.json"):
         door(tmp_path)

@@ -123,9 +123,12 @@ def test_commands_with_and_without_the_temperature(lib, tmp_path: Path, command)
     assert errors[0] < 0.8 * errors[1]
     ran = command("observe", "cold.csv", "--model", "with", *recipe)
     assert ran.code == 0, ran.err
-    for each in (("evaluate", "with", "cold.csv"), ("observe", "cold.csv", "--model", "with")):
+    ran = command("evaluate", "with", "cold.csv", "--json")  # by the recipe that it remembers
+    assert json.loads(ran.out)["torque_error_percent"]["after_overall"] == errors[0]
+    write_recording(warm_log(lib, 1).replace(signals={}), tmp_path / "bare.csv")
+    for each in (("evaluate", "with", "bare.csv"), ("observe", "bare.csv", "--model", "with")):
         ran = command(*each)
-        assert ran.code == 2
+        assert ran.code == 2, each
         said = " ".join((ran.err + ran.out).split())
         assert "'viscous_temperature' needs the signal 'temperature'" in said
         assert "[extra.temperature]" in said

@@ -155,7 +155,7 @@ def test_identifying_twice_gives_the_same_bytes(
         del facts["seconds"]
         texts.append(facts)
     assert texts[0] == texts[1]
-    assert len(list((tmp_path / "out").iterdir())) == 6
+    assert len(list((tmp_path / "out").iterdir())) == 7
 
 
 def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ in the mean over the posterior of ξ and c. Runs of exceedances count once, so t
 of coloured noise is assumed. Source: Coles 2001, Ch. 4 and 5; Pickands 1975.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from scipy.special import pdtrc
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.contacts import PAUSE_S, RELEASE
-from runtime.monitoring.observation import Detector, Signals, both_torques, observe, signals_of
+from runtime.monitoring.observation import Detector, both_torques, observe, signals_of
 from runtime.monitoring.session import usual_torque
 from runtime.recording import Recording
 
@@ -38,9 +38,6 @@ LEAST_LEVEL = 4.0
 """Smallest level of a joint with fewer peaks than that."""
 DIRECT_LOWER = 1.1
 """Threshold of the direct torque over that of r, below which it is used: it is faster."""
-DIRECT_MARGIN = 1.15
-"""Factor on the level of the direct torque: it lags behind accelerations, and further motions may
-have larger ones."""
 _SHAPES = np.arange(-0.495, 0.5, 0.03)
 _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 """Grid of the posterior: ξ, and ln c relative to the mean excess."""
@@ -206,44 +203,44 @@ def calibrated_on(
     lib: Library, detector: Detector, logs: Sequence[Recording]
 ) -> tuple[Detector, tuple[Tail, ...]]:
     """The detector with scales, terms and levels from free motion, and the tails of its joints."""
-    detector, scale = _scaled(lib, detector, logs)
-    rate_hz = detector.settings.rate_hz
-    peaks: dict[float | None, list[list[Array]]] = {0.0: [], 1.0: [], None: []}
-    seconds, sizes = 0.0, []
+    plain, direct = _scaled(lib, detector, logs)
+    rate_hz, rate = detector.settings.rate_hz, detector.rate.per_second
+    # r without and with dry friction and timing, and the direct torque.
+    ways = ((plain, 0.0), (plain, 1.0), (direct, 0.0))
+    peaks: list[list[list[Array]]] = [[], [], []]
+    seconds, extra, thresholds, tails = 0.0, [], [], []
     for log in logs:
-        seen = signals_of(lib, detector, log)
-        seconds += _seconds(seen, rate_hz)
-        for share in (0.0, 1.0):
-            peaks[share].append([peaks_of(s, rate_hz) for s in seen.normalised(share, 0.0).T])
-        direct = np.where(np.isfinite(seen.r), seen.direct, np.nan)
-        peaks[None].append([peaks_of(s, rate_hz) for s in direct.T])
-        sizes.append((np.nanmedian(seen.sigma, axis=0), seen.extra.mean(axis=0)))
-    sigma, extra = np.mean(sizes, axis=0)
-    by = {
-        key: [np.concatenate(x) for x in zip(*parts, strict=True)] for key, parts in peaks.items()
-    }
-    _require_peaks(by[0.0], seconds)
-    tails = {key: fitted(each, seconds) for key, each in by.items()}
-    rate = detector.rate.per_second
-    thresholds = {
-        share: levels_of(tails[share], rate) * sigma + share * extra for share in (0.0, 1.0)
-    }
-    share = min(thresholds, key=lambda each: float(np.log(thresholds[each]).sum()))
-    kept = tails[share]
-    # Each of both torques has half of the rate.
-    first, second = levels_of(kept, rate / 2), levels_of(tails[None], rate / 2)
-    is_lower = second * scale < DIRECT_LOWER * (first * sigma + share * extra)
-    detector = replace(
-        detector, share=share, ratio=np.where(is_lower, first / (DIRECT_MARGIN * second), 0.0)
+        torques = both_torques(lib, detector.model, detector.settings, log)
+        seen = {id(each): signals_of(lib, each, log, torques) for each in (plain, direct)}
+        seconds += float(np.isfinite(torques[0][:, 0]).sum() / rate_hz)
+        extra.append(seen[id(plain)].extra.mean(axis=0))
+        for (each, share), kept in zip(ways, peaks, strict=True):
+            kept.append([peaks_of(s, rate_hz) for s in seen[id(each)].normalised(share).T])
+    for (each, share), kept in zip(ways, peaks, strict=True):
+        by_joint = [np.concatenate(parts) for parts in zip(*kept, strict=True)]
+        if each is plain:
+            _require_peaks(by_joint, seconds)
+        tails.append(fitted(by_joint, seconds))
+        size = levels_of(tails[-1], rate) * each.noise.sigma + share * np.mean(extra, axis=0)
+        thresholds.append(size)
+    share = int(np.log(thresholds[1]).sum() < np.log(thresholds[0]).sum())
+    is_direct = thresholds[2] < DIRECT_LOWER * thresholds[share]
+    noise = replace(
+        plain.noise,
+        slow=np.where(is_direct, direct.noise.slow, plain.noise.slow),
+        fast=np.where(is_direct, direct.noise.fast, plain.noise.fast),
     )
-    if is_lower.any():
-        both = (signals_of(lib, detector, log) for log in logs)
-        kept = tails_of(both, rate_hz, share, detector.ratio)
-    return calibrated(detector, kept), kept
+    chosen = [tails[2 if each else share][j].peaks for j, each in enumerate(is_direct)]
+    kept_tails = fitted(chosen, seconds)
+    shares = np.where(is_direct, 0.0, float(share))
+    detector = replace(plain, noise=noise, share=shares, is_direct=is_direct)
+    return calibrated(detector, kept_tails), kept_tails
 
 
-def _scaled(lib: Library, detector: Detector, logs: Sequence[Recording]) -> tuple[Detector, Array]:
-    """The detector with σ of r and of the direct torque in free motion, and the latter."""
+def _scaled(
+    lib: Library, detector: Detector, logs: Sequence[Recording]
+) -> tuple[Detector, Detector]:
+    """The detector with σ of r in free motion, and that of the direct torque."""
     squares, count = np.zeros((2, lib.n_joints)), np.zeros((2, lib.n_joints))
     s = detector.settings
     for log in logs:
@@ -254,31 +251,20 @@ def _scaled(lib: Library, detector: Detector, logs: Sequence[Recording]) -> tupl
             rest = np.where(variance < rough**2, torque - usual, np.nan)
             squares[k] += np.nansum(rest**2, axis=0)
             count[k] += np.isfinite(rest).sum(axis=0)
-    sigma, direct = np.sqrt(squares / np.maximum(count, 1))
-    fast = np.minimum(detector.noise.fast, sigma)
-    noise = replace(
-        detector.noise, slow=np.sqrt(sigma**2 - fast**2), fast=fast, largest=np.zeros(lib.n_joints)
-    )
-    # Residuals of free motion contain the error of the model.
-    return replace(detector, noise=noise, direct=direct, root=None), direct
-
-
-def _seconds(seen: Signals, rate_hz: float) -> float:
-    return float(np.isfinite(seen.r[:, 0]).sum() / rate_hz)
-
-
-def tails_of(
-    signals: Iterable[Signals], rate_hz: float, share: float = 1.0, ratio: Array | float = 0.0
-) -> tuple[Tail, ...]:
-    """Tail of every joint over several logs, by share and ratio of a detector."""
-    by_log: list[list[Array]] = []
-    seconds = 0.0
-    for each in signals:
-        seconds += _seconds(each, rate_hz)
-        by_log.append([peaks_of(column, rate_hz) for column in each.normalised(share, ratio).T])
-    by_joint = [np.concatenate(parts) for parts in zip(*by_log, strict=True)]
-    _require_peaks(by_joint, seconds)
-    return fitted(by_joint, seconds)
+    found = []
+    for sigma, is_direct in zip(
+        np.sqrt(squares / np.maximum(count, 1)), (False, True), strict=True
+    ):
+        fast = np.minimum(detector.noise.fast, sigma)
+        noise = replace(
+            detector.noise,
+            slow=np.sqrt(sigma**2 - fast**2),
+            fast=fast,
+            largest=np.zeros(lib.n_joints),
+        )
+        # Residuals of free motion contain the error of the model.
+        found.append(replace(detector, noise=noise, is_direct=is_direct, root=None))
+    return found[0], found[1]
 
 
 def _require_peaks(by_joint: Sequence[Array], seconds: float) -> None:

@@ -75,15 +75,13 @@ def contacts_of(
     threshold: Array,
     names: Sequence[str],
     within_s: float,
-    direct: Array | float = 0.0,
 ) -> tuple[Contact, ...]:
     """Contacts in the order of time.
 
-    t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N], direct (N, n):
-    size of a second torque for the same threshold [N·m, N].
+    t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N].
     """
     contacts = []
-    sizes = np.maximum(np.abs(np.nan_to_num(r)), direct)
+    sizes = np.abs(np.nan_to_num(r))
     for j, name in enumerate(names):
         size = sizes[:, j]
         for first, last in _intervals(t, size, threshold[:, j]):

@@ -14,14 +14,15 @@ rest_j is `REST` times the limit of the torque while a joint rests whose dry fri
 not contain: there it may change the torque of the motor without a contact.
 
 A stiff arm that is stopped shows its contact in the torque of the motor first, while the rate of
-the momentum, by differences of a measured speed, has more noise than signal. A calibrated observer
-takes that rate over `DIRECT_S` as well, with the torque as it was measured, and finds a contact by
-either of both, in joints where the second has the smaller threshold.
+the momentum, by differences of a measured speed, has more noise than signal. In joints where it has
+the smaller threshold a calibrated observer takes that rate over `DIRECT_S` and the torque as it was
+measured, the direct torque, in place of r.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
@@ -49,12 +50,15 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.friction import motion_of
 from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.recording.preprocessing.segments import differentiate, segments
+from runtime.recording.rest_speeds import rest_speeds
 
 WITHIN_S = 0.025
 """Time in which r shows 95 % of a step unless it is stated, or three samples if these are longer
 [s]."""
 LEAST_SAMPLES = 3
 """Samples in which a step can be shown."""
+SLOWEST = 0.5
+"""Speed below which thresholds are those of rest, over that below which a joint rests in a log."""
 REST = 0.02
 """Dry friction of a resting joint that the model does not contain, as a share of its limit."""
 DIRECT_S = 0.1
@@ -83,10 +87,9 @@ class Detector:
     noise: ObserverNoise  # of r in free motion
     levels: Array  # z, (n,)
     root: Array | None  # root of the covariance of [β; φ], (p, columns); None where it is not known
-    share: float = 1.0  # w of dry friction and timing in the thresholds
-    direct: Array | None = None  # σ of the direct torque, (n,) [N·m, N]; None before a calibration
-    # level of the torque over that of the direct one, (n,); 0 where it is not used
-    ratio: Array | float = 0.0
+    share: Array | float = 1.0  # w of dry friction and timing in the thresholds, (n,)
+    # (n,) whether r is the direct torque
+    is_direct: NDArray[np.bool_] | bool = False
 
     @property
     def thresholds(self) -> Array:
@@ -162,17 +165,20 @@ class Signals:
     band: Array  # (N, n) the same with that of what is usual [N·m, N]
     extra: Array  # (N, n) dry friction and timing in the thresholds [N·m, N]
     rest: Array  # (N, n) unknown dry friction of resting joints [N·m, N]
-    direct: Array  # (N, n) level of the direct torque, 0 where unknown
 
-    def normalised(self, share: float, ratio: Array | float) -> Array:
+    def normalised(self, share: Array | float) -> Array:
         """Level z at which a sample is an alarm, (N, n); NaN where r is unknown."""
         beyond = np.abs(self.r) - share * self.extra - self.rest
-        z = beyond / np.maximum(self.sigma, 1e-300)
-        return np.asarray(np.maximum(z, np.where(np.isfinite(z), ratio * self.direct, z)))
+        return np.asarray(beyond / np.maximum(self.sigma, 1e-300))
 
 
-def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signals:
-    """External torque of a log and the terms of its thresholds."""
+def signals_of(
+    lib: Library,
+    detector: Detector,
+    recording: Recording,
+    torques: tuple[Array, Array, Array] | None = None,
+) -> Signals:
+    """External torque of a log and the terms of its thresholds, by what `both_torques` returned."""
     s, model = detector.settings, detector.model
     if abs(recording.rate_hz - s.rate_hz) > RATE_OFF * s.rate_hz:
         raise IdentificationError(
@@ -181,7 +187,8 @@ def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signal
         )
     t, q = recording.t, recording.q
     dq, tau = recording.required("dq"), recording.required("tau")
-    r, direct, features = both_torques(lib, model, s, recording)
+    first, direct, features = torques or both_torques(lib, model, s, recording)
+    r = np.where(detector.is_direct, direct, first)
     band, extra = state_terms(
         lib, model, s, detector.root, t, q, dq, tau, _further(recording, model)
     )
@@ -189,14 +196,7 @@ def signals_of(lib: Library, detector: Detector, recording: Recording) -> Signal
     sigma = detector.noise.sigma
     usual, variance = usual_torque(r, features, sigma, s.rate_hz)
     known = np.sqrt(band**2 + variance)
-    size = np.zeros_like(r)
-    if detector.direct is not None:
-        usual_direct, variance = usual_torque(direct, features, detector.direct, s.rate_hz)
-        total = np.sqrt(detector.direct**2 + band**2 + variance)
-        beyond = np.abs(direct - usual_direct) - rest
-        size = np.maximum(np.nan_to_num(beyond / np.maximum(total, 1e-300)), 0.0)
-    total = np.sqrt(sigma**2 + known**2)
-    return Signals(t, r - usual, total, band, known, extra, rest, size)
+    return Signals(t, r - usual, np.sqrt(sigma**2 + known**2), band, known, extra, rest)
 
 
 def both_torques(
@@ -222,16 +222,26 @@ def unknown_dry_friction(lib: Library, model: MonitoredModel) -> Array:
     return np.where(is_known | ~np.isfinite(limits), 0.0, REST * limits)
 
 
+def slow_speeds(lib: Library, model: MonitoredModel) -> Array:
+    """Speeds below which dry friction may act in either direction, (n,) [rad/s, m/s].
+
+    Of joints whose dry friction is not known a slow motion is no rest.
+    """
+    is_known = unknown_dry_friction(lib, model) == 0
+    return np.where(is_known, SLOW * model.terms.coulomb_speed, SLOWEST * rest_speeds(lib))
+
+
 def at_rest(
     lib: Library, model: MonitoredModel, s: ObserverSettings, t: Array, q: Array, dq: Array
 ) -> Array:
     """Unknown dry friction while a joint rests and shortly after, (N, n) [N·m, N]."""
     rest, size = np.zeros_like(q), unknown_dry_friction(lib, model)
+    slowest = slow_speeds(lib, model)
     if size.any():
         for part in segments(t):
             if part.stop - part.start > s.steps + 1:
                 _, speed, _ = averaged(s, q[part], dq[part], q[part])
-                is_slow = np.abs(speed) < SLOW * model.terms.coulomb_speed
+                is_slow = np.abs(speed) < slowest
                 rest[part][s.steps :] = near(t[part][s.steps :], is_slow, 0.0, REVERSAL_S) * size
     return rest
 
@@ -270,12 +280,10 @@ def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observati
     """Contacts by the thresholds of a detector."""
     threshold = detector.noise.thresholds(detector.levels, seen.band)
     threshold += detector.share * seen.extra + seen.rest
-    # The direct torque in units in which its threshold is that of r.
-    direct = seen.direct * (detector.ratio / detector.levels) * threshold
     contacts = contacts_of(
-        seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s, direct
+        seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s
     )
-    seconds = float(np.isfinite(seen.r[:, 0]).sum() / detector.settings.rate_hz)
+    seconds = float(np.isfinite(seen.r).any(axis=1).sum() / detector.settings.rate_hz)
     return Observation(seen.t, seen.r, seen.sigma, threshold, contacts, seconds)
 
 

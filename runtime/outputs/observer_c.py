@@ -13,12 +13,12 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.monitoring import session
-from runtime.monitoring.model import SLOW
 from runtime.monitoring.noise import REVERSAL_S
 from runtime.monitoring.observation import (
     SLOPE_STEPS,
     Detector,
     direct_steps,
+    slow_speeds,
     unknown_dry_friction,
 )
 from runtime.recording.friction.columns import OFFSET, ROTOR, VISCOUS
@@ -52,14 +52,15 @@ typedef struct {
     double p[$n], u[$n], r[$n];
     double place[$n], travel[$n], z[$n];
     double momentum[$over + 1][$n];
-    ${robot}_session session[2][$n]; /* of r and of the direct torque */
+    ${robot}_session session[$n];
     long samples, means;
     int slow[$n];
 } ${robot}_observer;
 
 /* Adds one sample at $rate Hz: q [rad, m], dq, tau of the motors [N m, N]. Writes the external
- * torque r and the thresholds, and returns a bit per joint whose |r| is above its threshold, or
- * whose direct torque, with the rate of the momentum over $over steps, is above its own. */
+ * torque r and the thresholds, and returns a bit per joint whose |r| is above its threshold. In
+ * joints where that gives the smaller threshold r has the rate of the momentum over $over steps
+ * and the torque as it is. */
 unsigned ${robot}_observer_update(${robot}_observer *o, const double q[$n], const double dq[$n],
                                   const double tau[$n], double r[$n], double threshold[$n]);
 
@@ -77,7 +78,8 @@ SOURCE = Template("""/* $robot: external joint torque by a momentum observer, wr
 #include "$robot.h"
 #include "observer.h"
 
-enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = $over };
+enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = $over,
+       FIRST = $first_known };
 
 #define RATE $rate
 #define DECAY $decay
@@ -94,10 +96,11 @@ static const double level[N] = {$level};
 static const double least[N] = {$least};
 static const double dry[N] = {$dry};
 static const double still[N] = {$still};
+static const double slow[N] = {$slow}; /* speed below which dry friction may act either way */
 static const double lasting[N] = {$lasting};
-/* The session: variance of the noise of r and of the direct torque, whose level 0 is unused. */
-static const double noise[2][N] = {{$noise}, {$direct_noise}};
-static const double direct_level[N] = {$direct_level};
+static const double noise[N] = {$noise}; /* variance of r without the model, for the session */
+static const double share[N] = {$share}; /* of dry friction and timing in the thresholds */
+static const int direct[N] = {$direct}; /* whether r is not low-passed, see observer.h */
 
 /* Usual torque of the session for the features f, and its variance; takes r after its use. */
 static double session_update(${robot}_session *s, double noise_of_r, const double f[3], double r,
@@ -221,7 +224,7 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     const double *past = o->momentum[(o->means + 1) % (OVER + 1)];
     for (int j = 0; j < N; ++j) {
         double u = mean[2 * N + j] + force[j], extra = 0.0, rest = 0.0;
-        double usual[2] = {0}, spread[2] = {0}, direct = 0.0;
+        double usual = 0.0, spread = 0.0;
         o->momentum[o->means % (OVER + 1)][j] = p[j];
         if (o->means) {
             double w = (p[j] - o->p[j]) * RATE - (u + o->u[j]) / 2;
@@ -229,17 +232,21 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
             double f[3] = {1.0, viscous, friction_torque(j, mean[N + j], o->z[j]) - viscous
                                              - offset[j]};
             o->r[j] = DECAY * o->r[j] + (1 - DECAY) * w;
-            usual[0] = session_update(&o->session[0][j], noise[0][j], f, o->r[j], &spread[0]);
-            if (direct_level[j] > 0 && o->means >= OVER) {
-                direct = (p[j] - past[j]) * (RATE / OVER) - (tau[j] + force[j]);
-                usual[1] = session_update(&o->session[1][j], noise[1][j], f, direct, &spread[1]);
+            if (direct[j]) {
+                o->r[j] = 0.0;
+            }
+            if (o->means >= FIRST) { /* r of all joints is known */
+                if (direct[j]) {
+                    o->r[j] = (p[j] - past[j]) * (RATE / OVER) - (tau[j] + force[j]);
+                }
+                usual = session_update(&o->session[j], noise[j], f, o->r[j], &spread);
             }
         }
         o->p[j] = p[j];
         o->u[j] = u;
-        r[j] = o->r[j] - usual[0];
-        threshold[j] = fmax(level[j] * sqrt(variance[j] + spread[0]), least[j]);
-        if (fabs(mean[N + j]) < $slow * COULOMB) {
+        r[j] = o->r[j] - usual;
+        threshold[j] = fmax(level[j] * sqrt(variance[j] + spread), least[j]);
+        if (fabs(mean[N + j]) < slow[j]) {
             o->slow[j] = RESTS + 1;
         }
         if (o->slow[j] > 0) { /* at rest or just reversed: dry friction may act either way */
@@ -253,13 +260,9 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
         if (o->means >= LAG) { /* torque and position lie up to a step apart */
             extra += fabs(mean[2 * N + j] - before[j]) / LAG;
         }
-        threshold[j] += $share * extra + rest;
+        threshold[j] += share[j] * extra + rest;
         o->torque[o->means % (LAG + 1)][j] = mean[2 * N + j];
         contacts |= (unsigned)(fabs(r[j]) > threshold[j]) << j;
-        if (direct_level[j] > 0) {
-            double most = direct_level[j] * sqrt(noise[1][j] + spread[1]) + rest;
-            contacts |= (unsigned)(fabs(direct - usual[1]) > most) << j;
-        }
     }
     ++o->means;
     return contacts;
@@ -355,14 +358,14 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "phi": ", ".join(f"{{{_row(each) or '0.0'}}}" for each in kept),
         "rotor": _row(model.phi[:, inertial].sum(axis=1)),
         "over": direct_steps(s.rate_hz),
+        "first_known": direct_steps(s.rate_hz) if np.any(detector.is_direct) else 1,
         "variance": _row(detector.noise.sigma**2 + band**2),
         "level": _row(detector.levels),
         "least": _row(detector.noise.least),
         "still": _row(unknown_dry_friction(lib, model)),
         "noise": _row(detector.noise.sigma**2),
-        "direct_noise": _row(np.zeros(n) if detector.direct is None else detector.direct**2),
-        "direct_level": _row(_direct_levels(detector)),
-        "share": repr(detector.share),
+        "direct": ", ".join(str(int(each)) for each in np.broadcast_to(detector.is_direct, n)),
+        "share": _row(np.broadcast_to(detector.share, n)),
         "block": session.block_steps(s.rate_hz),
         "hold": session.HOLD_BLOCKS,
         "starts": session.START_BLOCKS,
@@ -372,7 +375,7 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "dry": _row(model.dry_friction),
         "lasting": _row(model.lasting_friction),
         "dahl_stroke": repr(model.terms.dahl_stroke),
-        "slow": SLOW,
+        "slow": _row(slow_speeds(lib, model)),
         "from_position": int(s.velocity == "position"),
         "home": _row(lib.home),
         "loops": 10 * (s.steps + 1) + round(s.rate_hz),
@@ -390,12 +393,6 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
     return dict(
         zip(FILES, (HEADER.substitute(values), source, EXAMPLE.substitute(values)), strict=True)
     )
-
-
-def _direct_levels(detector: Detector) -> Array:
-    """Levels of the direct torque, 0 where it is not used."""
-    ratio = np.broadcast_to(detector.ratio, detector.levels.shape)
-    return np.where(ratio > 0, detector.levels / np.where(ratio > 0, ratio, 1.0), 0.0)
 
 
 def _parts(name: str, variances: Array) -> dict[str, str]:

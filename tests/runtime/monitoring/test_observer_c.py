@@ -19,7 +19,6 @@ from runtime.monitoring.observation import (
     detector_for,
     observe,
     prepared_for,
-    signals_of,
 )
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c
@@ -104,19 +103,18 @@ def test_c_has_the_direct_torque_and_the_terms_of_a_calibration(
     part = prepared_for(rest_of_log.take(slice(0, 2000), "part"), detector.model)
     tau = np.array(part.tau)
     tau[1200:1500, 1] += 4.0
-    levels, ratio = np.full(7, 30.0), np.array([0, 4.0, 0, 4.0, 0, 0, 0])
+    is_direct = np.array([0, 1, 0, 1, 0, 0, 0], bool)
     noise = dataclasses.replace(detector.noise, largest=np.zeros(7))
     changed = dataclasses.replace(
-        detector, noise=noise, levels=levels, share=0.0, direct=noise.sigma, ratio=ratio
+        detector, noise=noise, levels=np.full(7, 9.0), share=0.0, is_direct=is_direct
     )
-    seen = signals_of(lib, changed, part.replace(tau=tau))
-    above = np.nan_to_num(seen.normalised(0.0, ratio)) > levels
+    seen = observe(lib, changed, part.replace(tau=tau))
+    above = np.abs(np.nan_to_num(seen.r)) > seen.threshold
     program = compiled(observer_c(lib, changed, np.zeros(7)), lib, tmp_path, "driver.c")
     data = np.hstack([part.q, part.dq, tau]).tobytes()
     done = subprocess.run([str(program)], input=data, capture_output=True, check=True)
     bits = np.frombuffer(done.stdout).reshape(-1, 15)[:, 14].astype(int)
     assert above[:, 1].any()
-    assert not (np.nan_to_num(seen.normalised(0.0, 0.0)) > levels)[:, 1].any()
     np.testing.assert_array_equal((bits[:, None] >> np.arange(7)) & 1, above)
 
 

@@ -6,14 +6,17 @@ that some coefficients x moved, those of one part of the robot,
 
     z − μ = Qᵀ H M x + e,   cov e = C:   x̂ of generalised least squares,   χ² = x̂ᵀ (cov x̂)⁻¹ x̂
 
-M are the gain of one sensor, its bias, friction of one joint or of all, ten parameters of one link
-or of a body on the last one, all base parameters, or a delay of the torque. The headline is the
-hypothesis that explains most,
+M are the gain of one sensor, its bias or drift during the log, those of all, friction of one joint
+or of all, its change during the log, ten parameters of one link or of a body on the last one, all
+base parameters, or a delay of the torque. They are in units of plausible sizes, so that directions
+that a log does not determine have singular values of C^-½ Qᵀ H M below 1, and are left out. The
+headline is the hypothesis that explains most,
 
     χ² − k log N_eff + 2 log prior                                              (Schwarz 1978)
 
-and the whole model where no single part explains half of what all changes do, or a single inner
-link explains hardly more than all base parameters. The others are stated by what it leaves.
+and the whole model where no single part explains half of what all changes do and the model is more
+significant than a part that is no inner link, or where a single inner link explains hardly more
+than all base parameters. The others are stated by what it leaves.
 The p-value of a hypothesis is multiplied by their number (Bonferroni).
 """
 
@@ -26,7 +29,6 @@ from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, fdtri, stdtrit
 
 from runtime.common.tables import significant
-from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
@@ -34,6 +36,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 from runtime.monitoring.model import model_of
 from runtime.monitoring.scores import (
+    PLAUSIBLE,
     Changes,
     Scores,
     Usual,
@@ -44,18 +47,24 @@ from runtime.monitoring.scores import (
 )
 from runtime.recording import Recording
 
-GROUPS = ("sensor gain", "sensor bias", "friction", "links", "payload", "model", "clock")
+GROUPS = ("sensor gain", "sensor bias", "sensor drift", "friction", "warming", "links", "payload",
+          "model", "clock")  # fmt: skip
 """Parts of a robot that are distinguished."""
+BODY, LEVER = 0.25, 0.2
+"""Plausible change of a body: share of the mass of the robot, and its lever [m]."""
 RARE = 0.001
 """Probability of a change of a link relative to one of the tip, where tools are changed."""
 ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""
-MARGIN = 0.25
+MARGIN = 0.4
 """Lead of a single inner link over all base parameters, in parts of the difference of their
-penalties, below which the whole model is named. Bodies of 0.3 kg on one link of an ideal arm lead
-by 0.3 to 0.5, the best link of a virtual FR3 whose links all differ by 4 % by 0.2 and less."""
+penalties, below which the whole model is named. A body of 0.3 kg on one link of an ideal arm leads
+by 0.8, with a bias of another sensor by 0.3, the best link of a virtual FR3 whose links all differ
+by 4 % by 0.2 and less."""
 HALF = 0.5
 """Share of the explained χ² below which a part is not the change."""
+DETERMINED = 0.5
+"""σ of a size over the plausible size, above which it is not stated."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
 
@@ -72,28 +81,33 @@ class Hypothesis:
     prior: float = 1.0  # relative probability before the data
 
 
-def hypotheses(lib: Library, changes: Changes) -> list[Hypothesis]:
-    """Hypotheses on a log."""
+def hypotheses(lib: Library, changes: Changes, pi: Array) -> list[Hypothesis]:
+    """Hypotheses on a log of a robot of π (10 n,)."""
     named, base = len(changes.names), lib.base_matrix
-    eye = np.eye(named + len(base))
+    sizes = changes.units * [PLAUSIBLE[kind] for kind, _ in changes.names]
+    eye = np.eye(named + len(base))[:, :named] * sizes
     parts = []
     for k, (group, where) in enumerate(changes.names):
         if group != "friction":
             unit, scale = changes.shown[k]
-            parts.append(Hypothesis(group, where, eye[:, [k]], np.array([scale]), unit))
+            parts.append(Hypothesis(group, where, eye[:, [k]], sizes[[k]] * scale, unit))
+    for group in ("sensor bias", "sensor drift"):
+        each = changes.of(group)
+        parts.append(Hypothesis(group, "", eye[:, each], np.zeros(len(each)), ""))
     for where in (*lib.joint_names, ""):
         each = changes.of("friction", where or None)
         if each.size:
             moved = eye[:, each].sum(axis=1, keepdims=True)
-            parts.append(Hypothesis("friction", where, moved, np.array([100.0]), "%"))
-    first = np.eye(1, 10)[0]
+            parts.append(Hypothesis("friction", where, moved, 100 * sizes[each[:1]], "%"))
+    mass = BODY * max(float(pi.reshape(-1, 10)[:, 0].clip(0).sum()), 1e-3)
+    body = mass * np.repeat([1.0, LEVER, LEVER**2], [1, 3, 6])
+    first, links = body * np.eye(1, 10)[0], []
     for k, name in enumerate(lib.link_names):
         is_tip = k == len(lib.link_names) - 1
-        moved = eye[:, named:] @ base[:, link_columns(k)]
+        links.append(np.vstack([np.zeros((named, 10)), base[:, link_columns(k)] * body]))
         group, prior = ("payload", 1.0) if is_tip else ("links", RARE)
-        parts.append(Hypothesis(group, name, moved, first, "kg", prior))
-    whole = eye[:, named:]
-    parts.append(Hypothesis("model", "", whole, np.zeros(len(base)), ""))
+        parts.append(Hypothesis(group, name, links[-1], first, "kg", prior))
+    parts.append(Hypothesis("model", "", np.hstack(links), np.zeros(10 * len(links)), ""))
     return parts
 
 
@@ -196,7 +210,7 @@ def baseline_of(
     changes = changes_of(lib, model, tau)
 
     def scores(log: tuple[Array, Samples]) -> Scores:
-        return scores_of(lib, model, saved.pi, *log, root, over)
+        return scores_of(lib, model, saved.pi, *log, root, over, changes.ranges)
 
     usual = usual_of(
         changes,
@@ -221,7 +235,9 @@ def verdict_of(
     saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
     model = model_of(saved, lib)
     t, samples = _rows(lib, recording)
-    scores = scores_of(lib, model, saved.pi, t, samples, baseline.root, baseline.over)
+    scores = scores_of(
+        lib, model, saved.pi, t, samples, baseline.root, baseline.over, changes.ranges
+    )
     mean, covariance = expected(changes, usual, scores)
     freedom = max(usual.freedom + scores.blocks - 1, 1.0)
     lower = np.linalg.cholesky(covariance)
@@ -229,7 +245,7 @@ def verdict_of(
         np.asarray(solve_triangular(lower, each, lower=True))
         for each in (scores.z - mean, scores.columns)
     )
-    parts = hypotheses(lib, changes)
+    parts = hypotheses(lib, changes, saved.pi)
 
     def tested(values: Array) -> list[Change]:
         level = ALPHA / len(parts)
@@ -244,15 +260,15 @@ def verdict_of(
     best, beside = ranked[0], ranked[1:]
     if p_value < ALPHA and best.group != "model":
         everything = float(y @ y) - len(y)
-        if best.chi2 - best.freedom < HALF * everything:
-            whole = next(test for test in ranked if test.group == "model")
+        whole = next(test for test in ranked if test.group == "model")
+        is_less = whole.p_value < best.p_value or best.group == "links"
+        if best.chi2 - best.freedom < HALF * everything and is_less:
             beside = tuple(test for test in ranked if test is not whole)
             ranked = (whole, *beside)
         else:
             (part,) = (each for each in parts if (each.group, each.where) == _part(best))
-            moved = columns @ part.moved
-            left = y - moved @ posterior_of(moved, y, rank=APART).mean
-            others = _ranked(tested(left), scores.n_eff)
+            axes = _determined(columns @ part.moved)[0]
+            others = _ranked(tested(y - axes @ (axes.T @ y)), scores.n_eff)
             beside = tuple(each for each in others if _part(each) != _part(best))
     rest = samples.tau - torque_of(lib, samples, saved.pi, saved.phi)
     error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
@@ -296,24 +312,36 @@ def _tested(
 
     level: p-value below which a change counts.
     """
-    fit = posterior_of(columns @ hypothesis.moved, y, rank=APART)
-    k = fit.root.shape[1]
-    chi2 = float(np.sum((columns @ hypothesis.moved @ fit.mean) ** 2))
-    size = float(hypothesis.size @ fit.mean)
-    sigma = float(np.linalg.norm(hypothesis.size @ fit.root))
+    axes, root, rest = _determined(columns @ hypothesis.moved)
+    along, k = axes.T @ y, axes.shape[1]
+    chi2 = float(along @ along)
+    size = float(hypothesis.size @ root @ along)
+    # A direction that is left out may have its plausible size.
+    left = float(np.linalg.norm(hypothesis.size @ rest))
+    sigma = float(np.hypot(np.linalg.norm(hypothesis.size @ root), left))
     half = float(stdtrit(freedom, 0.975)) * sigma
     # With k coefficients a change counts from the quantile of F(k, ·) on.
     least = sigma * math.sqrt(k * fdtri(k, freedom, 1 - level)) if k else 0.0
-    has_size = bool(hypothesis.unit)
+    has_size = bool(hypothesis.unit) and sigma < DETERMINED * np.linalg.norm(hypothesis.size)
     return Change(
         hypothesis.group,
         hypothesis.where,
         chi2,
         k,
-        float(fdtrc(k, freedom, chi2 / max(k, 1))),
+        float(fdtrc(k, freedom, chi2 / k)) if k else 1.0,
         chi2 - k * math.log(max(n_eff, math.e)) + 2 * math.log(hypothesis.prior),
         size if has_size else None,
         (size - half, size + half) if has_size else None,
         hypothesis.unit,
         least if has_size and least > 0 else None,
     )
+
+
+def _determined(columns: Array) -> tuple[Array, Array, Array]:
+    """Axes (r, k) of the directions that columns (r, m) of covariance 1 determine, their root.
+
+    The root (m, k) gives the coefficients of the axes; the rest (m, m − k) are other directions.
+    """
+    axes, sizes, turn = np.linalg.svd(columns, full_matrices=columns.shape[0] < columns.shape[1])
+    k = int(np.sum(sizes > 1.0))
+    return axes[:, :k], turn[:k].T / sizes[:k], turn[k:].T

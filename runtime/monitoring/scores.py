@@ -6,11 +6,12 @@ For log i with residual r_i over its noise and the columns H_i of all changes, Q
     u, d_i ~ N(0, T²),   ε ~ N(0, a²),   e_i ~ N(0, V_i)
 
 e is noise and misfit of the model within the log: V = ½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1) with scores
-g_k of K blocks, and c their mean variance, and what the misfit adds in the postures of one log, in
-the directions of L. d is the usual change of a healthy robot between two days, u that of the day of
-the model, and L a root of the posterior of the model. Torque of further shapes, N s with a prior of
-s, is a nuisance: cables, ripple, load. u, ε and s are common to all logs: logs of reference give
-their posterior, and all scales by the marginal likelihood.
+g_k of K blocks, and c their mean variance, what the misfit adds in the postures of one log, in
+the directions of L, and a constant torque of every joint that rests, within its dry friction. d is
+the usual change of a healthy robot between two days, u that of the day of the model, and L a root
+of the posterior of the model. Torque of further shapes, N s with a prior of s, is a nuisance:
+cables, ripple, load. u, ε and s are common to all logs: logs of reference give their posterior,
+and all scales by the marginal likelihood.
 Source: block-robust covariance (Cameron & Miller 2015), random effects per log (Laird & Ware 1982).
 """
 
@@ -31,6 +32,7 @@ from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 from runtime.monitoring.model import MonitoredModel
 from runtime.recording.preprocessing.segments import rate_of
+from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.settings import COLUMNS
 
 BLOCK_S = 2.0
@@ -42,13 +44,30 @@ USUAL = {
     "sensor gain": 0.005,
     "sensor bias": 0.003,
     "friction": 0.10,
+    "sensor drift": 0.001,
+    "warming": 0.05,
     "model": 1.0,
     "posture": 0.5,
     "shape": 0.003,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
-range of the joint; relative. Errors of the model, and what its misfit adds in the postures of one
-log, in σ of its posterior; torque of other shapes, relative to the range of the joint."""
+range of the joint; relative. Usual change of bias and friction during a log. Errors of the model,
+and what its misfit adds in the postures of one log, in σ of its posterior; torque of other shapes,
+relative to the range of the joint."""
+PLAUSIBLE = {
+    "clock": 0.1,
+    "sensor gain": 1.0,
+    "sensor bias": 1.0,
+    "friction": 3.0,
+    "sensor drift": 1.0,
+    "warming": 1.0,
+}
+"""Sizes of changes that a robot may have, in the units of `USUAL`. A direction of changes in which
+such a size is within the noise is not determined by a log and explains nothing."""
+REST_S = 0.2
+"""Shortest time at rest after which dry friction is another one [s]."""
+DRY = 0.02
+"""Dry friction that the model does not contain, relative to the range of the joint."""
 DOUBT = 1.0
 """Standard deviation of the logarithm of a scale about its default."""
 FREEDOM, ASSUMED = 3, 20
@@ -97,7 +116,7 @@ class Scores:
 class Usual:
     """What a healthy robot leaves in a further log."""
 
-    scales: Array  # of `USUAL`, (5,)
+    scales: Array  # of `USUAL`, (9,)
     mean: Array  # mean, covariance: of (u, ε)
     covariance: Array
     freedom: float  # degrees of freedom of the covariance
@@ -114,6 +133,8 @@ def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
     for joint, most, unit in zip(lib.joint_names, ranges, torque_units(lib.manifest), strict=True):
         rows.append((("sensor gain", joint), 1.0, ("%", 100.0)))
         rows.append((("sensor bias", joint), float(most), (unit, 1.0)))
+        rows.append((("sensor drift", joint), float(most), (unit, 1.0)))
+    rows.append((("warming", ""), 1.0, ("%", 100.0)))
     rows += [(("friction", lib.joint_names[j]), 1.0, ("%", 100.0)) for j, _ in _changing(model)]
     names, units, shown = zip(*rows, strict=True)
     return Changes(names, np.array(units), shown, ranges)
@@ -134,20 +155,27 @@ def scores_of(
     samples: Samples,
     root: Array,
     over: Array,
+    ranges: Array,
 ) -> Scores:
     """Scores of a log.
 
-    pi (10 n,), t (N,) [s], root L (p, columns) of [β; φ], over (n,) 1/σ [1/(N·m)].
+    pi (10 n,), t (N,) [s], root L (p, columns) of [β; φ], over (n,) 1/σ [1/(N·m)], ranges (n,)
+    [N·m, N].
     """
     count, n = samples.tau.shape
     base = samples.base_rows(lib)
     tau = torque_of(lib, samples, pi, model.phi)
     e = (samples.tau - tau) * over
     named = [-rate_of(t, tau)]
+    course = (t - t[0]) / max(float(t[-1] - t[0]), 1e-12) - 0.5
     for j in range(n):
-        for values in (tau[:, j], np.ones(count)):
+        for values in (tau[:, j], np.ones(count), course):
             named.append(np.zeros((count, n)))
             named[-1][:, j] = values
+    changing = np.zeros_like(model.phi)
+    for j, c in _changing(model):
+        changing[j, c] = model.phi[j, c]
+    named.append(course[:, None] * samples.friction(changing))
     for j, c in _changing(model):
         only = np.zeros_like(model.phi)
         only[j, c] = model.phi[j, c]
@@ -165,6 +193,9 @@ def scores_of(
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
     level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
     noise = (1 - ROBUST) * level * np.eye(len(z)) + ROBUST * meat
+    dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
+    for j, held in _at_rest(t, np.abs(samples.dq) < rest_speeds(lib), basis):
+        noise += dry[j] ** 2 * np.outer(held, held)
     cutoff = model.preparation.cutoff_hz
     white = max(1.0, 0.5 / (cutoff * float(np.median(np.diff(t))))) if cutoff else 1.0
     misfit = level / (white * max(coloured.variance, 1e-300))
@@ -174,6 +205,16 @@ def scores_of(
     shape = np.einsum("njr,njs->rjs", q.reshape(count, n, -1), shapes, optimize=True)
     shape = shape.reshape(q.shape[1], -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
+
+
+def _at_rest(t: Array, rests: NDArray[np.bool_], basis: Array) -> list[tuple[int, Array]]:
+    """Joint, and a torque of 1 in one time of its rest, (r,), by rows of basis (N, n, r)."""
+    columns = []
+    for j in range(rests.shape[1]):
+        ends = np.flatnonzero(np.diff(rests[:, j], prepend=False, append=False)).reshape(-1, 2)
+        long = t[ends[:, 1] - 1] - t[ends[:, 0]] > REST_S
+        columns += [(j, basis[a:b, j].sum(axis=0)) for a, b in ends[long]]
+    return columns
 
 
 def usual_of(
@@ -188,7 +229,7 @@ def usual_of(
     if not references:
         misfit = float(np.mean([each.misfit for each in logs])) if logs else np.inf
         share = float(np.clip((misfit - 1) / FULL_MISFIT, 1e-3, 1.0))
-        scales[:4] *= share
+        scales[: len(PLAUSIBLE)] *= share
         scales[-1] *= share
     else:
         steps = minimize(

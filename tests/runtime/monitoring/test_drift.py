@@ -299,7 +299,7 @@ def test_a_p_value_counts_all_hypotheses_and_independent_samples(
     verdict = verdict_of(lib, baseline, log.replace(tau=tau + 0.02 * np.eye(lib.n_joints)[4]))
     smallest = min(test.p_value for test in verdict.tests)
     assert smallest < 1e-3
-    count = len(hypotheses(lib, baseline.changes))
+    count = len(hypotheses(lib, baseline.changes, saved.pi))
     assert verdict.p_value == pytest.approx(min(1.0, count * smallest))
     assert verdict.n_eff == pytest.approx(len(log), rel=0.45)
     white = np.random.default_rng(4).normal(0, NOISE, tau.shape)
@@ -316,7 +316,7 @@ def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
     scores = Scores(np.zeros(2), np.ones((2, 1)), np.ones((2, 1)), shape, np.eye(2), 1.0, 9, 99.0)
     mean = np.zeros(2 + 2 * SHAPES)
     mean[-1] = 0.003
-    usual = Usual(np.zeros(7), mean, np.zeros((len(mean), len(mean))), 20.0, 0)
+    usual = Usual(np.zeros(9), mean, np.zeros((len(mean), len(mean))), 20.0, 0)
     found, spread = expected(changes, usual, scores)
     np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
     np.testing.assert_array_equal(spread, np.eye(2))

@@ -84,10 +84,10 @@ class WatchSettings(Choices):
 def watch_command(given: WatchSettings) -> None:
     r"""Test whether a robot has changed since its model was identified.
 
-    Tested are the gain and the bias of every torque sensor, friction, every link, a body on the
-    tip, all links together, and a delay of the torque. What the model leaves on the rows that it
-    was tested on, its uncertainty, and the usual change of a healthy robot between two days are
-    no change; p-values are corrected for the number of tests.
+    Tested are gain, bias and drift of every torque sensor, friction and its warming, every link, a
+    body on the tip, all links together, and a delay of the torque. What the model leaves on the
+    rows that it was tested on, its uncertainty, and the usual change of a healthy robot between two
+    days are no change; p-values are corrected for the number of tests.
 
     \b
     symgen watch results/arm monday.csv

@@ -251,7 +251,7 @@ def _scaled(
             rest = np.where(variance < rough**2, torque - usual, np.nan)
             squares[k] += np.nansum(rest**2, axis=0)
             count[k] += np.isfinite(rest).sum(axis=0)
-    found = []
+    scaled = []
     for sigma, is_direct in zip(
         np.sqrt(squares / np.maximum(count, 1)), (False, True), strict=True
     ):
@@ -263,8 +263,8 @@ def _scaled(
             largest=np.zeros(lib.n_joints),
         )
         # Residuals of free motion contain the error of the model.
-        found.append(replace(detector, noise=noise, is_direct=is_direct, root=None))
-    return found[0], found[1]
+        scaled.append(replace(detector, noise=noise, is_direct=is_direct, root=None))
+    return scaled[0], scaled[1]
 
 
 def _require_peaks(by_joint: Sequence[Array], seconds: float) -> None:

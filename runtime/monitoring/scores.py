@@ -167,15 +167,15 @@ def scores_of(
     tau = torque_of(lib, samples, pi, model.phi)
     e = (samples.tau - tau) * over
     named = [-rate_of(t, tau)]
-    course = (t - t[0]) / max(float(t[-1] - t[0]), 1e-12) - 0.5
+    elapsed = (t - t[0]) / max(float(t[-1] - t[0]), 1e-12) - 0.5
     for j in range(n):
-        for values in (tau[:, j], np.ones(count), course):
+        for values in (tau[:, j], np.ones(count), elapsed):
             named.append(np.zeros((count, n)))
             named[-1][:, j] = values
     changing = np.zeros_like(model.phi)
     for j, c in _changing(model):
         changing[j, c] = model.phi[j, c]
-    named.append(course[:, None] * samples.friction(changing))
+    named.append(elapsed[:, None] * samples.friction(changing))
     for j, c in _changing(model):
         only = np.zeros_like(model.phi)
         only[j, c] = model.phi[j, c]

@@ -28,7 +28,7 @@ from runtime.monitoring.drift import (
     hypotheses,
     verdict_of,
 )
-from runtime.monitoring.scores import Changes, Scores, Usual, expected
+from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -78,6 +78,14 @@ def later_log(
         tau[:, 2] *= 1.05
     if change == "sensor bias":
         tau[:, 4] += 0.1
+    if change == "sensor bias of all":
+        tau += 0.15 * np.array([1, -1, 1, -1, 1, -1, 1])
+    elapsed = (log.t - log.t[0]) / (log.t[-1] - log.t[0])
+    if change == "sensor drift":
+        tau[:, 4] += 0.2 * elapsed
+    if change == "warming":
+        viscous, dry = FRICTION["viscous"] * log.dq, FRICTION["coulomb"] * np.sign(log.dq)
+        tau -= 0.3 * (elapsed[:, None] - 0.5) * (viscous + dry)
     if change == "link and sensor":
         tau[:, 5] += 0.2
     if change == "clock":
@@ -88,6 +96,9 @@ def later_log(
 CASES = {
     "sensor gain": ("fr3_joint3", 5.0, 0.7),
     "sensor bias": ("fr3_joint5", 0.1, 0.02),
+    "sensor bias of all": ("", None, 0.0),
+    "sensor drift": ("fr3_joint5", 0.2, 0.06),
+    "warming": ("", -30.0, 12.0),
     "friction": ("", 20.0, 6.0),
     "payload": ("fr3_link7", 0.2, 0.02),
     "clock": ("", 5.0, 0.8),
@@ -123,6 +134,7 @@ def test_a_change_is_named(group: str, changed: Callable[[str], dict]) -> None:
     """Oracle: group, place and size of a change that we make; exit code 1."""
     facts = changed(group)
     where, size, tolerance = CASES[group]
+    group = group.removesuffix(" of all")
     assert (facts["changed"], facts["group"], facts["where"]) == (True, group, where)
     assert facts["p_value"] < 0.01
     if size is not None:
@@ -282,6 +294,33 @@ def test_the_interval_holds_the_size_in_95_of_100() -> None:
     assert test.least is not None
     sigma = 2.0 / np.linalg.norm(column)
     assert 40 * chi2.sf((test.least / sigma) ** 2, 1) == pytest.approx(0.01, rel=1e-3)
+
+
+def test_what_a_log_does_not_determine_explains_nothing() -> None:
+    """Oracle: a change of a plausible size that is half of the noise, alone and beside another."""
+    column = np.array([[0.5], [0.0], [0.0]])
+    part = Hypothesis("sensor bias", "j", np.eye(1), np.array([2.0]), "N·m")
+    y = np.array([40.0, 3.0, 0.0])
+    alone = _tested(part, y, column, 1e6, 50.0, 0.01)
+    assert (alone.freedom, alone.p_value, alone.size, alone.least) == (0, 1.0, None, None)
+    both = dataclasses.replace(part, moved=np.eye(2), size=np.array([0.0, 2.0]))
+    second = _tested(both, y, np.hstack([column, [[0.0], [30.0], [0.0]]]), 1e6, 50.0, 0.01)
+    assert (second.freedom, second.chi2) == (1, pytest.approx(9.0))
+    assert second.size == pytest.approx(2.0 * 3.0 / 30.0)
+    tied = dataclasses.replace(both, size=np.array([2.0, 2.0]))
+    assert _tested(tied, y, np.hstack([column, column]), 1e6, 50.0, 0.01).size is None
+
+
+def test_a_joint_at_rest_holds_a_torque_within_its_dry_friction() -> None:
+    """Oracle: scores of a torque of 1 in two of three times at rest; the third is short."""
+    t = np.arange(100) / 100
+    rests = np.zeros((100, 2), bool)
+    rests[:30, 1] = rests[40:45, 1] = rests[60:, 1] = True
+    basis = np.random.default_rng(0).normal(size=(100, 2, 3))
+    (first, one), (second, two) = _at_rest(t, rests, basis)
+    assert (first, second) == (1, 1)
+    np.testing.assert_allclose(one, basis[:30, 1].sum(axis=0))
+    np.testing.assert_allclose(two, basis[60:, 1].sum(axis=0))
 
 
 def test_a_p_value_counts_all_hypotheses_and_independent_samples(

@@ -11,12 +11,18 @@ from runtime import Recording, write_recording
 from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of, wrench_at
 from runtime.monitoring.false_alarms import AlarmRate
-from runtime.monitoring.model import model_of
+from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import ObserverNoise, _fast, noise_of_observer, read_held_out
-from runtime.monitoring.observation import Detector, both_torques, observation_of, signals_of
+from runtime.monitoring.observation import (
+    Detector,
+    both_torques,
+    observation_of,
+    signals_of,
+    slow_speeds,
+)
 from runtime.monitoring.observer import ObserverSettings
 from runtime.monitoring.session import usual_torque
-from runtime.recording import Friction
+from runtime.recording import Friction, Preparation
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
@@ -114,6 +120,15 @@ def test_bad_options_are_one_sentence(
     assert sentence in ran.err
     assert "Traceback" not in ran.err
     assert not (tmp_path / "new").exists()
+
+
+def test_a_slow_motion_of_unknown_friction_is_no_rest(lib: Library) -> None:
+    """Oracle: half of 0.02 rad/s, the speed at rest, against twice ε of a known dry friction."""
+    terms = Friction(("offset", "coulomb"), 0.05)
+    phi = np.ones((7, 2))
+    phi[3:, 1] = 0.0
+    model = MonitoredModel(np.zeros(43), terms, phi, Preparation())
+    np.testing.assert_allclose(slow_speeds(lib, model), [0.1] * 3 + [0.01] * 4)
 
 
 def test_contacts_have_a_hysteresis() -> None:

@@ -12,8 +12,9 @@
 
 The fields that `options` names, and arguments, stand on the command line. Each field has a key in
 the file of --settings: the name of its option with `_` in place of `-`. The command line wins over
---settings, and a later --settings over an earlier one. A key of text takes numbers and lists, too:
-`box = [0.2, 0.8]` is the text 0.2,0.8 of an option.
+--settings, and a later --settings over an earlier one; NAME=VALUE of a key that takes several
+values adds one. A key of text takes numbers and lists, too: `box = [0.2, 0.8]` is the text 0.2,0.8
+of an option.
 """
 
 import inspect
@@ -213,7 +214,7 @@ _FILES = Annotated[
 
 
 def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, Any]:
-    """Fields that the words behind --settings state; the last word counts.
+    """Fields that the words behind --settings state; the last word counts, of lists every word.
 
     Args:
         record: of the command.
@@ -226,9 +227,11 @@ def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, An
         RuntimeFault: a key is unknown, or a value is not of its type.
     """
     values: dict[str, Any] = {}
+    added: set[str] = set()  # fields with several values that words gave, not files
     for word in words:
-        key, is_one, text = word.partition("=")
-        if is_one and key.replace("-", "_").isidentifier():
+        key, sign, text = word.partition("=")
+        is_one = bool(sign) and key.replace("-", "_").isidentifier()
+        if is_one:
             key = key.strip().replace("-", "_")
             table, where = {key: _parsed(record, key, text.strip())}, "--settings"
         else:
@@ -236,8 +239,13 @@ def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, An
         read = record_from_table(_schema(record), table, where, RuntimeFault, allows_infinite=True)
         for choice in choices_of(record):
             value = getattr(read, choice.name)
-            if value is not msgspec.UNSET:
-                values[choice.name] = _as_typed(choice.kind, value)
+            if value is msgspec.UNSET:
+                continue
+            value = _as_typed(choice.kind, value)
+            if is_one and isinstance(value, list):
+                value = [*(values[choice.name] if choice.name in added else ()), *value]
+            values[choice.name] = value
+            (added.add if is_one else added.discard)(choice.name)
     return values
 
 

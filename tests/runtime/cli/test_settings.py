@@ -86,6 +86,16 @@ def test_the_command_line_wins(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_words_add_to_a_list(tmp_path: Path) -> None:
+    """Property: NAME=VALUE adds to the values of earlier words, and replaces those of a file."""
+    file = tmp_path / "f.toml"
+    file.write_text('calibrate = ["a.csv", "b.csv"]\n')
+    words = ("log.csv", "--model", "m", "--settings", str(file))
+    one, two = (("--settings", f"calibrate={name}.csv") for name in "cd")
+    assert params_of("observe", *words)["calibrate"] == ["a.csv", "b.csv"]
+    assert params_of("observe", *words, *one, *two)["calibrate"] == ["c.csv", "d.csv"]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

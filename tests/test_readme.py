@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.cli.identify import IdentifySettings
+from runtime.common.settings import stated_settings
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
@@ -214,7 +216,7 @@ columns = ["q_0", "q_1"]
 """What a block that shows the table of currents leaves out."""
 
 
-def test_toml_blocks_are_read(tmp_path, fr3):
+def test_toml_blocks_are_read(tmp_path, fr3):  # noqa: PLR0912  # one branch per kind of file
     """Property: recipe, controller, prior, robot and mechanism are read without complaint."""
     write_motion(Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0), fr3, tmp_path / "motion.json")
     path = tmp_path / "shown.toml"
@@ -253,6 +255,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             assert mechanism.loop or len(mechanism.spring) == 2
         elif "entry-points" in block:
             kinds.append("plugin")
+        elif block.startswith("friction ="):
+            kinds.append("settings")
+            assert stated_settings(IdentifySettings, [str(path)])["cutoff"] in {"10", "10.0"}
         elif "[[obstacle]]" in block:
             kinds.append("obstacles")
             assert [body.name for body in read_obstacles(path)] == ["camera post", "ball"]
@@ -261,7 +266,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             assert read_config(path).home is not None
     recipes = {"recipe", "law", "intervals", "signals"}
     others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "loop", "rows"}
-    assert set(kinds) == recipes | others | {"type", "obstacles"}
+    assert set(kinds) == recipes | others | {"type", "obstacles", "settings"}
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

@@ -13,7 +13,7 @@ import symgen.cli
     ("package", "words", "sentence"),
     [
         (runtime.cli, ["identify", "log.csv", "--robot", "absent"], "or run: symgen build "),
-        (symgen.cli, ["describe", "absent"], "run: symgen build"),
+        (symgen.cli, ["describe", "absent"], "robot; symgen list names"),
     ],
 )
 @pytest.mark.parametrize("program", ["/usr/bin/symgen", "/lib/runtime/__main__.py"])

@@ -131,12 +131,13 @@ def campaign_command(given: CampaignSettings) -> None:
     )
     safety = safety_of(lib, limits)
     robot_driver = opened_driver(lib, given.driver, given.gains, given.seed, given.truth_seed)
-    given.write(given.out)
     try:
         report = (lambda _: None) if given.as_json else say
         outcome = run_campaign(robot_driver, plan, wanted, given.out, report, safety=safety)
     finally:
         robot_driver.close()
+    if given.out.is_dir():
+        given.write(given.out)
     if given.as_json:
         facts = asdict(outcome) | {"target": wanted.text, "folder": str(given.out)}
         print(json.dumps(facts, indent=1, ensure_ascii=False))

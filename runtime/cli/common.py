@@ -8,7 +8,7 @@ refuses those of another configuration.
 
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -208,18 +208,25 @@ class ResultFolder:
 
 def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:
     """Refuse to replace files of a folder, except an earlier result of the same command."""
+    if _is_result(folder, kind):
+        _announce(f"the earlier result of {kind.command} in '{folder}' will be replaced")
+    else:
+        require_unused((folder / name for name in kind.files), overwrite)
+
+
+def _is_result(folder: Path, kind: ResultFolder) -> bool:
+    """Whether a folder holds a result of the command."""
     with suppress(OSError, ValueError):
         facts = json_of(folder / kind.files[0])
-        if isinstance(facts, dict) and kind.key in facts:
-            _keep(folder, kind.files)
-            _announce(f"the earlier result of {kind.command} in '{folder}' will be replaced")
-            return
-    require_unused((folder / name for name in kind.files), overwrite)
+        return isinstance(facts, dict) and kind.key in facts
+    return False
 
 
-def _keep(folder: Path, names: Iterable[str]) -> None:
-    """Copy a result for `symgen undo`, where the disk has room for it."""
-    place = folder / EARLIER
+def keep_earlier(folder: Path, kind: ResultFolder) -> None:
+    """Copy a result for `symgen undo` before it is replaced, where the disk has room for it."""
+    place, names = folder / EARLIER, kind.files
+    if not _is_result(folder, kind):
+        return
     with suppress(OSError):
         if place.is_dir() and not place.is_symlink():
             shutil.rmtree(place)

@@ -13,6 +13,7 @@ from runtime.cli.common import (
     Seed,
     Yes,
     counting,
+    keep_earlier,
     listed,
     open_robot,
     require_result_folder,
@@ -175,6 +176,7 @@ def compare_command(given: CompareSettings) -> None:
         "seed": given.seed,
     }
     comparison = _with_progress(assembly, names, known)
+    keep_earlier(folder, _WRITTEN)
     given.write(folder)
     _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
 

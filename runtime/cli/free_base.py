@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import ResultFolder, require_result_folder
+from runtime.cli.common import ResultFolder, keep_earlier, require_result_folder
 from runtime.cli.log_options import fractions_of
 from runtime.common.settings import FILE, Choices
 from runtime.common.tables import Table
@@ -116,6 +116,7 @@ def identify_free_base_log(
         friction=friction,
         delay_s=delay,
     )
+    keep_earlier(folder, WRITTEN)
     record = write_free_base(result, folder, command_line())
     given.write(folder)
     print_errors(

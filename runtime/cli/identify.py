@@ -13,6 +13,7 @@ from runtime.cli.common import (
     Seed,
     Yes,
     counting,
+    keep_earlier,
     open_robot,
     require_result_folder,
     state,
@@ -192,6 +193,7 @@ def identify_command(given: IdentifySettings) -> None:
         )
         result = identify(opened, lib, settings, progress=shown)
         result = with_row_marks(result, opened, settings.split)
+    keep_earlier(folder, _WRITTEN)
     given.write(folder)
     finish(result, folder, Outputs(given.report, given.save_statistics, inspect))
 

@@ -9,7 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, ResultFolder, Yes, open_robot, require_result_folder
+from runtime.cli.common import (
+    Overwrite,
+    ResultFolder,
+    Yes,
+    keep_earlier,
+    open_robot,
+    require_result_folder,
+)
 from runtime.cli.log_options import Log, Recipe, Run
 from runtime.common.files import replacing
 from runtime.common.settings import FILE, Choices
@@ -185,6 +192,7 @@ def observe_command(given: ObserveSettings) -> None:
     facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
         "notes": notes + note * (not tails) + raised + left_out
     }
+    keep_earlier(folder, _WRITTEN)
     _write(lib, saved, seen, facts, folder)
     given.write(folder)
     for name, content in texts.items():

@@ -12,6 +12,7 @@ from runtime.cli.common import (
     ResultFolder,
     Robot,
     Yes,
+    keep_earlier,
     open_robot,
     require_result_folder,
 )
@@ -118,6 +119,7 @@ def payload_command(given: PayloadSettings) -> None:
         preparation=preparation,
         gain_error=given.gain_error,
     )
+    keep_earlier(folder, _WRITTEN)
     paths = write_payload(payload, lib, folder, command_line())
     given.write(folder)
     if given.as_json:

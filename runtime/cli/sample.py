@@ -12,6 +12,7 @@ from runtime.cli.common import (
     ResultFolder,
     Seed,
     Yes,
+    keep_earlier,
     listed,
     open_robot,
     require_result_folder,
@@ -92,7 +93,8 @@ def sample_command(given: SampleSettings) -> None:
     )
     paths = [*sample_paths(folder, given.count, kinds), *randomiser_paths(folder, randomisers)]
     files = (*(path.name for path in paths), FILE)
-    require_result_folder(folder, ResultFolder("sample", files, "factors"), given.overwrite)
+    kind = ResultFolder("sample", files, "factors")
+    require_result_folder(folder, kind, given.overwrite)
     saved = read_result(given.result)
     lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
     notes = require_model(saved, lib, given.result, same_bodies=True)
@@ -101,6 +103,7 @@ def sample_command(given: SampleSettings) -> None:
     with console.status("drawing models"):
         draws = draw_models(lib, saved, posterior, given.count, rng)
     with console.status("writing models"):
+        keep_earlier(folder, kind)
         given.write(folder)
         facts = write_samples(lib, saved, draws, kinds, folder, given.seed)
         if randomisers:

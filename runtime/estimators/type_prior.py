@@ -77,11 +77,12 @@ class KnownFriction:
         for name in widths_of(tuple(set(columns) & set(self.columns))) & set(self.widths):
             known, now = self.widths[name], float(getattr(friction, name))
             if abs(known - now) > ALIKE * known:
-                option = "; give --settings coulomb_speed=NUMBER" if name == "coulomb_speed" else ""
+                way = "use the same width in the recipe"
+                if name == "coulomb_speed":
+                    way = f"give --settings coulomb_speed={known:g}"
                 raise IdentificationError(
                     f"the friction of the prior belongs to {name} = {known:g}, but this log is "
-                    f"identified with {now:g}{option or '; use the same width in the recipe'}"
-                    f"{f' {known:g}' if option else ''}"
+                    f"identified with {now:g}; {way}"
                 )
         shape = (len(self.mean), len(columns))
         mean, sigma = np.zeros(shape), np.full(shape, np.inf)

@@ -14,14 +14,8 @@ class TapeFunctions(ABC):
     """τ, M, h, g, ddq and the loss of a robot as differentiable functions.
 
     Arrays have the shape (..., size); leading axes are samples and broadcast. Those of a free base
-    begin with its coordinates: see `runtime.BaseMotion`. Single precision is computed in double. An
-    argument of another shape, or one that is no array of real numbers, raises ShapeError.
-
-        q, dq, ddq   (..., n) positions, velocities, accelerations [rad, m, s]
-        tau          (..., n) joint torques, of `regressor_loss` measured ones [N·m, N]
-        pi           (..., 10 L) inertial parameters; default those of the URDF
-        lam          (..., 10 L) coordinates λ in place of π
-        rotor        (..., n) inertia J of the rotors [kg·m², kg]; default zero
+    begin with its coordinates: see `runtime.BaseMotion`. π is that of the URDF where neither `pi`
+    nor `lam` is given. Single precision is computed in double.
     """
 
     def __init__(self, lib: Library) -> None:
@@ -41,26 +35,92 @@ class TapeFunctions(ABC):
     def inverse_dynamics(
         self, q: Any, dq: Any, ddq: Any, pi: Any = None, *, lam: Any = None
     ) -> Tensor:
-        """Joint torques τ = Y(q, dq, ddq) π, (..., n) [N·m, N]. Source: Eq. 4.3."""
+        """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
+
+        Args:
+            q: (..., n) joint positions [rad, m].
+            dq: joint velocities [rad/s, m/s].
+            ddq: joint accelerations [rad/s², m/s²].
+            pi: (..., 10 L) inertial parameters.
+            lam: (..., 10 L) coordinates λ in place of π.
+
+        Returns:
+            (..., n) [N·m, N].
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
+        """
         return self._call("inverse_dynamics", *self._motion(q=q, dq=dq, ddq=ddq, pi=pi, lam=lam))
 
     def mass_matrix(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Mass matrix M(q), (..., n, n). Source: Eq. 2.34."""
+        """Mass matrix M(q). Source: Eq. 2.34.
+
+        Args:
+            q: (..., n) joint positions [rad, m].
+            pi: (..., 10 L) inertial parameters.
+            lam: (..., 10 L) coordinates λ in place of π.
+
+        Returns:
+            (..., n, n).
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
+        """
         return self._call("mass_matrix", *self._motion(q=q, pi=pi, lam=lam))
 
     def bias(self, q: Any, dq: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Bias forces h = τ(q, dq, 0), (..., n) [N·m, N], gravity included. Source: Eq. 2.34."""
+        """Bias forces h = τ(q, dq, 0): Coriolis, centrifugal and gravity. Source: Eq. 2.34.
+
+        Args:
+            q: (..., n) joint positions [rad, m].
+            dq: joint velocities [rad/s, m/s].
+            pi: (..., 10 L) inertial parameters.
+            lam: (..., 10 L) coordinates λ in place of π.
+
+        Returns:
+            (..., n) [N·m, N].
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
+        """
         return self._call("bias_forces", *self._motion(q=q, dq=dq, pi=pi, lam=lam))
 
     def gravity(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Torques that hold the robot at rest, g = τ(q, 0, 0), (..., n) [N·m, N]."""
+        """Torques that hold the robot at rest, g = τ(q, 0, 0).
+
+        Args:
+            q: (..., n) joint positions [rad, m].
+            pi: (..., 10 L) inertial parameters.
+            lam: (..., 10 L) coordinates λ in place of π.
+
+        Returns:
+            (..., n) [N·m, N].
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
+        """
         q, pi = self._motion(q=q, pi=pi, lam=lam)
         return self._call("bias_forces", q, self._zeros(q), pi)
 
     def forward_dynamics(
         self, q: Any, dq: Any, tau: Any, pi: Any = None, rotor: Any = None, *, lam: Any = None
     ) -> Tensor:
-        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h), (..., n) [rad/s², m/s²]."""
+        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
+
+        Args:
+            q: (..., n) joint positions [rad, m].
+            dq: joint velocities [rad/s, m/s].
+            tau: joint torques [N·m, N].
+            pi: (..., 10 L) inertial parameters.
+            rotor: J (..., n), inertia of the rotors [kg·m², kg]; None: zero.
+            lam: (..., 10 L) coordinates λ in place of π.
+
+        Returns:
+            (..., n) [rad/s², m/s²].
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
+        """
         q, dq, tau, pi = self._motion(q=q, dq=dq, tau=tau, pi=pi, lam=lam)
         inertia = self._zeros(q) if rotor is None else self._entry("rotor", rotor, q)
         return self._call("forward_dynamics", q, dq, tau, pi, inertia)
@@ -78,7 +138,20 @@ class TapeFunctions(ABC):
     ) -> Tensor:
         """Loss L = Σ ½ rᵀ W r over all samples, r = Y π − τ. Source: Eqs. 4.5, 4.6.
 
-        W is diagonal, `weight` (n,), default 1; π or λ, (10 L,), is the same for all samples.
+        Args:
+            q: (..., n) joint positions [rad, m].
+            dq: joint velocities [rad/s, m/s].
+            ddq: joint accelerations [rad/s², m/s²].
+            tau: (..., n) measured torques [N·m, N].
+            pi: (10 L,) inertial parameters, the same for all samples.
+            weight: (n,) diagonal of W; None: 1.
+            lam: (10 L,) coordinates λ in place of π.
+
+        Returns:
+            () loss.
+
+        Raises:
+            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         *state, pi = self._motion(q=q, dq=dq, ddq=ddq, tau=tau, pi=pi, lam=lam)
         diagonal = self._zeros(pi[..., : self.lib.n_rows]) + 1
@@ -96,7 +169,17 @@ class TapeFunctions(ABC):
         return self._call("loss_gradient", *rows, diagonal, beta)[0]
 
     def pi_from_lam(self, lam: Any) -> Tensor:
-        """Inertial parameters π of coordinates λ, (..., 10 L). Source: Eqs. 4.25 to 4.31."""
+        """Inertial parameters π of coordinates λ. Source: Eqs. 4.25 to 4.31.
+
+        Args:
+            lam: (..., 10 L) coordinates of all links.
+
+        Returns:
+            (..., 10 L).
+
+        Raises:
+            ShapeError: the argument has another shape, or is no array of real numbers.
+        """
         value = self._entry("lam", lam)
         links = self._call("pi_from_lam", value.reshape(*value.shape[:-1], self.lib.n_links, -1))
         return links.reshape(value.shape)

@@ -46,7 +46,10 @@ ROOMS = {
     "excitation": _same("excitation/limits", "excitation/motion", "excitation/search"),
     "inspection": _same("inspection"),
     "payload": _same("identification/payload"),
-    "gains": _same("identification/sensor_gains"),
+    "gains": Room(
+        ("runtime/identification/sensor_gains.py",),
+        ("tests/runtime/identification/sensor_gains",),
+    ),
     "export": _same("outputs/model_files"),
     "experiments": _same("experiments"),
     "mechanics": Room(("symgen/mechanics",), ("tests/symgen/mechanics",)),

@@ -217,7 +217,7 @@ def identify_payload(
                 "and one with the payload"
             )
     solution = _solved(mount, columns, residual, kappa)
-    if empty is not None:
+    if empty is not None and not _is_heavy(solution):
         other = _solved(mount, columns, -residual, kappa)
         left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))
         if _is_heavy(other) and left < EXCHANGED * whole:

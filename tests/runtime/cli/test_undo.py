@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from runtime.cli.common import ResultFolder, require_result_folder
+from runtime.cli.common import ResultFolder, keep_earlier, require_result_folder
 from tests.runtime.conftest import Command
 
 KIND = ResultFolder("identify", ("result.json", "report.html", "statistics.npz"), "method")
@@ -23,6 +23,7 @@ def test_a_replaced_result_comes_back(command: Command, tmp_path: Path) -> None:
     first = _content(folder)
     (folder / "notes.txt").write_text("mine")
     require_result_folder(folder, KIND, overwrite=False)
+    keep_earlier(folder, KIND)
     (folder / "result.json").write_text(json.dumps({"method": "ols"}))
     (folder / "report.html").unlink()
     (folder / "statistics.npz").write_text("second")

@@ -66,7 +66,7 @@ def test_friction_of_another_width_is_refused(
     path.write_text("[friction]\ncoulomb_speed = 0.05\n[friction.fr3_joint1]\ncoulomb = [0.3, 0.1]")
     prior = read_prior(path, lib)
     with pytest.raises(
-        IdentificationError, match=r"coulomb_speed = 0\.05.*the setting coulomb_speed 0\.05"
+        IdentificationError, match=r"coulomb_speed = 0\.05.*give --settings coulomb_speed=0\.05$"
     ):
         identify_recording(noisy, lib, friction=TERMS, prior=prior)
 

@@ -65,7 +65,7 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     names = sorted(path.name for path in (tmp_path / "seen").iterdir())
     data, code = ["contacts.json"], ["observer.c", "observer.h"]
     pictures = [f"external_torque.{kind}" for kind in ("mcap", "npz", "plotjuggler.xml", "png")]
-    assert names == [*data, "example_observer.c", *pictures, *code]
+    assert names == [*data, "example_observer.c", *pictures, *code, "settings.toml"]
 
 
 def test_pushes_on_a_real_arm_are_found(

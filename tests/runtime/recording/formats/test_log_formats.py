@@ -64,7 +64,7 @@ def test_a_bare_reader_names_what_it_lacks(tmp_path):
     for call, words in [
         (reader.convention, "described by a recipe"),
         (lambda: reader.table("position", part), "holds no numbers of position"),
-        (lambda: reader.rows({"position": part}), "--settings", "stream=false"),
+        (lambda: reader.rows({"position": part}), "--settings stream=false"),
     ]:
         with pytest.raises(RecordingError, match=words):
             call()

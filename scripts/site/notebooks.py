@@ -25,11 +25,17 @@ def _code(match: re.Match[str]) -> str:
     if language == "text":
         return ""
     if language == "bash":
-        again = (" --overwrite" * line.startswith(FILE_COMMANDS) for line in block.splitlines())
-        block = "".join(f"!{a}{b}\n" for a, b in zip(block.splitlines(), again, strict=True))
+        block = "".join(f"!{_again(line)}\n" for line in block.splitlines())
     elif language != "python":
         block = f"%%writefile {FILE.findall(block)[0]}\n{block}"
     return f"```python\n{block}```\n"
+
+
+def _again(line: str) -> str:
+    """A command that may run twice in one folder."""
+    if line.startswith("symgen excite"):  # whose option it is not
+        return f"{line} --settings overwrite=true"
+    return line + " --overwrite" * line.startswith(FILE_COMMANDS)
 
 
 def text_of(name: str) -> str:

@@ -63,8 +63,9 @@ largest ratio in 24 runs of an FR3 with white and coloured noise is 10.6: the gr
 those at the ends of a range weigh most. A load of 105 g on a PSM has 16 to 31 below 3 Hz."""
 
 EXCHANGED = 0.5
-"""Squared residual of a payload in the empty run, over that of one in the loaded run, below which
-the runs are exchanged."""
+"""Share of the squared torque that a payload in the loaded run leaves, above which one in the empty
+run is tried; and the squared residual of that one over the other, below which the runs are
+exchanged."""
 
 
 def empty_residual(
@@ -217,7 +218,9 @@ def identify_payload(
                 "and one with the payload"
             )
     solution = _solved(mount, columns, residual, kappa)
-    if empty is not None and not _is_heavy(solution):
+    # Not over the noise: weights that follow the residuals excuse the joints that fit worst.
+    left, whole = np.sum(solution.errors**2), np.sum((residual - residual.mean(axis=0)) ** 2)
+    if empty is not None and left > EXCHANGED * whole:
         other = _solved(mount, columns, -residual, kappa)
         left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))
         if _is_heavy(other) and left < EXCHANGED * whole:

@@ -219,7 +219,8 @@ def identify_payload(
             )
     solution = _solved(mount, columns, residual, kappa)
     # Not over the noise: weights that follow the residuals excuse the joints that fit worst.
-    left, whole = np.sum(solution.errors**2), np.sum((residual - residual.mean(axis=0)) ** 2)
+    left = float(np.sum(solution.errors**2))
+    whole = float(np.sum((residual - residual.mean(axis=0)) ** 2))
     if empty is not None and left > EXCHANGED * whole:
         other = _solved(mount, columns, -residual, kappa)
         left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))

@@ -153,6 +153,21 @@ def test_modules_form_no_circle(imports: Imports) -> None:
     assert floors_of({name: imported & imports.keys() for name, imported in imports.items()}) > 1
 
 
+def test_every_module_has_a_user(imports: Imports) -> None:
+    """Property: no module is left behind that nothing imports, starts or names in a registry."""
+    imported = {f"{other}." for name, used in imports.items() for other in used if name != other}
+    project = (REPOSITORY / "pyproject.toml").read_text()
+    text = "".join([project, *(path.read_text() for path in MODULES)])
+    unused = [
+        name
+        for name in imports
+        if not any(each.startswith(f"{name}.") for each in imported)
+        and not name.endswith(".__main__")
+        and not re.search(rf"\b({name}|{name.rsplit('.', 1)[1]})[\":]", text)
+    ]
+    assert unused == []
+
+
 def test_the_packages_are_independent(imports: Imports) -> None:
     """Property: symgen writes files, runtime reads them; `runtime.common` is all they share."""
     crossing = [

@@ -6,6 +6,7 @@ gravity, and identify nothing.
 """
 
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -73,16 +74,25 @@ class UrDriver(Driver):
             raise NoSampleError(
                 "the connection by RTDE was lost; check the network, then repeat the command"
             )
-        read = self._receive
-        values = read.getActualQ(), read.getActualQd(), read.getActualCurrent()
+        read, t = self._receive, None
+        values: Any = ()
+        # Each call reads the newest package; between two equal time stamps they read one package.
+        while t != (t := read.getTimestamp()):
+            values = read.getActualQ(), read.getActualQd(), read.getActualCurrent()
         names = "positions", "velocities", "currents"
         q, dq, current = (row_of(v, self.lib, k) for v, k in zip(values, names, strict=True))
-        return Sample(read.getTimestamp(), self.clock(), q, dq, self._gains * current)
+        return Sample(float(t), self.clock(), q, dq, self._gains * current)
 
     def exchange(self, reference: Reference) -> Sample:
         """Command one reference for a period and read the state at its end."""
         begin = self._control.initPeriod()
-        accepted = self._control.servoJ(reference.q.tolist(), 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
+        q = reference.q.tolist()
+        try:
+            accepted = self._control.servoJ(q, 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
+        except RuntimeError as error:  # ur_rtde could not connect again
+            raise NoSampleError(
+                f"the connection by RTDE was lost ({error}); check the network"
+            ) from None
         if not accepted or self._receive.isProtectiveStopped():
             raise NoSampleError("the robot stopped following; see the message on its teach pendant")
         self._control.waitPeriod(begin)
@@ -102,7 +112,8 @@ class UrDriver(Driver):
     def stop(self) -> None:
         """Brake and leave the servo mode."""
         if self._control.isConnected():
-            self._control.servoStop(BRAKE)
+            with suppress(RuntimeError):  # the connection is lost while ur_rtde brakes
+                self._control.servoStop(BRAKE)
 
     def close(self) -> None:
         """End the script on the controller and both connections."""

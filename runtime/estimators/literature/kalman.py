@@ -13,7 +13,10 @@ acceleration ā of the smoothed positions; the difference to the measured torque
 together (`filter_input` gives the reason). Source: Julier & Uhlmann 1997; van der Merwe 2004.
 """
 
+from collections.abc import Callable
+
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import fit_of_base, fit_of_pi
@@ -63,40 +66,57 @@ def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: 
             f"links of the estimate were not physically consistent at {bad} of {checks} checks on "
             "the way, because the filter does not constrain them"
         )
-    status = (
+    return fit_of_pi(problem, pi, phi, _status(data, sigma), len(data.q), tuple(notes))
+
+
+def _status(data: FilterInput, sigma: Array) -> str:
+    return (
         f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
         f"{sigma.max():.2g}"
     )
-    return fit_of_pi(problem, pi, phi, status, len(data.q), tuple(notes))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # checked at the end
-def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, int]:
-    """Run the filter over all samples."""
-    n, n_pi = lib.n_joints, lib.pi0.size
-    at = slice(2 * n, None)
+def _filtered(
+    data: FilterInput,
+    guess: Array,
+    spread: Array,
+    predict: Callable[[int, Array, Array], tuple[Array, Array]],
+) -> tuple[Array, Array]:
+    """State and covariance after the last sample, from first parameters and their covariance."""
+    n = data.q.shape[1]
     # First state and covariance: measured position, speed of a line, first guess, friction.
-    x = np.concatenate([data.q[0], data.first_speed, lib.pi_from_lam(lam), data.first_extra])
-    p = np.zeros((x.size, x.size))
-    p[:n, :n] = np.diag(data.sigma_q**2)
-    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
-    p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
-    tail = np.arange(2 * n + n_pi, x.size)
-    p[tail, tail] = data.extra_variance
-    late = tail[-n:]
-    noise, bad = np.diag(data.sigma_q**2), 0
-    top = np.zeros((2 * n, x.size))
+    x = np.concatenate([data.q[0], data.first_speed, guess, data.first_extra])
+    noise, late = np.diag(data.sigma_q**2), np.arange(x.size - n, x.size)
+    p = block_diag(noise, SPEED_VARIANCE * np.eye(n), spread, np.diag(data.extra_variance))
     for step, q in enumerate(data.q):
         # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
-        if not np.isfinite(x).all():
+        if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
+        x, p = predict(step, x, p)
+        p[late, late] += data.wander
+    if not (np.isfinite(x).all() and np.isfinite(p).all()):
+        raise IdentificationError(
+            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
+            "check the unit and the sign of the torque and the friction columns"
+        )
+    return x, p
+
+
+def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, int]:
+    """Run the filter over all samples."""
+    n, bad = lib.n_joints, list[bool]()
+    top = np.zeros((2 * n, 2 * n + lam.size + data.first_extra.size))
+
+    def checked(step: int, x: Array) -> None:
         if step % _CHECK_EVERY == 0:
-            bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
-        if step == len(data.q) - 1:
-            break
+            bad.append(bool((lib.relative_eigenvalues(x[2 * n :][: lam.size]) < 0).any()))
+
+    def predict(step: int, x: Array, p: Array) -> tuple[Array, Array]:
+        checked(step, x)
         x[: 2 * n], spread = _advance(lib, data, step, x, top)
         # Prediction P ← F P Fᵀ + Q. F is the identity below the first 2 n rows, `top`.
         rows = top @ p
@@ -104,15 +124,12 @@ def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, 
         p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
         p[: 2 * n, : 2 * n] = rows @ top.T
         p[: 2 * n, : 2 * n] += spread
-        p[late, late] += data.wander
         # Rounding would let P become asymmetric and then indefinite.
-        p = (p + p.T) / 2
-    if not (np.isfinite(x).all() and np.isfinite(p).all()):
-        raise IdentificationError(
-            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
-            "check the unit and the sign of the torque and the friction columns"
-        )
-    return x, p, bad
+        return x, (p + p.T) / 2
+
+    x, p = _filtered(data, lib.pi_from_lam(lam), prior_covariance(lib, lam), predict)
+    checked(len(data.q) - 1, x)
+    return x, p, sum(bad)
 
 
 def _advance(
@@ -162,40 +179,18 @@ def fit_ukf(problem: Problem, log: Origin | None = None) -> Fit:
     n, n_b = lib.n_joints, len(lib.base_columns)
     x, covariance = run_ukf(lib, data, problem.start)
     sigma = np.sqrt(np.diag(covariance)[2 * n : 2 * n + n_b])
-    status = (
-        f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
-        f"{sigma.max():.2g}"
-    )
     beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
-    return fit_of_base(problem, beta, phi, status, len(data.q))
+    return fit_of_base(problem, beta, phi, _status(data, sigma), len(data.q))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # checked at the end
 def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
     """Run the filter over all samples."""
-    n, n_b = lib.n_joints, len(lib.base_columns)
-    # First state and covariance: measured position, speed of a line, first guess, friction.
-    beta = lib.base_matrix @ lib.pi_from_lam(lam)
-    x = np.concatenate([data.q[0], data.first_speed, beta, data.first_extra])
-    p = np.zeros((x.size, x.size))
-    p[:n, :n] = np.diag(data.sigma_q**2)
-    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
-    inside = slice(2 * n, 2 * n + n_b)
-    p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
-    tail = np.arange(2 * n + n_b, x.size)
-    p[tail, tail] = data.extra_variance
-    late = tail[-n:]
-    noise = np.diag(data.sigma_q**2)
-    far = np.full(x.size, ALPHA * np.sqrt(x.size))
-    reach = far
-    for step, q in enumerate(data.q):
-        # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
-        gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
-        x = x + gain.T @ (q - x[:n])
-        p = p - gain.T @ p[:n]
-        if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
-            break
-        # Prediction: all points after a step. h may grow by half per step, back to its full size.
+    n, size = lib.n_joints, 2 * lib.n_joints + len(lib.base_columns) + data.first_extra.size
+    far = reach = np.full(size, ALPHA * np.sqrt(size))
+
+    def predict(step: int, x: Array, p: Array) -> tuple[Array, Array]:
+        nonlocal reach
+        # All points after a step. h may grow by half per step, back to its full size.
         points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
         moved, inverse = _advance_points(lib, data, step, points)
         points[:, : 2 * n] = moved
@@ -203,19 +198,14 @@ def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
         offsets = points[1:] - points[0]
         weights = np.tile(0.5 / reach**2, 2)
         shift = weights @ offsets
-        x = points[0] + shift
         centre = 2 - weights.sum() - ALPHA**2 + BETA
         centred = offsets - shift
         p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
-        spread = data.dt * inverse * data.sigma_tau
-        p[: 2 * n, : 2 * n] += process_noise(spread, data.dt)
-        p[late, late] += data.wander
-    if not (np.isfinite(x).all() and np.isfinite(p).all()):
-        raise IdentificationError(
-            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
-            "check the unit and the sign of the torque and the friction columns"
-        )
-    return x, p
+        p[: 2 * n, : 2 * n] += process_noise(data.dt * inverse * data.sigma_tau, data.dt)
+        return points[0] + shift, p
+
+    spread = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
+    return _filtered(data, lib.base_matrix @ lib.pi_from_lam(lam), spread, predict)
 
 
 def _root(p: Array) -> Array:

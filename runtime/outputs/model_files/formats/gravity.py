@@ -10,7 +10,7 @@ from runtime.errors import ExportError
 from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.engines.answer import random_states
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.formats.header import array_rows, comment_text
+from runtime.outputs.model_files.formats.header import c_header, read_arrays
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import (
     TOLERANCE,
@@ -24,45 +24,41 @@ def gravity_text(model: IdentifiedModel) -> str:
     """Header of a function <robot>_gravity(q, tau); numbers have 17 significant digits."""
     lib = model.lib
     name, n = lib.name, lib.n_joints
-    guard = f"{name.upper()}_GRAVITY_H"
     kernel = f"{name}_inverse_dynamics"
     without = "Friction, springs and torque curves are" if springs_left_out(lib) else "Friction is"
     note = f"Compile with kernels.c of the robot. {without} not included."
-    lines = [
-        *(f" * {comment_text(line)}" for line in model.comment("Gravity torque", note)),
-        f" * joints: {', '.join(map(comment_text, lib.joint_names))}",
-    ]
     arguments = f"const double q[{n}], const double dq[{n}], const double ddq[{n}]"
-    return "\n".join(
-        [
-            *(f"#ifndef {guard}", f"#define {guard}", "", "/*", *lines, " */", ""),
+    return c_header(
+        f"{name.upper()}_GRAVITY_H",
+        (*model.comment("Gravity torque", note), f"joints: {', '.join(lib.joint_names)}"),
+        {
+            f"{name}_gravity_pi": (
+                "pi of all links; kg, kg m, kg m^2 about the link origin",
+                model.pi,
+            )
+        },
+        before=(
             *("#ifdef __cplusplus", 'extern "C" {', "#endif"),
             f"void {kernel}({arguments}, const double pi[{model.pi.size}], double tau[{n}]);",
             *("#ifdef __cplusplus", "}", "#endif", ""),
-            "/* pi of all links; kg, kg m, kg m^2 about the link origin */",
-            f"static const double {name}_gravity_pi[{model.pi.size}] = {{",
-            *(array_rows(model.pi), "};", ""),
+        ),
+        after=(
             "/* tau = Y(q, 0, 0) pi; q [rad, m] -> tau [N m, N] */",
             f"static inline void {name}_gravity(const double q[{n}], double tau[{n}])",
             "{",
             f"    const double rest[{n}] = {{0.0}};",
             f"    {kernel}(q, rest, rest, {name}_gravity_pi, tau);",
-            *("}", "", f"#endif /* {guard} */", ""),
-        ]
+            *("}", ""),
+        ),
     )
 
 
 def check_gravity(model: IdentifiedModel, text: str) -> str:
     """Compile the header; its π must equal the identified one bit for bit."""
     lib, name = model.lib, f"{model.lib.name}_gravity_pi"
-    arrays = compiler.read_back(text, {name: model.pi.shape})
+    arrays = read_arrays(text, {name: model.pi})
     if arrays is None:
         return unchecked(compiler.INSTALL)
-    if not np.array_equal(arrays[name], model.pi):
-        raise ExportError(
-            "not written: expected the identified pi in the header, and a C compiler reads other "
-            "numbers; report this as a fault of symgen"
-        )
     q = random_states(lib)[0]
     rest = np.zeros_like(q)
     expected = lib.inverse_dynamics(q, rest, rest, model.pi)

@@ -6,6 +6,7 @@ The arrays are arguments of functions such as
 
 import re
 import textwrap
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -42,46 +43,63 @@ def header_text(model: IdentifiedModel) -> str:
     """Header of static const double arrays with 17 significant digits."""
     lib, friction = model.lib, model.friction
     name = f"{lib.name}_identified"
-    guard = f"{name.upper()}_H"
     meaning = {
         "pi": f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
         "lam": "per link: ln m, centre of mass, rotation vector, a, b, c",
         "beta": "base parameters, K pi",
         "friction": f"per joint: {', '.join(friction.terms.columns)}; N m per unit of the column",
     }
-    lines = [
-        *(f" * {comment_text(line)}" for line in model.comment("Parameters")),
-        " * The parameters of a link include all bodies that are fixed to it.",
-        f" * joints: {', '.join(map(comment_text, lib.joint_names))}",
-        f" * links: {', '.join(map(comment_text, lib.link_names))}",
-    ]
-    parts = [f"#ifndef {guard}", f"#define {guard}", "", "/*", *lines, " */", ""]
-    for key, values in header_arrays(model).items():
+    comment = (
+        *model.comment("Parameters"),
+        "The parameters of a link include all bodies that are fixed to it.",
+        f"joints: {', '.join(lib.joint_names)}",
+        f"links: {', '.join(lib.link_names)}",
+    )
+    arrays = {f"{name}_{key}": (meaning[key], each) for key, each in header_arrays(model).items()}
+    return c_header(f"{name.upper()}_H", comment, arrays)
+
+
+def c_header(
+    guard: str,
+    comment: Iterable[str],
+    arrays: Mapping[str, tuple[str, Array]],
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+) -> str:
+    """A header with static const double arrays: C name → meaning and values."""
+    lines = [f"#ifndef {guard}", f"#define {guard}", "", "/*"]
+    lines += [*(f" * {comment_text(line)}" for line in comment), " */", "", *before]
+    for name, (meaning, values) in arrays.items():
         shape = "".join(f"[{size}]" for size in values.shape)
-        parts += [
-            f"/* {comment_text(meaning[key])} */",
-            f"static const double {name}_{key}{shape} = {{",
-        ]
-        parts += [array_rows(values), "};", ""]
-    return "\n".join([*parts, f"#endif /* {guard} */", ""])
+        lines += [f"/* {comment_text(meaning)} */", f"static const double {name}{shape} = {{"]
+        lines += [array_rows(values), "};", ""]
+    return "\n".join([*lines, *after, f"#endif /* {guard} */", ""])
+
+
+def read_arrays(text: str, arrays: Mapping[str, Array], what: str = "") -> dict[str, Array] | None:
+    """The arrays as a C compiler reads them, equal bit for bit; None without a compiler."""
+    read = compiler.read_back(text, {name: each.shape for name, each in arrays.items()})
+    if read is None:
+        return None
+    for name, each in arrays.items():
+        if not np.array_equal(read[name], each):
+            raise ExportError(
+                f"not written: expected the identified {what or name.rsplit('_', 1)[1]} in the "
+                "header, and a C compiler reads other numbers; report this as a fault of symgen"
+            )
+    return read
 
 
 def check_header(model: IdentifiedModel, text: str) -> str:
     """Compile a header; its arrays must equal the identified ones bit for bit."""
-    lib, expected_arrays = model.lib, header_arrays(model)
-    names = {f"{lib.name}_identified_{key}": array.shape for key, array in expected_arrays.items()}
-    arrays = compiler.read_back(text, names)
+    lib, expected = model.lib, header_arrays(model)
+    names = {f"{lib.name}_identified_{key}": array for key, array in expected.items()}
+    arrays = read_arrays(text, names)
     if arrays is None:
         return unchecked(compiler.INSTALL)
-    read = dict(zip(expected_arrays, arrays.values(), strict=True))
-    for key, array in expected_arrays.items():
-        if not np.array_equal(read[key], array):
-            raise ExportError(
-                f"not written: expected the identified {key} in the header, and a C compiler "
-                "reads other numbers; report this as a fault of symgen"
-            )
+    read = dict(zip(expected, arrays.values(), strict=True))
     q, dq, ddq = random_states(lib)
-    expected = lib.inverse_dynamics(q, dq, ddq, model.pi)
+    tau_expected = lib.inverse_dynamics(q, dq, ddq, model.pi)
     torques = {
         "pi": lib.inverse_dynamics(q, dq, ddq, read["pi"]),
         "lam": lib.torque(q, dq, ddq, read["lam"]),
@@ -89,7 +107,7 @@ def check_header(model: IdentifiedModel, text: str) -> str:
     }
     worst = 0.0
     for key, tau in torques.items():
-        worst = max(worst, difference := torque_difference(tau, expected))
+        worst = max(worst, difference := torque_difference(tau, tau_expected))
         if not difference <= TOLERANCE:
             raise ExportError(
                 f"not written: the torques of {key} differ by {difference:.1e} of the largest "

@@ -19,7 +19,7 @@ from runtime.library.parameters import PI_NAMES
 from runtime.outputs.model_files.bodies import digits, row
 from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.formats.header import array_rows, comment_text
+from runtime.outputs.model_files.formats.header import c_header, comment_text, read_arrays
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
 
@@ -80,22 +80,14 @@ def check_ros2(model: IdentifiedModel, written: Mapping[str, str]) -> str:
     """Compile the header of the parameters; its numbers must be the identified ones bit for bit."""
     lib = model.lib
     (header,) = (text for place, text in written.items() if place.endswith("/parameters.h"))
-    expected = _arrays(model)
-    names = {f"{lib.name}_parameters_{key}": value.shape for key, value in expected.items()}
-    arrays = compiler.read_back(header, names)
     if lib.manifest.model_hash not in written["src/kernels.c"]:
         raise ExportError(
             "not written: expected kernels.c of the model of the library, and it belongs to "
             "another; run: python -m symgen build"
         )
-    if arrays is None:
+    arrays = {f"{lib.name}_parameters_{key}": each for key, each in _arrays(model).items()}
+    if read_arrays(header, arrays, "parameters") is None:
         return unchecked(compiler.INSTALL)
-    for read, value in zip(arrays.values(), expected.values(), strict=True):
-        if not np.array_equal(read, value):
-            raise ExportError(
-                "not written: expected the identified parameters in the header, and a C compiler "
-                "reads other numbers; report this as a fault of symgen"
-            )
     return "verified: reloaded by a C compiler, all parameters equal; colcon builds the package"
 
 
@@ -137,25 +129,16 @@ def _arrays(model: IdentifiedModel) -> dict[str, Array]:
 
 def _header(model: IdentifiedModel) -> str:
     lib = model.lib
-    guard = f"{lib.name.upper()}_PARAMETERS_H"
     meaning = {
         "pi": f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
         "damping": "N m s/rad or N s/m per joint",
         "dry_friction": "N m or N per joint",
         "offset": "N m or N per joint",
     }
-    comment = model.comment("Parameters")
-    lines = [f"#ifndef {guard}", f"#define {guard}", "", "/*"]
-    lines += [*(f" * {comment_text(line)}" for line in comment), " */", ""]
-    for key, values in _arrays(model).items():
-        lines += [
-            f"/* {comment_text(meaning[key])} */",
-            f"static const double {lib.name}_parameters_{key}[{values.size}] = {{",
-            array_rows(values),
-            "};",
-            "",
-        ]
-    return "\n".join([*lines, f"#endif /* {guard} */", ""])
+    arrays = {
+        f"{lib.name}_parameters_{key}": (meaning[key], each) for key, each in _arrays(model).items()
+    }
+    return c_header(f"{lib.name.upper()}_PARAMETERS_H", model.comment("Parameters"), arrays)
 
 
 def _yaml(model: IdentifiedModel) -> str:

@@ -131,11 +131,6 @@ def _weights(tails: Sequence[Tail]) -> tuple[Array, list[Array], list[Array]]:
     return weights / weights.sum(), given, [scales for _, scales in grids]
 
 
-def tail_of(peaks: Array, seconds: float) -> Tail:
-    """Generalised Pareto tail of the squares of peaks, most probable a posteriori."""
-    return fitted([peaks], seconds)[0]
-
-
 def fitted(peaks: Sequence[Array], seconds: float) -> tuple[Tail, ...]:
     """Tails of several joints with a common shape, most probable a posteriori."""
     # A joint with less than two peaks has lower ones, at most, and one of the size of σ.

@@ -25,7 +25,6 @@ from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
-from runtime.estimators.regression.factor import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.experiments.report import write_experiments
 from runtime.experiments.storage import read_rows
@@ -349,7 +348,6 @@ DOORS: dict[str, Door] = {
     "report": Door("result.json", goods.result, _reported),
     "predictions": Door("predictions.npz", goods.result, _reported),
     "compare": Door("compare.json", goods.comparison, _reported),
-    "statistics": Door("statistics.npz", goods.statistics, load_statistics),
     # Options of commands.
     **{f"options-{name}": _optioned(name) for name in goods.OPTIONS},
     # Experiments.

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.experiments.storage import CONFIG, write_json, write_outcome
@@ -24,7 +22,6 @@ from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
 from runtime.monitoring.fleet.gather import gather
 from runtime.monitoring.fleet.hierarchy import fit_fleet
 from runtime.recording import Friction, Preparation, Recording, write_recording
-from runtime.recording.preprocessing import prepare
 from runtime.simulation import Controller, settings_of, write_controller
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MECHANISM, MJCF, PRIOR, RECIPE, XACRO
@@ -264,12 +261,6 @@ def payload(folder: Path, lib: Library) -> None:
         "pi_in_link": [1.5, 0.015, 0.0, 0.15, 0.03, 0.03, 0.01, 0.0, 0.0, 0.0],
     }
     (folder / "payload.json").write_text(json.dumps(facts))
-
-
-def statistics(folder: Path, lib: Library) -> None:
-    """The triangular factor of a log."""
-    samples = samples_of(prepare(motion(lib), Preparation(), lib=lib), lib)
-    compress(lib, samples, np.ones(lib.n_joints)).save(folder / "statistics.npz")
 
 
 def units(folder: Path, lib: Library) -> None:

@@ -1,24 +1,19 @@
-"""Triangular factor of all samples, with merging, forgetting and saving.
+"""Triangular factor of all samples, with merging and forgetting.
 
 Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.common.files import replacing, require_file
-from runtime.errors import IdentificationError, RecordingError
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
-from runtime.library import Array, Library
-from runtime.recording.formats.npz import open_npz
+from runtime.library import Array
 
 EXPLAINED = 1e-9
 """Remainder of a column of length one below which other columns explain it."""
-_ARRAYS = ("factor", "target", "base_matrix")
-_NUMBERS = ("rest", "n_samples", "model_hash")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,42 +121,6 @@ class Statistics:
         whole[:size, size] = self.target
         whole[size, size] = np.sqrt(self.rest)
         return whole
-
-    def save(self, path: Path) -> None:
-        """Write an .npz file, as a whole or not at all."""
-        with replacing(Path(path)) as file:
-            values = {key: np.asarray(getattr(self, key)) for key in _ARRAYS + _NUMBERS}
-            np.savez(file, **values)  # type: ignore[arg-type]
-
-
-def load_statistics(path: Path, lib: Library) -> Statistics:
-    """Read a file that `Statistics.save` has written for this robot."""
-    try:
-        file = open_npz(require_file(Path(path)).read_bytes(), Path(path).name)
-        arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
-        rest, count = float(file["rest"]), float(file["n_samples"])
-        model_hash = str(file["model_hash"])
-    except FileNotFoundError:
-        raise IdentificationError(f"there are no statistics at '{path}'; save some first") from None
-    except (OSError, RecordingError, ValueError, KeyError, TypeError):
-        raise IdentificationError(
-            f"'{path}' is damaged or holds no statistics; compress the recording again"
-        ) from None
-    if model_hash != lib.manifest.model_hash:
-        raise IdentificationError(
-            f"the statistics '{path}' belong to the model {model_hash[:12]}, the library "
-            f"'{lib.name}' is {lib.manifest.model_hash[:12]}; compress the recording again"
-        )
-    size = arrays["target"].size
-    fits = arrays["factor"].shape == (size, size) and np.array_equal(
-        arrays["base_matrix"], lib.base_matrix
-    )
-    numbers = np.concatenate([arrays["factor"].ravel(), arrays["target"].ravel(), [rest, count]])
-    if not fits or not np.isfinite(numbers).all() or rest < 0 or count < 0:
-        raise IdentificationError(
-            f"'{path}' is damaged (its arrays do not fit together); compress the recording again"
-        )
-    return Statistics(**arrays, rest=rest, n_samples=count, model_hash=model_hash)
 
 
 def joined(parts: Array) -> Array:

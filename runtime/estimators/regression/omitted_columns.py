@@ -8,7 +8,7 @@ columns. Every Z that is a function of the motion gives a valid test.
 Source: Breusch & Pagan 1980 for score tests.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
@@ -82,20 +82,6 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
         return None
     shares = shares_of_basis(basis.reshape(len(s), scale.size, -1))
     return FreeFit(s, scale, root, basis, predicted, rest, shares)
-
-
-def with_columns(fit: FreeFit, columns: Array) -> FreeFit:
-    """The fit with further unknowns."""
-    added = columns - fit.basis @ (fit.basis.T @ columns)
-    more = orthonormal(added, APART, np.linalg.norm(columns, axis=0), least=1.0)
-    explained = more @ (more.T @ fit.rest)
-    return replace(
-        fit,
-        basis=np.concatenate([fit.basis, more], axis=1),
-        predicted=fit.predicted + explained,
-        rest=fit.rest - explained,
-        shares=fit.shares_with(more),
-    )
 
 
 def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:

@@ -149,12 +149,6 @@ def covariance_of(
     return _covariance(gram, k, trajectory)
 
 
-def torque_band(lib: Library, spread: Array, q: Array, dq: Array, ddq: Array) -> Array:
-    """Standard deviation of the torque that follows from the covariance of the base parameters."""
-    rows = lib.base_regressor(q, dq, ddq)
-    return np.asarray(np.sqrt(np.einsum("tjk,kl,tjl->tj", rows, spread, rows, optimize=True)))
-
-
 def _reduced(matrix: Array, known: Information) -> Array:
     return matrix if known.columns is None else known.columns.T @ matrix @ known.columns
 

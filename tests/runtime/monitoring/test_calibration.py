@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from runtime.monitoring.calibration import PEAKS, Tail, peaks_of, tail_of
+from runtime.monitoring.calibration import PEAKS, Tail, fitted, peaks_of
 from runtime.monitoring.contacts import contacts_of
 from runtime.monitoring.false_alarms import levels
 from tests.runtime.conftest import Command
@@ -46,7 +46,7 @@ def test_a_gaussian_tail_gives_the_level_of_rice() -> None:
     once, the formula counts all: at most 1 % of z.
     """
     rate = 1.0 / 3600
-    tails = [tail_of(peaks_of(np.abs(sequence(k)), RATE_HZ), 600.0) for k in range(1, 13)]
+    tails = [fitted([peaks_of(np.abs(sequence(k)), RATE_HZ)], 600.0)[0] for k in range(1, 13)]
     seen = [tail.level(rate) for tail in tails]
     (right,) = levels(rate, np.array([0.9]), RATE_HZ)
     assert np.mean(seen) == pytest.approx(right, rel=0.04)
@@ -56,7 +56,7 @@ def test_a_gaussian_tail_gives_the_level_of_rice() -> None:
 def test_bounded_residuals_need_no_gaussian_level() -> None:
     """Property: friction of bounded size has a level near its bound, far below a Gaussian tail."""
     rng = np.random.default_rng(0)
-    tail = tail_of(np.sqrt(rng.uniform(4.0, 9.0, 200)), 600.0)
+    (tail,) = fitted([np.sqrt(rng.uniform(4.0, 9.0, 200))], 600.0)
     gaussian = Tail(tail.peaks, 600.0, tail.scale, 0.0)
     rate = 1e-3 / 3600
     assert tail.shape < -0.1

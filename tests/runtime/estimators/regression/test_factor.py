@@ -12,7 +12,7 @@ from runtime.common.compiler import find_compiler, machine
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import compression
 from runtime.estimators.regression.compression import compress, compress_all, reference_triangle
-from runtime.estimators.regression.factor import Statistics, load_statistics
+from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from tests.robots import levels_here
@@ -173,28 +173,6 @@ def test_threads_change_nothing(lib: Library, monkeypatch: pytest.MonkeyPatch) -
     assert np.array_equal(one, two)
     assert np.array_equal(one, five)
     assert_same(compress(lib, s, weights), explicit(lib, s, weights))
-
-
-def test_files_bring_back_every_bit(lib: Library, robot, tmp_path) -> None:
-    """Property: save and load; other robots, damage and absence are one sentence each."""
-    statistics = compress(lib, drawn(lib, 50, 1), np.ones(7))
-    path = tmp_path / "deep" / "statistics.npz"
-    statistics.save(path)
-    again = load_statistics(path, lib)
-    for field in dataclasses.fields(Statistics):
-        assert np.array_equal(getattr(again, field.name), getattr(statistics, field.name))
-    with pytest.raises(IdentificationError, match=r"belong to the model .* compress the recording"):
-        load_statistics(path, robot("gantry"))
-    whole = path.read_bytes()
-    for damaged in (whole[: len(whole) // 2], b"", b"text"):
-        path.write_bytes(damaged)
-        with pytest.raises(IdentificationError, match="damaged or holds no statistics"):
-            load_statistics(path, lib)
-    dataclasses.replace(statistics, target=statistics.target[:-1]).save(path)
-    with pytest.raises(IdentificationError, match="arrays do not fit together"):
-        load_statistics(path, lib)
-    with pytest.raises(IdentificationError, match="there are no statistics at"):
-        load_statistics(tmp_path / "none.npz", lib)
 
 
 def test_what_is_no_data_is_refused(lib: Library) -> None:

@@ -10,7 +10,7 @@ from runtime.estimators.regression import coloured_noise
 from runtime.estimators.regression.causes import causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.deviation_tests import friction_test
-from runtime.estimators.regression.omitted_columns import free_fit, score_test, with_columns
+from runtime.estimators.regression.omitted_columns import free_fit, score_test
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Library
 from runtime.recording import Recording
@@ -47,8 +47,9 @@ def test_the_basis_of_a_fit_is_transformed_once(
         patch.setattr(coloured_noise, "_taken_up", lambda q: widths.append(q.shape[2]) or whole(q))
         test = score_test(fit, columns)
     assert set(widths) == {5}
-    beside = with_columns(fit, columns)
-    together = beside.basis.reshape(len(samples), n, -1), beside.rest.reshape(-1, n)
+    basis = np.linalg.qr(np.hstack([fit.basis, columns]))[0]
+    rest = fit.rest - basis @ (basis.T @ fit.rest)
+    together = basis.reshape(len(samples), n, -1), rest.reshape(-1, n)
     assert test.density == pytest.approx(coloured_noise_of_basis([together], 1).density, rel=1e-12)
 
 

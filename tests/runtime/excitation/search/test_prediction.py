@@ -13,7 +13,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.design import design
 from runtime.excitation.search.information import FRICTION, information
-from runtime.excitation.search.prediction import MOST_SAMPLES, covariance_of, predict, torque_band
+from runtime.excitation.search.prediction import MOST_SAMPLES, covariance_of, predict
 from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
 from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Library
@@ -81,10 +81,11 @@ def test_prediction_by_monte_carlo(
     assert_variance(torque, score.torque_error**2, freedom)
     if not names:
         unseen = unseen_rows(lib, lib.home)[::7]
-        band = torque_band(lib, spread, *trajectories[1].at(lib, np.array([2.0, 3.3]))[:3])
         there = lib.base_regressor(*trajectories[1].at(lib, np.array([2.0, 3.3]))[:3])
         for j in range(7):
-            assert_variance(np.square(there[1, j] @ result.T), band[1, j] ** 2, 1)
+            assert_variance(
+                np.square(there[1, j] @ result.T), there[1, j] @ spread @ there[1, j], 1
+            )
             mean = np.mean(np.square(unseen[:, j] @ result.T), axis=0)
             single = unseen[:, j].T @ unseen[:, j] / len(unseen)
             freedom = np.trace(single @ spread) ** 2 / np.trace(single @ spread @ single @ spread)

@@ -1,10 +1,10 @@
-"""`python -m symgen`."""
+"""`python -m symgen`: the console command `symgen`, where its script is not on the path."""
 
 import sys
 
 if __name__ == "__main__":
     try:
-        from symgen.cli import main
+        from symgen.console import main
 
         main()
     except KeyboardInterrupt:  # while the packages load: a command itself answers Ctrl-C

@@ -188,6 +188,9 @@ def test_program_in_a_process(script: Path, tmp_path: Path) -> None:
         words = [sys.executable, "-m", module, "--version"]
         ran = subprocess.run(words, capture_output=True, text=True, check=False, cwd=REPOSITORY)
         assert (ran.returncode, ran.stdout.split()[-1]) == (0, __version__)
+    words = [sys.executable, "-m", "symgen", "report", "-h"]  # a command of the other package
+    ran = subprocess.run(words, capture_output=True, text=True, check=False, cwd=REPOSITORY)
+    assert "Usage: python -m symgen report " in ran.stdout
     near = run(script, "identfy", "log.csv")
     assert (near.returncode, near.stdout) == (2, "")
     assert near.stderr == (

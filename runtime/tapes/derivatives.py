@@ -55,6 +55,28 @@ def derivatives(
     return _of_loss(xp, call, inputs, outputs, needed, lib)
 
 
+def tangent_of(
+    xp: Any,
+    call: Call,
+    name: str,
+    inputs: Sequence[Tensor],
+    outputs: Sequence[Tensor],
+    tangents: Sequence[Tensor | None],
+    lib: Library,
+) -> Tensor:
+    """Return the tangent of the first output of a kernel from those of its inputs, None: zero."""
+    axes = "ij"[: len(lib.kernel_facts(name).outputs[0].shape)]
+    needed = [tangent is not None for tangent in tangents]
+    parts = derivatives(xp, call, name, inputs, outputs, needed, lib)
+    total = xp.zeros_like(outputs[0])
+    for tangent, part in zip(tangents, parts, strict=True):
+        if tangent is not None and name == "loss_gradient":
+            total = total + (part * tangent).sum()
+        elif tangent is not None:
+            total = total + xp.einsum(f"...{axes}x,...x->...{axes}", part, tangent)
+    return total
+
+
 def _by_motion(call: Call, inputs: Sequence[Tensor], needed: Sequence[bool]) -> list[Tensor | None]:
     """∂τ by q, dq, ddq and π."""
     q, dq, ddq, pi = inputs

@@ -19,7 +19,7 @@ from jax.custom_derivatives import SymbolicZero
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library
 from runtime.library.compile_cache import compiled_file
-from runtime.tapes.derivatives import DIFFERENTIABLE, derivatives
+from runtime.tapes.derivatives import DIFFERENTIABLE, tangent_of
 from runtime.tapes.functions import TapeFunctions
 
 TARGET = "symgen_kernel"
@@ -34,12 +34,9 @@ class JaxFunctions(TapeFunctions):
         super().__init__(lib)
         add = handler().symgen_add
         self.key = f"{lib.manifest.model_hash[:16]}.{lib.level}"
-        for name in (*DIFFERENTIABLE, *DERIVATIVES):
-            if name in lib.manifest.kernels:
-                is_summed = any(a.summed for a in lib.kernel_facts(name).outputs)
-                place = ctypes.c_void_p(lib.batch_address(name))
-                if add(f"{self.key}.{name}".encode(), place, is_summed):
-                    raise LibraryError(f"no memory to enter the kernel '{name}'")
+        for name in {*DIFFERENTIABLE, *DERIVATIVES} & lib.manifest.kernels.keys():
+            if add(f"{self.key}.{name}".encode(), lib.batch_address(name)):
+                raise LibraryError(f"no memory to enter the kernel '{name}'")
         self._recorded = {
             name: jax.jit(self._with_tangents(name))
             for name in DIFFERENTIABLE & lib.manifest.kernels.keys()
@@ -83,7 +80,6 @@ class JaxFunctions(TapeFunctions):
 
     def _with_tangents(self, name: str) -> Callable[..., jax.Array]:
         """First output of a kernel with its rule for tangents."""
-        axes = "ij"[: len(self.lib.manifest.kernels[name].outputs[0].shape)]
 
         @jax.custom_jvp
         def function(*values: jax.Array) -> jax.Array:
@@ -92,14 +88,8 @@ class JaxFunctions(TapeFunctions):
         @partial(function.defjvp, symbolic_zeros=True)
         def rule(values: Sequence[jax.Array], tangents: Sequence[Any]) -> Any:
             outputs = self._kernel(name, *values)
-            needed = [not isinstance(tangent, SymbolicZero) for tangent in tangents]
-            parts = derivatives(jnp, self._kernel, name, values, outputs, needed, self.lib)
-            change = jnp.zeros_like(outputs[0])
-            for tangent, part, use in zip(tangents, parts, needed, strict=True):
-                if use and name == "loss_gradient":
-                    change += (part * tangent).sum()
-                elif use:
-                    change += jnp.einsum(f"...{axes}x,...x->...{axes}", part, tangent)
+            known = [None if isinstance(each, SymbolicZero) else each for each in tangents]
+            change = tangent_of(jnp, self._kernel, name, values, outputs, known, self.lib)
             return outputs[0], change
 
         return function
@@ -111,7 +101,7 @@ def handler() -> ctypes.CDLL:
     flags = ("-I", jax.ffi.include_dir(), f'-DJAXLIB="{jaxlib.__version__}"')
     path = compiled_file(Path(__file__).with_name("xla_call.c"), flags)
     library = ctypes.CDLL(str(path))
-    library.symgen_add.argtypes = (ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int)
+    library.symgen_add.argtypes = (ctypes.c_char_p, ctypes.c_void_p)
     capsule = jax.ffi.pycapsule(library.symgen_kernel)
     jax.ffi.register_ffi_target(TARGET, capsule, platform="cpu")
     return library

@@ -1,53 +1,49 @@
 /* Handler of XLA that calls the batch function of a kernel on the buffers of an array program.
  *
- * Inputs are (..., size): leading axes broadcast, and the innermost of them is the batch. The text
- * attribute "function" names a kernel that symgen_add has entered: addresses differ from process
- * to process, and a compiled program may be kept. Buffers of doubles are used in place, those of
- * single precision are converted. C alone: xla/ffi/api/c_api.h needs no C++. */
+ * Inputs are (..., size): leading axes broadcast. The text attribute "function" names a kernel that
+ * symgen_add has entered: addresses differ from process to process, and a compiled program may be
+ * kept. Doubles of one sample or of all are used in place; single precision is converted, and an
+ * array for some of the axes repeated. C alone: xla/ffi/api/c_api.h needs no C++. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "xla/ffi/api/c_api.h"
 
-#define NAMES 128
 #define MOST 6 /* inputs */
+#define AXES 16
 
-typedef struct {
-    char name[NAMES];
+typedef struct entry {
+    struct entry *next;
     void *function;
-    int summed;
+    char name[];
 } entry;
 
 static entry *entries = 0;
-static long count = 0, room = 0;
+
+static entry *entry_of(const char *name, size_t length)
+{
+    entry *at = entries;
+    while (at && (strlen(at->name) != length || memcmp(at->name, name, length))) {
+        at = at->next;
+    }
+    return at;
+}
 
 /* Called by one thread, before any program that names the function is compiled. */
-int symgen_add(const char *name, void *function, int summed)
+int symgen_add(const char *name, void *function)
 {
-    for (long k = 0; k < count; ++k) {
-        if (!strcmp(entries[k].name, name)) {
-            entries[k].function = function;
-            return 0;
-        }
-    }
-    if (strlen(name) >= NAMES) {
-        return 1;
-    }
-    if (count == room) { /* the old table stays: another thread may be reading it */
-        entry *larger = malloc((size_t)(2 * room + 64) * sizeof *larger);
-        if (!larger) {
+    const size_t length = strlen(name);
+    entry *of_name = entry_of(name, length);
+    if (!of_name) {
+        of_name = malloc(sizeof *of_name + length + 1);
+        if (!of_name) {
             return 1;
         }
-        if (count) {
-            memcpy(larger, entries, (size_t)count * sizeof *larger);
-        }
-        entries = larger;
-        room = 2 * room + 64;
+        memcpy(of_name->name, name, length + 1);
+        of_name->next = entries;
+        entries = of_name;
     }
-    strcpy(entries[count].name, name);
-    entries[count].function = function;
-    entries[count].summed = summed;
-    ++count;
+    of_name->function = function;
     return 0;
 }
 
@@ -86,6 +82,18 @@ static long numbers(const XLA_FFI_Buffer *b)
     return all;
 }
 
+/* Row of an input whose axes of length 1 broadcast, for one of the samples of all inputs. */
+static long row_of(const XLA_FFI_Buffer *b, const int64_t *lead, int64_t axes, long sample)
+{
+    long row = 0, stride = 1;
+    for (int64_t k = axes - 1; k >= 0; --k) {
+        row += b->dims[k] == 1 ? 0 : sample % (long)lead[k] * stride;
+        stride *= (long)b->dims[k];
+        sample /= (long)lead[k];
+    }
+    return row;
+}
+
 XLA_FFI_Error *symgen_kernel(XLA_FFI_CallFrame *frame);
 XLA_FFI_Error *symgen_kernel(XLA_FFI_CallFrame *frame)
 {
@@ -97,109 +105,61 @@ XLA_FFI_Error *symgen_kernel(XLA_FFI_CallFrame *frame)
     }
     const int ins = (int)frame->args.size, outs = (int)frame->rets.size;
     const XLA_FFI_ByteSpan *name = frame->attrs.size ? frame->attrs.attrs[0] : 0;
-    const entry *found = 0;
-    for (long k = 0; name && k < count; ++k) {
-        if (strlen(entries[k].name) == name->len && !memcmp(entries[k].name, name->ptr, name->len)) {
-            found = entries + k;
-        }
-    }
+    const entry *found = name ? entry_of(name->ptr, name->len) : 0;
     if (!found) {
         return fault(frame, "symgen: this program was compiled for a library that is not loaded; call runtime.jax(lib) first");
     }
-    if (ins < 1 || ins > MOST || outs > MOST) {
-        return fault(frame, "symgen: the kernel has more inputs than a call can pass");
-    }
     XLA_FFI_Buffer **args = (XLA_FFI_Buffer **)frame->args.args, **rets = (XLA_FFI_Buffer **)frame->rets.rets;
-    const int64_t axes = args[0]->rank - 1; /* leading ones, of all inputs */
+    const int64_t axes = ins ? args[0]->rank - 1 : AXES; /* leading ones, of all inputs */
+    if (ins < 1 || ins > MOST || outs > MOST || axes >= AXES) {
+        return fault(frame, "symgen: the kernel has more inputs, or its arrays more axes, than a call can pass");
+    }
     const int is_single = args[0]->dtype == XLA_FFI_DataType_F32;
-    const double *in[MOST];
-    double *out[MOST], *work = 0;
-    long step[MOST], size[MOST], of_result[MOST], total = 1;
+    int64_t lead[AXES];
+    long total = 1, need = 1, step[MOST];
     for (int64_t k = 0; k < axes; ++k) {
-        long most = 1;
+        lead[k] = 1;
         for (int i = 0; i < ins; ++i) {
-            most = args[i]->dims[k] != 1 ? (long)args[i]->dims[k] : most;
+            lead[k] = args[i]->dims[k] != 1 ? args[i]->dims[k] : lead[k];
         }
-        total *= most;
+        total *= (long)lead[k];
     }
-    if (is_single) {
-        long need = 1;
-        for (int i = 0; i < ins; ++i) {
-            need += numbers(args[i]);
-        }
-        for (int i = 0; i < outs; ++i) {
-            need += numbers(rets[i]);
-        }
-        work = malloc((size_t)need * sizeof *work);
-        if (!work) {
-            return fault(frame, "symgen: no memory to convert from single precision");
-        }
+    int is_copied[MOST];
+    for (int i = 0; i < ins; ++i) { /* in place: one sample for all, or every sample */
+        const long size = (long)args[i]->dims[axes], here = numbers(args[i]);
+        step[i] = here == size ? 0 : size;
+        is_copied[i] = is_single || (here != size && here != total * size);
+        need += is_copied[i] ? (step[i] ? total : 1) * size : 0;
     }
-    double *at = work;
-    int plain = 1; /* every input is one sample or all of them */
+    for (int i = 0; i < outs; ++i) {
+        need += is_single ? numbers(rets[i]) : 0;
+    }
+    double *work = need > 1 ? malloc((size_t)need * sizeof *work) : 0, *at = work;
+    if (need > 1 && !work) {
+        return fault(frame, "symgen: no memory to convert or repeat an array");
+    }
+    const double *in[MOST];
+    double *out[MOST];
     for (int i = 0; i < ins; ++i) {
-        const long here = numbers(args[i]);
-        size[i] = (long)args[i]->dims[axes];
-        in[i] = args[i]->data;
-        if (is_single) {
-            for (long k = 0; k < here; ++k) {
-                at[k] = ((const float *)args[i]->data)[k];
+        in[i] = is_copied[i] ? at : args[i]->data;
+        const long size = (long)args[i]->dims[axes], rows = !is_copied[i] ? 0 : step[i] ? total : 1;
+        for (long k = 0; k < rows; ++k) {
+            const long first = row_of(args[i], lead, axes, k) * size;
+            for (long j = 0; j < size; ++j) {
+                *at++ = is_single ? ((const float *)args[i]->data)[first + j] : ((const double *)args[i]->data)[first + j];
             }
-            in[i] = at;
-            at += here;
         }
-        plain &= here == size[i] || here == total * size[i];
-        step[i] = here == size[i] ? 0 : size[i];
     }
     for (int i = 0; i < outs; ++i) {
         out[i] = is_single ? at : rets[i]->data;
-        at = is_single ? at + numbers(rets[i]) : at;
-        of_result[i] = total ? numbers(rets[i]) / total : 0;
+        at += is_single ? numbers(rets[i]) : 0;
     }
-    int wrong = 0;
-    if (plain) {
-        wrong = call(found->function, total, in, step, out, ins, outs);
-    } else if (found->summed) {
-        wrong = 1;
-    } else { /* the last axis is the batch; the others are counted like digits */
-        long n = 1, place[MOST] = {0};
-        for (int i = 0; i < ins; ++i) {
-            n = args[i]->dims[axes - 1] != 1 ? (long)args[i]->dims[axes - 1] : n;
-        }
-        for (int i = 0; i < ins; ++i) {
-            step[i] = args[i]->dims[axes - 1] == 1 ? 0 : size[i];
-        }
-        for (long outer = 0; outer < (n ? total / n : 0) && !wrong; ++outer) {
-            const double *here[MOST];
-            double *result[MOST];
-            for (int i = 0; i < ins; ++i) {
-                long rest = outer, stride = (long)args[i]->dims[axes - 1] * size[i];
-                place[i] = 0;
-                for (int64_t k = axes - 2; k >= 0; --k) {
-                    long most = 1;
-                    for (int j = 0; j < ins; ++j) {
-                        most = args[j]->dims[k] != 1 ? (long)args[j]->dims[k] : most;
-                    }
-                    place[i] += args[i]->dims[k] == 1 ? 0 : rest % most * stride;
-                    rest /= most;
-                    stride *= (long)args[i]->dims[k];
-                }
-                here[i] = in[i] + place[i];
-            }
-            for (int i = 0; i < outs; ++i) {
-                result[i] = out[i] + outer * n * of_result[i];
-            }
-            wrong = call(found->function, n, here, step, result, ins, outs);
+    const int wrong = call(found->function, total, in, step, out, ins, outs);
+    for (int i = 0; i < outs; ++i) {
+        for (long k = 0; is_single && k < numbers(rets[i]); ++k) {
+            ((float *)rets[i]->data)[k] = (float)out[i][k];
         }
     }
-    if (is_single) {
-        for (int i = 0; i < outs; ++i) {
-            const long here = numbers(rets[i]);
-            for (long k = 0; k < here; ++k) {
-                ((float *)rets[i]->data)[k] = (float)out[i][k];
-            }
-        }
-        free(work);
-    }
+    free(work);
     return wrong ? fault(frame, "symgen: the kernel has arguments that this call cannot pass") : 0;
 }

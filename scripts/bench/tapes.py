@@ -1,7 +1,8 @@
 """Batches through torch and JAX beside the C function, adam and loops over Pinocchio.
 
-All take the same states in turn, round after round; the least time of each counts, since a shared
-machine only adds to times. adam, which pins an old JAX, answers from a Python of its own.
+All take the same states in turn, round after round. A contender has the median of its times over
+those of the C function in the same rounds, so that load of other work falls on both. adam, which
+pins an old JAX, answers from a Python of its own.
 """
 
 import subprocess
@@ -38,7 +39,7 @@ Call = Callable[[], float]
 
 
 def measure(lib: Library, count: int, rounds: int, adam: str | None) -> list[dict[str, Any]]:
-    """Least seconds of a call per function and contender."""
+    """Seconds of the C function, and ratios to them, per function and contender."""
     rng, n = np.random.default_rng(0), lib.n_joints
     states = {"q": rng.uniform(-1, 1, (count, n)), "dq": rng.normal(0, 1, (count, n))}
     states["ddq"] = rng.normal(0, 2, (count, n))
@@ -53,13 +54,16 @@ def measure(lib: Library, count: int, rounds: int, adam: str | None) -> list[dic
             calls = _ours(lib, name, kernel, given)
             calls |= {peer: _asked(process, name) for peer, process in peers.items()}
             calls["Pinocchio loop"] = _loop(lib, name, given)
-            best = {contender: call() for contender, call in calls.items()}  # the first compiles
-            best = dict.fromkeys(best, np.inf)
+            for call in calls.values():
+                call()  # the first compiles
+            times = {contender: np.full(rounds, np.nan) for contender in calls}
             for round_ in range(rounds):
                 for contender, call in calls.items():
                     if contender in OURS or round_ % 20 == 0:  # a peer's call takes 20 of ours
-                        best[contender] = min(best[contender], call())
-            found.append({"robot": lib.name, "function": name, "seconds": best})
+                        times[contender][round_] = call()
+            ratios = {c: float(np.nanmedian(t / times["C"])) for c, t in times.items() if c != "C"}
+            least = float(times["C"].min())
+            found.append({"robot": lib.name, "function": name, "seconds": least, "ratios": ratios})
     return found
 
 
@@ -148,14 +152,11 @@ def _asked(process: Any, name: str) -> Call:
 
 
 def sheet(rows: list[dict[str, Any]]) -> Sheet:
-    """Microseconds of the C function, and how many times as long the others take."""
-    peers = [name for name in rows[0]["seconds"] if name != "C"]
+    """Least microseconds of the C function, and how many times as long the others take."""
+    peers = list(rows[0]["ratios"])
     lines = []
     for row in rows:
-        best = row["seconds"]
-        times = [
-            f"{best[p] / best['C']:.2f}×" if p in OURS else ratio_text(best[p] / best["C"])
-            for p in peers
-        ]
-        lines.append((row["robot"], row["function"], f"{1e6 * best['C']:.0f}", *times))
+        ratios = row["ratios"].items()
+        times = [f"{x:.2f}×" if name in OURS else ratio_text(x) for name, x in ratios]
+        lines.append((row["robot"], row["function"], f"{1e6 * row['seconds']:.0f}", *times))
     return Sheet("bench_tapes", ("robot", "function", "C, µs", *peers), lines, rows)

@@ -10,6 +10,9 @@ from tests.runtime.tapes.conftest import bounds, differentiable, state_of
 
 torch = pytest.importorskip("torch", reason="torch is not installed: pip install 'symgen[torch]'")
 
+# torch.func.jvp compiles decompositions of torch when it is first used.
+pytestmark = pytest.mark.filterwarnings("ignore:`torch.jit.script`:FutureWarning")
+
 
 def recorded(*arrays: np.ndarray) -> list["torch.Tensor"]:
     return [torch.tensor(x, requires_grad=True) for x in arrays]
@@ -77,6 +80,19 @@ def test_transforms(fr3: Library) -> None:
         torch.testing.assert_close(ours, theirs, rtol=1e-12, atol=0)
 
 
+@pytest.mark.parametrize("function", ["gravity", "forward_dynamics", "regressor_loss"])
+def test_forward_mode(fr3: Library, function: str) -> None:
+    """Oracle: reverse mode, with π mapped by vmap; a default device elsewhere changes nothing."""
+    on_tape, (q, dq, ddq, tau, *_) = runtime.torch(fr3), state_of(fr3, 3)
+    state = {"gravity": (q,), "forward_dynamics": (q, dq, tau)}.get(function, (q, dq, ddq, tau))
+    called, tensors = getattr(on_tape, function), [torch.tensor(x) for x in (*state, fr3.pi0)]
+    every = tuple(range(len(tensors)))
+    with torch.device("meta"):
+        pairs = [each(called, every)(*tensors) for each in (torch.func.jacfwd, torch.func.jacrev)]
+    for ours, theirs in zip(*pairs, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
 def test_single_precision_and_messages(fr3: Library) -> None:
     """Property: float32 stays; wrong types, shapes and second derivatives get a sentence."""
     on_tape, (q, dq, ddq, *_) = runtime.torch(fr3), state_of(fr3, 3)
@@ -102,3 +118,17 @@ def test_single_precision_and_messages(fr3: Library) -> None:
     (slope,) = torch.autograd.grad(on_tape.gravity(x).sum(), x, create_graph=True)
     with pytest.raises(LibraryError, match="expected first derivatives, got a second one"):
         slope.sum().backward()
+
+
+@pytest.mark.parametrize("outer", ["jacrev", "jacfwd"])
+@pytest.mark.parametrize("argument", ["q", "pi"])
+def test_second_derivatives_are_refused(fr3: Library, outer: str, argument: str) -> None:
+    """Property: a sentence in both modes, also for the loss, whose gradient is an output."""
+    on_tape, (q, dq, ddq, tau, *_) = runtime.torch(fr3), state_of(fr3, 3)
+    first = {
+        "q": torch.func.jacrev(on_tape.gravity),
+        "pi": torch.func.jacrev(lambda pi: on_tape.regressor_loss(q, dq, ddq, tau, pi)),
+    }
+    at = torch.tensor({"q": q[0], "pi": fr3.pi0}[argument])
+    with pytest.raises(LibraryError, match="expected first derivatives, got a second one"):
+        getattr(torch.func, outer)(first[argument])(at)

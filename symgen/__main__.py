@@ -4,7 +4,7 @@ import sys
 
 if __name__ == "__main__":
     try:
-        from symgen.console import main
+        from symgen.cli.console import main
 
         main()
     except KeyboardInterrupt:  # while the packages load: a command itself answers Ctrl-C

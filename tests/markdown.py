@@ -11,10 +11,10 @@ import pytest
 
 import runtime.cli
 import symgen.cli
-import symgen.console
+import symgen.cli.console
 
 MAIN = {
-    "symgen": symgen.console.main,
+    "symgen": symgen.cli.console.main,
     "python -m runtime": runtime.cli.main,
     "python -m symgen": symgen.cli.main,
 }

@@ -354,7 +354,7 @@ def test_run_time_needs_no_build_tool() -> None:
 
 
 HELP = "from {} import main; sys.argv = ['symgen', '--help']; main()"
-STARTS = ("import runtime", *map(HELP.format, ("symgen.console", "symgen.cli", "runtime.cli")))
+STARTS = ("import runtime", *map(HELP.format, ("symgen.cli.console", "symgen.cli", "runtime.cli")))
 
 
 @pytest.mark.parametrize("start", STARTS)

@@ -17,10 +17,10 @@ import runtime.cli
 import symgen.cli
 from runtime.common.commands import GROUPS, Command
 from symgen import __version__
-from symgen.console import INSPECT_FLAGS, inspected_file, is_model
+from symgen.cli.console import INSPECT_FLAGS, inspected_file, is_model
 from tests.conftest import REPOSITORY, TINY_URDF
 
-SCRIPT = "import sys\nfrom symgen.console import main\nsys.exit(main())\n"
+SCRIPT = "import sys\nfrom symgen.cli.console import main\nsys.exit(main())\n"
 COMMANDS = [command for group in GROUPS.values() for command in group]
 APPS: dict[str, ModuleType] = {"symgen": symgen.cli, "runtime": runtime.cli}
 EXAMPLE = REPOSITORY / "runtime" / "examples" / "fr3_simulated.npz"
@@ -50,7 +50,7 @@ def run(
 def imported(words: list[str]) -> set[str]:
     """Top-level modules outside the standard library that a command line imports."""
     code = (
-        "import sys\nbefore = set(sys.modules)\nfrom symgen.console import main\n"
+        "import sys\nbefore = set(sys.modules)\nfrom symgen.cli.console import main\n"
         f"sys.argv = ['symgen', *{words!r}]\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "tops = {name.partition('.')[0] for name in set(sys.modules) - before}\n"
@@ -89,7 +89,7 @@ def test_both_packages_state_the_version() -> None:
 def test_entry_point() -> None:
     """Property: pip makes the command from this function."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
-    assert project["project"]["scripts"] == {"symgen": "symgen.console:main"}
+    assert project["project"]["scripts"] == {"symgen": "symgen.cli.console:main"}
 
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["--version"], ["identfy"]], ids=str)

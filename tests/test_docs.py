@@ -300,7 +300,7 @@ def test_a_notebook_runs(name: str, tmp_path: Path, fr3, monkeypatch: pytest.Mon
     programs = tmp_path / "bin"
     programs.mkdir()
     _program(programs / "python", f'exec {sys.executable} "$@"')
-    call = "import sys; from symgen.console import main; sys.argv[0] = 'symgen'; main()"
+    call = "import sys; from symgen.cli.console import main; sys.argv[0] = 'symgen'; main()"
     _program(programs / "symgen", f'exec {sys.executable} -c "{call}" "$@"')
     monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
     monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))

@@ -194,7 +194,7 @@ def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):
         pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
     (tmp_path / "main.c").write_text(shown("c")[0], encoding="utf-8")
     command = tmp_path / "symgen"
-    command.write_text(f"#!{sys.executable}\nfrom symgen.console import main\nmain()\n")
+    command.write_text(f"#!{sys.executable}\nfrom symgen.cli.console import main\nmain()\n")
     command.chmod(0o755)
     strict = tmp_path / "cc"
     # The path without the folder of this program: a compiler cache searches the compiler there.

@@ -19,7 +19,7 @@ class Missing:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Missing())
-from symgen.console import main
+from symgen.cli.console import main
 sys.argv = ["symgen", *sys.argv[1:]]
 main()
 """

@@ -132,7 +132,9 @@ def _environment(folder: Path, tree: Path, shared: Path) -> dict[str, str]:
     return environment
 
 
-_SYMGEN = "import sys; sys.argv[0] = 'symgen'; from symgen.console import main; sys.exit(main())"
+_SYMGEN = (
+    "import sys; sys.argv[0] = 'symgen'; from symgen.cli.console import main; sys.exit(main())"
+)
 
 
 def _run(

@@ -12,7 +12,7 @@ from pathlib import Path
 from bench.front import ROOT, BenchError, Sheet
 
 _IDENTIFY = ("-m", "runtime", "identify", "{log}", "--robot", "fr3", "--out", "out", "--overwrite")
-_CONSOLE = "from symgen.console import main; main()"
+_CONSOLE = "from symgen.cli.console import main; main()"
 COMMANDS = (
     ("symgen --help", ("-c", f"import sys; sys.argv = ['symgen', '--help']; {_CONSOLE}"), 0.5),
     ("import runtime", ("-c", "import runtime"), 0.3),

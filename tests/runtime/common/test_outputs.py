@@ -16,7 +16,7 @@ from runtime.common.files import replacing, replacing_folder
 from runtime.common.tables import Table
 from runtime.errors import RecordingError
 from runtime.recording.reader import locate
-from symgen.console import is_model
+from symgen.cli.console import is_model
 
 PROGRAM = "from runtime.common.commands import run; run(lambda: print('τ = 1'), 'symgen')"
 

@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -246,11 +247,10 @@ class Binding:
         """Call a kernel on memory: see `Library.run_kernel`."""
         kernel = self.kernel(name)
         function = self._functions[name]
-        pairs = [each for pair in zip(places, steps, strict=True) for each in pair]
-        starts = range(0, max(n, 1), PART)
-        if len(starts) == 1:
-            function(n, *pairs, *results)
+        if n <= PART:
+            function(n, *chain.from_iterable(zip(places, steps, strict=True)), *results)
             return
+        starts = range(0, n, PART)
         sums = {
             k: np.empty((len(starts), a.size)) for k, a in enumerate(kernel.outputs) if a.summed
         }

@@ -8,6 +8,7 @@ dispatch takes a tenth of the time of 4096 torques of an arm.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,56 +69,64 @@ def outputs_of(robot: str, kernel: str, values: Sequence[torch.Tensor]) -> Seque
     """All outputs of a kernel, on the tape that the inputs need."""
     if torch.compiler.is_compiling() or torch.jit.is_tracing():
         return run_kernel(list(values), robot, kernel)
-    recorded = torch.is_grad_enabled() and any(x.requires_grad for x in values)
-    if recorded or not _are_constants(values):
+    if _needs_derivative(values):
         outputs: tuple[torch.Tensor, ...] = Recorded.apply(robot, kernel, *values)
         return outputs
     return _run(values, robot, kernel)
 
 
-def _are_constants(values: Sequence[torch.Tensor]) -> bool:
-    """Whether tensors have no tangents of forward mode; those of torch.func have no memory."""
+def _needs_derivative(values: Sequence[torch.Tensor]) -> bool:
+    """Whether a tensor is recorded, has a tangent, or no memory, as those of torch.func."""
+    recording = torch.is_grad_enabled()
     try:
         for value in values:
             value.data_ptr()
+            if (recording and value.requires_grad) or unpack_dual(value).tangent is not None:
+                return True
     except RuntimeError:
-        return False
-    return all(unpack_dual(value).tangent is None for value in values)
+        return True
+    return False
 
 
 def _run(values: Sequence[torch.Tensor], robot: str, kernel: str) -> list[torch.Tensor]:
     """All outputs of a kernel, (..., *shape), from inputs (..., size), in doubles."""
-    lib = LIBRARIES[robot].lib
-    lead, shapes = _shapes(values, lib, kernel)
-    places, steps, held = [], [], []
-    for value in values:
-        array, size = value, value.shape[-1]
-        one = value.numel() == size
-        if not one and value.shape[:-1] != lead:
-            array = value.expand(*lead, size)
+    lead, steps, spreads, shapes = _plan(robot, kernel, tuple([value.shape for value in values]))
+    arrays = []  # temporaries among them would be freed before the call
+    for value, spread in zip(values, spreads, strict=True):
+        array = value.expand(*lead, value.shape[-1]) if spread else value
         if array.dtype != torch.float64 or not array.is_contiguous():
             array = array.to(torch.float64).contiguous()
-        held.append(array)  # a temporary would be freed before the call
-        places.append(array.data_ptr())
-        steps.append(0 if one else size)
+        arrays.append(array)
     results = [values[0].new_empty(shape, dtype=torch.float64) for shape in shapes]
-    lib.run_kernel(kernel, lead.numel(), places, steps, [x.data_ptr() for x in results])
+    places, targets = ([array.data_ptr() for array in side] for side in (arrays, results))
+    LIBRARIES[robot].lib.run_kernel(kernel, lead.numel(), places, steps, targets)
     dtype = values[0].dtype
     return results if dtype == torch.float64 else [x.to(dtype) for x in results]
 
 
+@lru_cache
+def _plan(
+    robot: str, kernel: str, inputs: tuple[torch.Size, ...]
+) -> tuple[torch.Size, list[int], list[bool], list[tuple[int, ...]]]:
+    """Leading axes, steps between samples, which inputs are repeated, and shapes of the outputs."""
+    lead, shapes = _shapes(inputs, robot, kernel)
+    single = [shape.numel() == shape[-1] for shape in inputs]
+    spreads = [not one and shape[:-1] != lead for one, shape in zip(single, inputs, strict=True)]
+    steps = [0 if one else shape[-1] for one, shape in zip(single, inputs, strict=True)]
+    return lead, steps, spreads, shapes
+
+
 def _fake(values: list[torch.Tensor], robot: str, kernel: str) -> list[torch.Tensor]:
-    _, shapes = _shapes(values, LIBRARIES[robot].lib, kernel)
+    _, shapes = _shapes([value.shape for value in values], robot, kernel)
     return [values[0].new_empty(shape) for shape in shapes]
 
 
 def _shapes(
-    values: Sequence[torch.Tensor], lib: Library, kernel: str
+    inputs: Sequence[torch.Size], robot: str, kernel: str
 ) -> tuple[torch.Size, list[tuple[int, ...]]]:
     """Leading axes of the inputs, and the shapes of the outputs."""
-    leads = {value.shape[:-1] for value in values if value.ndim > 1}
-    lead = leads.pop() if len(leads) == 1 else torch.broadcast_shapes((), *leads)
-    outputs = lib.kernel_facts(kernel).outputs
+    lead = torch.broadcast_shapes((), *(shape[:-1] for shape in inputs))
+    outputs = LIBRARIES[robot].lib.kernel_facts(kernel).outputs
     return lead, [a.shape if a.summed else (*lead, *a.shape) for a in outputs]
 
 

@@ -55,8 +55,8 @@ class PriorTest:
     # names of the links whose release explains the contradiction, the likeliest first; empty
     # without contradiction, or where no single link explains it
     links: tuple[str, ...]
-    # masses of these links in the prior, and with the prior released, kg
-    masses: tuple[tuple[float, float], ...]
+    # masses of these links in the prior, with the prior released, and σ of the latter, kg
+    masses: tuple[tuple[float, float, float], ...]
     scale: float  # least-squares factor between the measured torque and that of the prior
     # share of the torque of free bodies that the prior misses, friction being free,
     # (‖r_prior‖² − ‖r_free‖²)^½ / (‖r_0‖² − ‖r_free‖²)^½, r_0 without any body
@@ -105,7 +105,7 @@ def prior_test(
     missed = float(np.sqrt(_misfit(data, prior.centre) / size))
     if statistic <= min(threshold, single):  # no release can lower T by more
         return PriorTest(statistic, threshold, 0.0, single, (), (), scale, missed)
-    decrease, released = np.zeros(lib.n_links), np.zeros(lib.n_links)
+    decrease, released, sigma = (np.zeros(lib.n_links) for _ in range(3))
     for k in range(lib.n_links):
         counted = everyone - np.eye(lib.n_links)[k]
         moved = pi
@@ -117,6 +117,9 @@ def prior_test(
             moved = minimum.pi
         decrease[k] = max(statistic - cost(moved, counted), 0.0)
         released[k] = mass(links(moved))[k]
+        # The cost is T S / 2 N, so that the covariance is S/N H⁻¹.
+        inverse = np.linalg.pinv(minimum.hessian(), hermitian=True)
+        sigma[k] = np.sqrt(level / data.count * inverse[N_PARAMETERS * k, N_PARAMETERS * k])
     named = [int(k) for k in np.argsort(-decrease) if decrease[k] > NEXT * decrease.max()]
     if decrease.max() < EXPLAINS * (statistic - threshold):
         named = []
@@ -127,7 +130,7 @@ def prior_test(
         float(decrease.max()),
         single,
         tuple(lib.link_names[k] for k in named),
-        tuple((float(centres[k]), float(released[k])) for k in named),
+        tuple((float(centres[k]), float(released[k]), float(sigma[k])) for k in named),
         scale,
         missed,
     )

@@ -92,7 +92,7 @@ def test_a_unit_that_differs_from_its_fleet_is_named(lib, trajectories):
     prior = PriorFile(kappa=2500.0, constraints=Constraints((), ()), centre=lib.pi0, units=5)
     result = identify_recording(log, lib, friction=TERMS, preparation=FILTERED, prior=prior)
     words = result.uncertainty.advice()
-    assert "kg in the prior of the fleet, about" in words
+    assert "kg in the prior of the fleet, " in words
     assert "this unit differs from its fleet" in words
     assert "URDF" not in words
 
@@ -116,8 +116,19 @@ def test_a_heavy_payload_on_another_robot_is_named_with_its_mass(lib, trajectori
     words = result.uncertainty.advice()
     assert "contradict the inertia of fr3_link7 (0.627 kg in the URDF" in words
     # The mass of a link is known to the prior of the others, 25 % of 1.8 kg of link 6.
-    mass = float(words.split("about ")[1].split()[0])
+    mass = float(words.split("kg in the URDF, ")[1].split()[0])
     assert mass == pytest.approx(pi[60], abs=0.5)
+
+
+def test_a_mass_that_the_data_leave_open_is_not_stated(lib, trajectories):
+    """Property: a body on link 2, whose released mass has a σ of 50 kg, is named without its mass."""
+    pi = lib.pi0.copy()
+    pi[10:20] += body(lib, 6.0, np.array([0.15, 0.05, -0.1]))
+    plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)
+    log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(3))
+    words = advice(log, lib)
+    assert "contradict the inertia of fr3_link2" in words
+    assert "kg" not in words.split("while the joints agree")[0], words
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -121,7 +121,7 @@ def test_a_heavy_payload_on_another_robot_is_named_with_its_mass(lib, trajectori
 
 
 def test_a_mass_that_the_data_leave_open_is_not_stated(lib, trajectories):
-    """Property: a body on link 2, whose released mass has a σ of 50 kg, is named without its mass."""
+    """Property: a body on link 2, where σ of the released mass is 50 kg, is named without mass."""
     pi = lib.pi0.copy()
     pi[10:20] += body(lib, 6.0, np.array([0.15, 0.05, -0.1]))
     plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)

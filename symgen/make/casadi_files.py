@@ -84,6 +84,16 @@ def identified_texts(job: dict[str, Any]) -> dict[str, str]:
     return {f"{name}.casadi": _serialised(functions), f"{name}.c": job["head"] + code}
 
 
+def torques_of(job: dict[str, Any]) -> dict[str, Any]:
+    """τ (n, N) of the last function of a serialised file at q, dq and ddq (n, N)."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "functions")
+        path.write_text(job["text"], encoding="ascii")
+        file = ca.FileDeserializer(str(path))
+        *_, torque = (file.unpack() for _ in range(len(EXPORTED) + 3))
+    return {"tau": torque(*map(ca.DM, job["motion"])).full().tolist()}
+
+
 def _fixed(function: Any, known: dict[str, list[float]]) -> Any:
     """The function with numbers in place of some inputs."""
     symbols = dict(zip(function.name_in(), function.sx_in(), strict=True))
@@ -133,4 +143,4 @@ def _code(functions: list[Any], name: str) -> str:
 
 
 if __name__ == "__main__":
-    serve(identified_texts)
+    serve(lambda job: torques_of(job) if "text" in job else identified_texts(job))

@@ -20,28 +20,21 @@ SECONDS = 60
 
 def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:
     """Read the arrays of a header."""
-    printed = numbers_of({"identified.h": text, "main.c": _program(names)}, "-Wall", "-Werror")
-    if printed is None:
-        return None
-    values = iter(printed)
-    return {
-        name: np.array([next(values) for _ in range(int(np.prod(shape)))]).reshape(shape)
-        for name, shape in names.items()
-    }
-
-
-def numbers_of(files: Mapping[str, str], *flags: str) -> list[float] | None:
-    """Numbers that a program prints in hexadecimal, main.c and the files beside it."""
     compiler = find_compiler()
     if compiler is None:
         return None
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        _run([compiler, "-std=c99", *flags, "main.c", "-o", "main", "-lm"], folder)
+        (folder / "identified.h").write_text(text, encoding="utf-8")
+        (folder / "main.c").write_text(_program(names), encoding="utf-8")
+        command = [compiler, "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"]
+        _run(command, folder)
         lines = _run([str(folder / "main")], folder).splitlines()
-    return [float.fromhex(line) for line in lines]
+    values = iter(float.fromhex(line) for line in lines)
+    return {
+        name: np.array([next(values) for _ in range(int(np.prod(shape)))]).reshape(shape)
+        for name, shape in names.items()
+    }
 
 
 def find_compiler() -> str | None:

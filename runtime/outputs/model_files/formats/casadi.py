@@ -8,17 +8,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from runtime.errors import ExportError
-from runtime.outputs.model_files.engines import casadi, compiler
+from runtime.outputs.model_files.engines import casadi
 from runtime.outputs.model_files.engines.answer import random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import comment_text
 from runtime.outputs.model_files.model import IdentifiedModel
-from runtime.outputs.model_files.reload_check import (
-    TOLERANCE,
-    torque_difference,
-    unchecked,
-    verified,
-)
+from runtime.outputs.model_files.reload_check import TOLERANCE, torque_difference, verified
 from runtime.recording.friction import ROTOR
 from runtime.recording.friction import model as friction
 from runtime.recording.settings import JointMotion
@@ -49,12 +44,10 @@ def casadi_texts(model: IdentifiedModel) -> dict[str, str]:
 
 
 def check_casadi(model: IdentifiedModel, texts: Mapping[str, str]) -> str:
-    """Compile the C code; `torque` must be that of the library and its friction columns."""
+    """Read the serialised file; `torque` must be that of the library and its friction columns."""
     lib, joints = model.lib, model.friction
     q, dq, ddq = random_states(lib, model.states)
-    read = casadi.torques(texts[f"{lib.name}_identified.c"], q, dq, ddq)
-    if read is None:
-        return unchecked(compiler.INSTALL)
+    read = casadi.torques(texts[f"{lib.name}_identified.casadi"], q, dq, ddq)
     expected = lib.inverse_dynamics(q, dq, ddq, model.pi) + joints.filled("armature") * ddq
     kept = [k for k, name in enumerate(joints.terms.columns) if name in OF_SPEED]
     if joints.values is not None and kept:
@@ -67,7 +60,7 @@ def check_casadi(model: IdentifiedModel, texts: Mapping[str, str]) -> str:
             f"not written: the torques of the functions differ by {difference:.1e} of the largest "
             f"torque, where {TOLERANCE:g} is allowed; report this as a fault of symgen"
         )
-    return verified("a C compiler", difference, model.states)
+    return verified("CasADi", difference, model.states)
 
 
 CASADI = ExportFormat(

@@ -1,20 +1,15 @@
 """The loop of every optimiser: init, step, status, until the status states why to stop.
 
 An optimiser is an object with three methods (`Optimiser`); its state is an `Iterate`. The loop
-counts steps, catches Ctrl-C and calls an observer after each step. Two observers are here: early
-stopping on validation samples (`descend_validated`) and a trace down to the end (`descend_traced`).
+counts steps, catches Ctrl-C and calls an observer after each step, such as early stopping on
+validation samples (`descend_validated`).
 
 Adam (Kingma & Ba 2015): m, v ← moving averages of g, g²; x ← x − η m̂ / (√v̂ + ε). Source: document
 Eqs. 4.42–4.46; ε stands outside the square root.
-
-Levenberg–Marquardt: minimise L(x) = (‖r(x)‖² + ρ) · scale by damped Gauss–Newton steps.
-(JᵀJ + μI) δ = −Jᵀr is solved as δ = −Jᵀ (JJᵀ + μI)⁻¹ r, which is smaller where x has more entries
-than r has, as λ does. μ follows the gain ratio of Madsen, Nielsen & Tingleff, *Methods for
-non-linear least squares problems*, 2004, algorithm 3.16.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, TypeVar
 
@@ -23,8 +18,6 @@ from numpy.typing import NDArray
 
 __all__ = ["Adam", "Status", "descend_validated"]
 
-_LARGEST_DAMPING = 1e200
-"""μ beyond which no step is tried any more."""
 Array = NDArray[np.float64]
 
 
@@ -55,10 +48,6 @@ class Iterate(Protocol):
     @property
     def loss(self) -> float:
         """Training loss that the last step has evaluated."""
-
-    @property
-    def is_new(self) -> bool:
-        """Whether the last step has changed x."""
 
 
 S = TypeVar("S", bound=Iterate)
@@ -189,27 +178,6 @@ def descend_validated(
     return Outcome(observer.best_x, observer.best, iterations, status, trace)
 
 
-def descend_traced(
-    optimiser: Optimiser[S],
-    start: Array,
-    validation: Callable[[Array], float],
-    max_iterations: int,
-    progress: Callable[[int, float], None] | None = None,
-) -> Outcome:
-    """Descend until the optimiser stops; the last point is returned."""
-    rows: list[tuple[int, float, float]] = []
-
-    def observe(iteration: int, state: S) -> None:
-        if state.is_new:
-            rows.append((iteration, state.loss, validation(state.x)))
-        if progress is not None:
-            progress(iteration, state.loss)
-
-    state, iterations, status = run(optimiser, start, max_iterations, observe)
-    validated = validation(state.x) if np.isfinite(state.loss) else np.inf
-    return Outcome(state.x, validated, iterations, status, trace_of(rows))
-
-
 @dataclass(frozen=True, slots=True)
 class AdamOptions:
     """η, β₁, β₂, ε; a data class, whose names are keys of saved settings."""
@@ -236,11 +204,6 @@ class AdamIterate:
     x: Array  # (size,)
     loss: float  # of the point that the last step began with; NaN before the first step
     moments: AdamState  # first and second moment
-
-    @property
-    def is_new(self) -> bool:
-        """Adam accepts every step."""
-        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,90 +258,10 @@ def adam_step(
 
 @dataclass(frozen=True, slots=True)
 class LevenbergOptions:
-    """Settings of the descent."""
+    """Settings of a descent by Levenberg–Marquardt."""
 
     max_iterations: int = 200  # steps tried, accepted or not
     first_damping: float = 1e-8  # μ at the start, relative to the largest squared column of J
     step_tolerance: float = 1e-12  # stop when ‖δ‖ falls below this fraction of ‖x‖
     # stop when a step lowers L by less than this fraction, as predicted
     decrease_tolerance: float = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class LevenbergState:
-    """A point with its residual and damping."""
-
-    x: Array  # (size,)
-    residual: Array  # r, (m,)
-    jacobian: Array  # J = ∂r/∂x, (m, size)
-    loss: float  # L
-    damping: float  # μ of the next step
-    growth: float = 2.0  # factor on μ where the next step is rejected
-    ended: Status | None = None  # why to stop; None to go on
-    is_new: bool = False  # whether the last step was accepted
-
-
-@dataclass(frozen=True, slots=True)
-class LevenbergMarquardt:
-    """Levenberg–Marquardt as an `Optimiser`."""
-
-    residual_jacobian: Callable[[Array], tuple[Array, Array]]  # r (m,) and J (m, size) at x
-    options: LevenbergOptions  # damping and tolerances
-    rest: float = 0.0  # ρ
-    scale: float = 0.5  # factor of the loss
-
-    def init(self, x: Array) -> LevenbergState:
-        """First point, (size,), with a damping relative to the largest column of J."""
-        residual, jacobian = self.residual_jacobian(x)
-        loss = self._loss(residual)
-        damping = self.options.first_damping * float(np.max(np.sum(jacobian**2, axis=0)))
-        ended = None if np.isfinite(loss) else Status.DIVERGED
-        return LevenbergState(
-            np.array(x, dtype=float), residual, jacobian, loss, damping, ended=ended
-        )
-
-    def step(self, state: LevenbergState) -> LevenbergState:
-        """Try one step; a rejected one changes the damping only."""
-        x, residual, jacobian = state.x, state.residual, state.jacobian
-        # δ = −Jᵀ (JJᵀ + μI)⁻¹ r by a Cholesky factor of JJᵀ + μI.
-        normal = jacobian @ jacobian.T + state.damping * np.eye(len(residual))
-        try:
-            factor = np.linalg.cholesky(normal)
-        except np.linalg.LinAlgError:
-            return _rejected(state)
-        step = -jacobian.T @ np.linalg.solve(factor.T, np.linalg.solve(factor, residual))
-        tolerance = self.options.step_tolerance
-        if np.linalg.norm(step) <= tolerance * (np.linalg.norm(x) + tolerance):
-            return replace(state, ended=Status.CONVERGED, is_new=False)
-        # Decrease that the linear model of r predicts, and the one that comes.
-        predicted = float(step @ (state.damping * step - jacobian.T @ residual)) * self.scale
-        new_residual, new_jacobian = self.residual_jacobian(x + step)
-        loss = self._loss(new_residual)
-        if not (loss < state.loss and predicted > 0):
-            return _rejected(state)
-        # Their ratio near one: the model holds, μ falls by up to 3; near zero: μ grows.
-        gain, decrease = (state.loss - loss) / predicted, state.loss - loss
-        flat = max(decrease, predicted) <= self.options.decrease_tolerance * state.loss
-        return LevenbergState(
-            x + step,
-            new_residual,
-            new_jacobian,
-            loss,
-            state.damping * max(1 / 3, 1 - (2 * gain - 1) ** 3),
-            ended=Status.CONVERGED if flat else None,
-            is_new=True,
-        )
-
-    def status(self, state: LevenbergState) -> Status | None:
-        """Why to stop; None to go on."""
-        return state.ended
-
-    def _loss(self, residual: Array) -> float:
-        return float(residual @ residual + self.rest) * self.scale
-
-
-def _rejected(state: LevenbergState) -> LevenbergState:
-    """The same point with more damping; STALLED where no damping helps."""
-    damping = state.damping * state.growth
-    ended = None if damping < _LARGEST_DAMPING else Status.STALLED
-    return replace(state, damping=damping, growth=state.growth * 2, ended=ended, is_new=False)

@@ -1,7 +1,7 @@
 """A descent: problem, compressed samples, and a start; and those by second-order methods.
 
-Levenberg–Marquardt in λ or θ is a compiled loop, with NumPy steps as its reference. Newton's method
-in log-Cholesky coordinates θ takes the last steps to the boundary of consistency:
+Levenberg–Marquardt in λ or θ is a compiled loop. Newton's method in log-Cholesky coordinates θ
+takes the last steps to the boundary of consistency, and all steps where a library has no such loop:
 
     H = JᵀJ + Σ_k ∂(∂π_k/∂θ_kᵀ g_k)/∂θ_k,   g = ∂L/∂π
 
@@ -17,11 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.optimizers import (
-    LevenbergMarquardt,
     LevenbergOptions,
     Outcome,
     Status,
-    descend_traced,
     trace_of,
 )
 from runtime.estimators.problem import Problem
@@ -105,9 +103,12 @@ def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
 
 
 def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else in Python."""
+    """Descend by Levenberg–Marquardt in the compiled loop; without one, stay at the start."""
     if not descent.problem.lib.descends:
-        return levenberg_by_steps(descent, options)
+        with np.errstate(all="ignore"):
+            held = descent.validation_loss(descent.x0)
+        status = Status.MAX_ITERATIONS if np.isfinite(held) else Status.DIVERGED
+        return Outcome(descent.x0, held, 0, status, trace_of(()))
     problem, objective = descent.problem, descent.objective
     settings = {
         "first_damping": options.first_damping,
@@ -133,30 +134,6 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
     status = Status.INTERRUPTED if interrupted else STATUS[job.finished]
     validated = descent.validation_loss(x) if np.isfinite(job.loss) else np.inf
     return Outcome(x, validated, job.step, status, trace_of(trace))
-
-
-def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time."""
-    problem, objective = descent.problem, descent.objective
-    lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
-    size = problem.start.size
-
-    def residual_jacobian(x: Array) -> tuple[Array, Array]:
-        # r = R y − r₀ with y = [K π(x); ψ], and J = R [K ∂π/∂x, 1] link by link.
-        y = np.concatenate([lib.base_matrix @ descent.bodies(x), x[size:]])
-        jacobian_of = lib.cholesky_jacobian if descent.cholesky else lib.pi_jacobian
-        blocks = jacobian_of(x[:size])
-        links, width = blocks.shape[:2]
-        by_pi = lib.base_matrix.reshape(-1, links, width)
-        by_lam = np.einsum("bki,kij->bkj", by_pi, blocks).reshape(len(by_pi), size)
-        base = len(by_lam)
-        jacobian = np.hstack([squares.factor[:, :base] @ by_lam, squares.factor[:, base:]])
-        return squares.factor @ y - squares.target, jacobian
-
-    optimiser = LevenbergMarquardt(residual_jacobian, options, squares.rest, squares.scale)
-    return descend_traced(
-        optimiser, descent.x0, descent.validation_loss, options.max_iterations, problem.progress
-    )
 
 
 def newton_descend(descent: Descent, start: Outcome, most_steps: int = NEWTON_STEPS) -> Outcome:

@@ -76,7 +76,8 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     """Descend by Levenberg–Marquardt from the first guess with its best friction.
 
-    Where it stops short of an optimum on the boundary of consistency, Newton's method goes on.
+    Where it stops short of an optimum on the boundary of consistency, and where the library has no
+    compiled loop, Newton's method goes on.
 
     Args:
         problem: samples, weights and first guess.

@@ -142,7 +142,6 @@ class _NetState:
     hidden: Array
     damping: float
     ended: Status | None = None
-    is_new: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +168,10 @@ class _NetDescent:
         if loss < state.loss:
             flat = (state.loss - loss) / state.loss < _FLAT
             ended = Status.CONVERGED if flat else None
-            return _NetState(tried, loss, rest, hidden, state.damping / 5, ended, is_new=True)
+            return _NetState(tried, loss, rest, hidden, state.damping / 5, ended)
         damping = state.damping * 4
         ended = Status.STALLED if damping > _LARGEST_DAMPING else None
-        return replace(state, damping=damping, ended=ended, is_new=False)
+        return replace(state, damping=damping, ended=ended)
 
     def status(self, state: _NetState) -> Status | None:
         """Why to stop; None to go on."""

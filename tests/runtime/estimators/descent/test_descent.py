@@ -16,10 +16,9 @@ from runtime.estimators.descent.adam import (
 from runtime.estimators.descent.descent import (
     Descent,
     descent_of,
-    levenberg_by_steps,
     levenberg_descend,
 )
-from runtime.estimators.descent.fit import fit_adam, fit_many
+from runtime.estimators.descent.fit import fit_adam, fit_levenberg, fit_many
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import TorqueObjective
@@ -27,6 +26,7 @@ from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.library import Library, load
 from runtime.recording.friction.coupled_motors import Coupling
 from tests.robots import levels_here
+from tests.runtime.estimators.descent.levenberg import levenberg_of
 
 NEVER = 10**9
 
@@ -177,16 +177,21 @@ def test_divergence_is_said(arm):
     assert np.isfinite(outcome.x).all()
 
 
-def test_levels_without_a_loop_take_the_reference(arm, monkeypatch):
-    """Property: without a compiled loop the door is the same; asking for one is refused."""
+@pytest.mark.parametrize("cholesky", [False, True])
+def test_levels_without_a_loop_descend_in_python(arm, monkeypatch, cholesky):
+    """Oracle: the compiled loop's optimum, which Newton's method reaches from the start."""
+    usual = fit_levenberg(problem(arm), cholesky)
     lib = load(arm.folder, "portable")
     monkeypatch.setattr(lib, "_adam", None)
     monkeypatch.setattr(lib, "_levenberg", None)
     preset = Preset(AdamOptions(1e-3), StoppingRule(20, NEVER), None)
     first, second = both(problem(lib), preset)
     np.testing.assert_array_equal(first.x, second.x)
-    d, options = descent(problem(lib)), LevenbergOptions(5)
-    np.testing.assert_array_equal(levenberg_descend(d, options).x, levenberg_by_steps(d, options).x)
+    fit, value = fit_levenberg(problem(lib), cholesky), problem(lib).statistics().value
+    # Both end within 1e-6 of the minimum (`DECREASE`), relative.
+    assert value(fit.pi, fit.phi) == pytest.approx(value(usual.pi, usual.phi), rel=1e-6)
+    lost = problem(lib, start=np.full(lib.lam0.size, 800.0))
+    assert levenberg_descend(descent(lost), LevenbergOptions()).status is Status.DIVERGED
     with pytest.raises(LibraryError, match="no compiled descent"):
         lib.adam([], {}, 1, 0)
     with pytest.raises(LibraryError, match="no compiled descent"):
@@ -200,7 +205,7 @@ def test_levenberg_gives_the_answers_of_its_reference(any_robot, name, columns):
     lib = any_robot(name)
     for level in levels_here(lib):
         d = descent(problem(load(lib.folder, level), columns))
-        ours, theirs = (f(d, LevenbergOptions(30)) for f in (levenberg_descend, levenberg_by_steps))
+        ours, theirs = (f(d, LevenbergOptions(30)) for f in (levenberg_descend, levenberg_of))
         assert (ours.iterations, ours.status) == (theirs.iterations, theirs.status)
         assert ours.trace.iteration == theirs.trace.iteration
         # Damped systems of condition up to 1e6 = 1 / first_damping: 1e-16 times that, and 30 steps.

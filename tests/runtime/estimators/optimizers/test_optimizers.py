@@ -9,17 +9,16 @@ import pytest
 from runtime.estimators.optimizers import (
     Adam,
     AdamOptions,
-    LevenbergMarquardt,
     LevenbergOptions,
     Outcome,
     Status,
     StoppingRule,
     adam_start,
     adam_step,
-    descend_traced,
     descend_validated,
 )
 from runtime.estimators.optimizers import run as run_loop
+from tests.runtime.estimators.descent.levenberg import levenberg
 
 Loss = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
@@ -233,7 +232,6 @@ class _Halving:
 
     x: np.ndarray
     loss: float
-    is_new: bool = True
 
 
 class _Halve:
@@ -257,20 +255,16 @@ def test_the_loop_runs_any_optimiser() -> None:
     assert run_loop(_Halve(), np.zeros(1), 2)[1:] == (0, Status.CONVERGED)
     stopped = run_loop(_Halve(), np.ones(1), 9, lambda i, _: Status.PATIENCE if i == 3 else None)
     assert stopped[1:] == (3, Status.PATIENCE)
-    traced = descend_traced(_Halve(), np.ones(1), lambda x: x[0], 3)
-    assert traced.trace.validation == (0.5, 0.25, 0.125)
-    assert traced.trace.training == (0.25, 0.0625, 0.015625)
 
 
-def test_levenberg_marquardt_solves_rosenbrock_in_residuals() -> None:
+def test_the_oracle_of_levenberg_marquardt_solves_rosenbrock_in_residuals() -> None:
     """Oracle: the minimum of r = (1 − a, 10 (b − a²)); each accepted step lowers the loss."""
 
     def residual_jacobian(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a, b = x
         return np.array([1 - a, 10 * (b - a * a)]), np.array([[-1.0, 0.0], [-20 * a, 10.0]])
 
-    optimiser = LevenbergMarquardt(residual_jacobian, LevenbergOptions())
-    outcome = descend_traced(optimiser, np.array([-1.2, 1.0]), lambda _: 0.0, 200)
+    outcome = levenberg(residual_jacobian, np.array([-1.2, 1.0]), LevenbergOptions())
     assert outcome.status is Status.CONVERGED
     # Quadratic convergence to a zero residual leaves rounding.
     assert outcome.x == pytest.approx([1.0, 1.0], abs=1e-10)

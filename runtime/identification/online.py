@@ -17,7 +17,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
-from runtime.estimators.convex.newton import ConvexProblem, convex_problem, minimise
+from runtime.estimators.convex.newton import ConvexProblem, convex_problem
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics, from_triangle
 from runtime.estimators.regression.samples import Samples
@@ -184,11 +184,7 @@ class OnlineEstimator:
         if not gamma > 0:
             return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
         problem = convex_problem(data, self._prior, gamma)
-        if lib.solves_convex:
-            self._pi, steps, converged = self._newton(problem)
-        else:
-            minimum = minimise(problem, self._pi)
-            self._pi, steps, converged = minimum.pi, minimum.steps, minimum.converged
+        self._pi, steps, converged = self._newton(problem)
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
         return self._estimate_of(phi, data.variance, steps, converged)
 

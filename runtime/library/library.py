@@ -237,11 +237,6 @@ class Library(
         run = self._needed(self._levenberg)
         return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
 
-    @property
-    def solves_convex(self) -> bool:
-        """Whether this level holds the convex estimators."""
-        return self._convex is not None
-
     def convex(
         self, tasks: Sequence[ConvexTask], tolerance: float, most_steps: int
     ) -> CompiledConvex:

@@ -1,6 +1,6 @@
 """The minimisers of `newton` and `path` in compiled C, many at once over threads.
 
-Without a compiled library, and for problems with linear priors, `newton.minimise` is used.
+For problems with linear priors `newton.minimise_anywhere` is used.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from runtime.estimators.convex.newton import (
     factors,
     minimise_anywhere,
 )
-from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, follow, gamma_sequence, path_of
+from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, gamma_sequence, path_of
 from runtime.library import Array, ConvexAnswer, ConvexTask, Library
 from runtime.library.parameters import N_PARAMETERS
 
 
 def solve(lib: Library, problem: ConvexProblem, start: Array | None = None) -> Minimum:
-    """Minimise a convex problem by the compiled Newton method where there is one."""
+    """Minimise a convex problem by the compiled Newton method, unless it has linear priors."""
     return solve_many(lib, [problem], [start])[0]
 
 
@@ -37,7 +37,7 @@ def solve_many(
     """Minimise many problems of one robot, for Monte Carlo."""
     firsts: list[Array | None] = list(starts or [None] * len(problems))
     plain = all(p.inside is None and p.free is None for p in problems)
-    if not lib.solves_convex or not plain or not problems:
+    if not plain or not problems:
         return [minimise_anywhere(p, s) for p, s in zip(problems, firsts, strict=True)]
     tasks = [_task(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
     answers = lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads)
@@ -52,7 +52,7 @@ def follow_compiled(
     shrink: float = SHRINK,
     most_steps: int = PATIENCE,
 ) -> Path:
-    """Follow a path by the compiled Newton method where there is one."""
+    """Follow a path by the compiled Newton method."""
     return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]
 
 
@@ -67,8 +67,6 @@ def follow_many(
     """Follow the paths of many problems of one robot."""
     pairs = list(zip(data, priors, strict=True))
     sequences = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
-    if not lib.solves_convex or not pairs:
-        return [follow(d, p, g, most_steps) for (d, p), g in zip(pairs, sequences, strict=True)]
     tasks = [
         _task(ConvexProblem(d, p, np.ones(p.centre.size // N_PARAMETERS)), gammas)
         for (d, p), gammas in zip(pairs, sequences, strict=True)

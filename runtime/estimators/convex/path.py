@@ -3,17 +3,16 @@
 At weight γ the minimiser satisfies ∇L = γ Σ_k (P_k⁻¹ − P0_k⁻¹) on P_k, so every consistent π with
 Σ tr(P0_k⁻¹ P_k) no larger than the minimiser's has L(π) ≥ L(π_γ) − 4 n_links γ: the certificate.
 The path starts where the prior dominates, and each minimiser starts the next. Without the trace
-term of the prior the logarithm alone would have no minimiser. No cone solver is needed.
+term of the prior the logarithm alone would have no minimiser. No cone solver is needed. `compiled`
+follows the path.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import ConvexProblem, Minimum, convex_problem, minimise
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 
@@ -57,22 +56,6 @@ def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
     return np.geomspace(FIRST * unit, last, count)
 
 
-def follow(
-    data: Reduced, prior: Prior, gammas: Array | None = None, most_steps: int = PATIENCE
-) -> Path:
-    """Minimise at every γ, warm started, up to the first that takes too many steps."""
-    weights = (
-        gamma_sequence(data, prior.centre.size // N_PARAMETERS)
-        if gammas is None
-        else np.asarray(gammas, dtype=float)
-    )
-    minima = list(_descent((convex_problem(data, prior, float(g)) for g in weights), most_steps))
-    tried, ended = weights[: len(minima)], len(minima) == len(weights)
-    points, losses = np.array([m.pi for m in minima]), np.array([m.loss for m in minima])
-    steps, converged = sum(m.steps for m in minima), ended and minima[-1].converged
-    return path_of(prior, tried, points, losses, minima[-1].decrement, steps, converged)
-
-
 def path_of(
     prior: Prior,
     gammas: Array,
@@ -87,14 +70,3 @@ def path_of(
     gap = degree * float(gammas[-1]) + decrement
     weight = float(prior.slope @ points[-1]) / degree
     return Path(gammas, points, losses, gap, weight, steps, converged)
-
-
-def _descent(problems: Iterator[ConvexProblem], most_steps: int) -> Iterator[Minimum]:
-    """Minima of the problems, each started at the one before, up to the first not converged."""
-    start = None
-    for problem in problems:
-        minimum = minimise(problem, start, most_steps)
-        start = minimum.pi
-        yield minimum
-        if not minimum.converged:
-            return

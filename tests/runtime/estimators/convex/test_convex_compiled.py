@@ -16,9 +16,9 @@ from runtime.estimators.convex.newton import (
     minimise,
     minimise_anywhere,
 )
-from runtime.estimators.convex.path import follow
 from runtime.library import Library, load
 from tests.robots import levels_here
+from tests.runtime.estimators.convex.paths import follow
 from tests.runtime.estimators.convex.test_convex import compressed
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -120,16 +120,18 @@ def test_a_path_ends_where_steps_run_out(arm):
         np.testing.assert_allclose(ours.losses, theirs.losses, rtol=1e-9)
 
 
-def test_levels_without_the_program_take_the_reference(arm, monkeypatch):
-    """Property: the door is the same; asking for C where there is none is refused."""
+def test_a_level_without_the_program_is_refused(arm, monkeypatch):
+    """Property: the reference level, the only one without it, is named by one sentence."""
     lib = load(arm.folder, "portable")
     monkeypatch.setattr(lib, "_convex", None)
     p = problem(lib)
-    np.testing.assert_array_equal(solve(lib, p).pi, minimise(p).pi)
-    path = follow_compiled(lib, p.data, p.prior)
-    np.testing.assert_array_equal(path.points, follow(p.data, p.prior).points)
-    with pytest.raises(LibraryError, match="no compiled"):
-        lib.convex([], 1e-3, 10)
+    for call in (
+        lambda: solve(lib, p),
+        lambda: follow_compiled(lib, p.data, p.prior),
+        lambda: lib.convex([], 1e-3, 10),
+    ):
+        with pytest.raises(LibraryError, match=r"the level 'portable' .* has no compiled"):
+            call()
 
 
 def test_a_start_outside_does_not_converge(arm):

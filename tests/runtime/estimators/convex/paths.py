@@ -1,0 +1,27 @@
+"""The path of falling γ by NumPy, the oracle of the compiled one."""
+
+import numpy as np
+
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import Prior
+from runtime.estimators.convex.newton import Minimum, convex_problem, minimise
+from runtime.estimators.convex.path import PATIENCE, Path, gamma_sequence, path_of
+from runtime.library.parameters import N_PARAMETERS
+
+
+def follow(
+    data: Reduced, prior: Prior, gammas: np.ndarray | None = None, most_steps: int = PATIENCE
+) -> Path:
+    """Minimise at every γ, each started at the one before, up to the first that fails."""
+    weights = gamma_sequence(data, prior.centre.size // N_PARAMETERS) if gammas is None else gammas
+    minima: list[Minimum] = []
+    for gamma in weights:
+        start = minima[-1].pi if minima else None
+        minima.append(minimise(convex_problem(data, prior, float(gamma)), start, most_steps))
+        if not minima[-1].converged:
+            break
+    points, losses = np.array([m.pi for m in minima]), np.array([m.loss for m in minima])
+    steps = sum(m.steps for m in minima)
+    whole = len(minima) == len(weights) and minima[-1].converged
+    tried = weights[: len(minima)]
+    return path_of(prior, tried, points, losses, minima[-1].decrement, steps, whole)

@@ -26,8 +26,7 @@ from runtime.estimators.regression.causes import (
     Causes,
     causes_of,
 )
-from runtime.estimators.regression.deviation_tests import FrictionTest, friction_test
-from runtime.estimators.regression.omitted_columns import FreeFit
+from runtime.estimators.regression.omitted_columns import FreeFit, FrictionTest, friction_test
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 

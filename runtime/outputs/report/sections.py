@@ -1,6 +1,7 @@
 """A result as sentences, tiles, tables and figures, with rounded numbers.
 
-Everything is plain text except the figures, which are SVG; `page` makes the HTML.
+Everything is plain text except the figures, which are SVG; `page` makes the HTML. Mirrored limbs
+are one table, uncertainties two: σ per link, and residuals per joint.
 """
 
 import math
@@ -8,15 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from runtime.common.tables import NOTHING, Table, number, percent
-from runtime.identification.result_record import ResultRecord
+from runtime.common.tables import NOTHING, Table, number, percent, significant
+from runtime.common.terminal import as_typed
+from runtime.estimators.regression.samples import NORMAL_95
+from runtime.identification.result_record import MirroredPair, ResultRecord, UncertaintyPart
 from runtime.identification.result_tables import error_table, is_consistent, link_table, share_table
+from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.figures import convergence, mass_change, torques
 from runtime.outputs.report.page import Section, Tile
 from runtime.outputs.report.result import Result
 from runtime.outputs.report.several_logs import several_logs_sections
-from runtime.outputs.report.sides import sides_section
-from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
 from runtime.recording.friction.columns import DAHL
 
@@ -241,3 +243,103 @@ _LAST: tuple[Callable[[ResultRecord], Section | None], ...] = (
     _preparation,
     _provenance,
 )
+
+
+def sides_section(pairs: tuple[MirroredPair, ...] | None) -> tuple[Section, ...]:
+    """The section; none without pairs."""
+    if not pairs:
+        return ()
+    return (
+        Section(
+            "Left and right",
+            "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
+            "The distance is in standard deviations of the difference. Pairs that disagree are "
+            "explained among the warnings.",
+            Table(
+                ("left", "right", "quantity", "value left", "value right", "agree"),
+                tuple(map(_row, pairs)),
+            ),
+        ),
+    )
+
+
+def _row(pair: MirroredPair) -> tuple[str, ...]:
+    sides = [
+        ", ".join(f"{v:.4g} ± {NORMAL_95 * s:.2g}" for v, s in zip(values, sigma, strict=True))
+        for values, sigma in zip(pair.values, pair.sigma, strict=True)
+    ]
+    verdict = "yes" if pair.agrees else "no"
+    return (pair.left, pair.right, pair.quantity, *sides, f"{verdict} ({pair.distance:.1f} σ)")
+
+
+def _percent(share: float | None) -> str:
+    return (
+        "any" if share is None or share >= 1 else f"{significant(100 * share)}\N{NO-BREAK SPACE}%"
+    )
+
+
+def _named(verdicts: tuple[str, ...], word: str) -> str:
+    """Names of the parameters with a verdict."""
+    names = [name for name, each in zip(PI_NAMES, verdicts, strict=True) if each == word]
+    return " ".join(names) or "–"
+
+
+def uncertainty_sections(
+    s: UncertaintyPart, joints: tuple[str, ...], links: tuple[str, ...]
+) -> tuple[Section, ...]:
+    """Tables of the σ of the links and of the residuals."""
+    words = ("identified", "prior-dominated", "unobservable")
+    of_links = tuple(
+        (
+            name,
+            f"{link.mass_sigma:.3g}",
+            "–" if link.com_sigma is None else f"{1e3 * float(np.max(link.com_sigma)):.2g}",
+            *(_named(link.verdicts, word) for word in words),
+        )
+        for name, link in zip(links, s.links, strict=True)
+    )
+    of_joints = tuple(
+        (
+            joint,
+            f"{noise:.3g}",
+            f"{band:.2g}",
+            f"{100 * white:.0f}\N{NO-BREAK SPACE}%",
+            *((_percent(s.detectable_gain_error[k]),) if s.detectable_gain_error else ()),
+        )
+        for k, (joint, noise, band, white) in enumerate(
+            zip(joints if s.noise else (), s.noise, s.model_band, s.white_lag_share, strict=True)
+        )
+    )
+    heads: tuple[str, ...] = (
+        "joint",
+        "residual RMS",
+        "model σ",
+        "lags within the white-noise band",
+    )
+    hidden = ""
+    if s.detectable_gain_error:
+        heads = (*heads, "gain error that may go unnoticed")
+        hidden = (
+            " Last column: a torque gain that is wrong by up to this share, relative to the other "
+            "joints, may leave no trace in such a log."
+        )
+    advice = as_typed(s.advice)
+    edge = " A link is close to the limit of physical consistency." if s.boundary else ""
+    sections = (
+        Section(
+            "Uncertainty of the links",
+            f"{advice[:1].upper()}{advice[1:]}.{edge} σ is computed with the URDF as "
+            "prior. A parameter is identified where the data reduce its prior variance at least "
+            "tenfold: its interval is that of the log. Prior-dominated parameters keep the value "
+            "and uncertainty of the URDF, and unobservable ones have no effect on the torque.",
+            Table(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
+        ),
+        Section(
+            "Residuals",
+            f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
+            f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
+            f"parameters.{hidden}",
+            Table(heads, of_joints),
+        ),
+    )
+    return sections if s.noise else sections[:1]

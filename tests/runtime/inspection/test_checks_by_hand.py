@@ -14,7 +14,7 @@ from runtime.inspection.checks import model_fit, torque_delay
 from runtime.inspection.checks.clock import _gaps, lost_rows
 from runtime.inspection.checks.drives import rotor
 from runtime.inspection.checks.file_layout import _untitled
-from runtime.inspection.checks.gravity_direction import _finding, _Fit
+from runtime.inspection.checks.gravity import _finding, _Fit
 from runtime.inspection.checks.joint_order import mismatches
 from runtime.inspection.checks.outlying_rows import frozen
 from runtime.inspection.checks.units import units

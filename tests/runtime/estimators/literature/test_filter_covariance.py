@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.estimators.literature.filter_input import (
+from runtime.estimators.literature.kalman import (
     DELAY,
     JITTER,
     WANDER,
     FilterInput,
+    _advance,
     filter_input_from,
+    run_ekf,
 )
-from runtime.estimators.literature.kalman import _advance, run_ekf
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.estimators.literature.filter_input import (
+from runtime.estimators.literature.kalman import (
     FilterInput,
+    _advance,
     filter_input_from,
     noise_of,
     prior_covariance,
+    run_ekf,
+    run_ukf,
 )
-from runtime.estimators.literature.kalman import _advance, run_ekf, run_ukf
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split

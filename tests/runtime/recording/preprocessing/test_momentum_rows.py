@@ -18,7 +18,7 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque
-from runtime.recording.preprocessing import momentum_rows, prepare
+from runtime.recording.preprocessing import pipeline, prepare
 from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.simulation import Plant, ideal
@@ -93,8 +93,8 @@ def test_accelerations_do_not(lib, pi_true, rubbing):
 @pytest.mark.parametrize("regressor", ["momentum", "energy"])
 def test_nothing_looks_across_a_hole(lib, pi_true, rubbing, regressor, monkeypatch):
     """Oracle as above, on a log with a hole; groups of columns and chunks of instants join."""
-    monkeypatch.setattr(momentum_rows, "HELD", 20_000)
-    monkeypatch.setattr(momentum_rows, "CHUNK", 99)  # 298 = 3 · 99 + 1: one row is left
+    monkeypatch.setattr(pipeline, "HELD", 20_000)
+    monkeypatch.setattr(pipeline, "CHUNK", 99)  # 298 = 3 · 99 + 1: one row is left
     log, phi = rubbing
     holed = log.take(np.r_[0:300, 420:1000], "A hole.")
     samples = of_power(at(5.0, regressor), holed, lib)
@@ -114,7 +114,7 @@ def test_regressors_of_a_long_log_stay_in_the_cache(lib, pi_true, rubbing, monke
 
     monkeypatch.setattr(Library, "momentum_regressor", measured)
     log = rubbing[0]
-    momentum_rows.torque_of_rows(log, lib, lib.base_matrix @ pi_true)
+    pipeline.torque_of_rows(log, lib, lib.base_matrix @ pi_true)
     assert max(sizes) <= 2**21 < sum(sizes)
 
 

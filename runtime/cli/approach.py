@@ -7,61 +7,21 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Robot, Seed, Yes, numbers_option, open_robot, sentences_of
-from runtime.cli.motion_limits import (
-    Box,
-    Carry,
-    Clearance,
-    Coulomb,
-    FrictionBand,
-    LimitValues,
-    ModelBand,
-    Obstacles,
-    PayloadBand,
-    Table,
-    TorqueFraction,
-    Unchecked,
-    Viscous,
-    safety_of,
-    table_height,
-)
-from runtime.cli.motion_output import (
-    EXPORT_MARGIN,
-    ROWS_HZ,
-    SAMPLED,
-    certified_stages,
-    export_stages,
-    files_of,
-    json_path,
-    stage_speeds,
-    write_motion_log,
-)
-from runtime.common.files import require_unused
-from runtime.common.settings import Choices
-from runtime.common.terminal import completing, say
+from runtime.cli.common import numbers_option, open_robot
+from runtime.cli.motion_output import EXPORT_MARGIN, FROM, MotionChoices, json_path
+from runtime.common.terminal import say
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.safety import TABLE, Safety, require_consent
-from runtime.excitation.limits.safety import unchecked as unchecked_limits
+from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined
-from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.proof.certified_motion import certified
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.excitation.way import Way, way_back, way_to
 from runtime.library import Array, Library
 from runtime.recording import read_recording
-from runtime.simulation import sample_times
 
 HOME = "home"
 """Value of --from for the home of the robot."""
-FROM = (
-    "Present pose, from which the way to the start is planned under the same limits: home, one "
-    "number per joint with commas (rad or m), or a log, whose last row counts."
-)
-FromPose = Annotated[str | None, typer.Option("--from", metavar="POSE", help=FROM)]
-Return = Annotated[
-    bool, typer.Option("--return", help="Go back to the pose of --from after the motion.")
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,27 +64,25 @@ class SessionPlan:
 
 def session_plan(
     lib: Library,
-    text: str | None,
-    returns: bool,
+    given: MotionChoices,
     start: Array | None,
     safety: Safety | None,
-    share: float = 1.0,
-    zero_jerk: bool = False,
-    seed: int = 0,
+    share: float,
+    zero_jerk: bool,
 ) -> SessionPlan:
     """Ways of --from and --return.
 
     start (n,) [rad, m].
     """
-    if text is None or safety is None:
-        if returns:
+    if given.from_pose is None or safety is None:
+        if given.returns:
             raise RuntimeFault(
                 "--return goes back to the pose of --from; give --from POSE too, such as home"
             )
         return SessionPlan()
     there = lib.home if start is None else start
-    way = way_to(lib, pose_of(lib, text), there, safety, share, zero_jerk, seed)
-    if not returns or way.trajectory is None:
+    way = way_to(lib, pose_of(lib, given.from_pose), there, safety, share, zero_jerk, given.seed)
+    if not given.returns or way.trajectory is None:
         return SessionPlan(way)
     return SessionPlan(way, way_back(lib, way.trajectory, safety, share))
 
@@ -151,56 +109,22 @@ def pose_of(lib: Library, text: str) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ApproachSettings(Choices):
+class ApproachSettings(MotionChoices):
     """Settings of `symgen approach`."""
 
     command = "approach"
     options = "robot from_pose returns table obstacles carry export speed out overwrite"
     motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")]
     from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)]
-    robot: Robot = "fr3"
-    yes: Yes = False
-    returns: Return = False
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
         ),
     ] = None
-    export: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FORMAT",
-            autocompletion=completing(MOTION_FORMATS),
-            help="Files for a robot with ways and motion in one, written only if the certificate "
-            f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
-        ),
-    ] = None
-    export_rate: Annotated[
-        float | None,
-        typer.Option(help="Rate of the rows of files, Hz; default 1000, for ros 25."),
-    ] = None
-    speed: Annotated[
-        list[float] | None,
-        typer.Option(help="Speed of a stage in % of the planned speed; repeatable. Default 100."),
-    ] = None
     margin: Annotated[
         float, typer.Option(help="Share of the limits that the ways may use, 0 to 1.")
     ] = EXPORT_MARGIN
-    table: Table = None
-    unchecked: Unchecked = None
-    box: Box = None
-    clearance: Clearance = None
-    carry: Carry = None
-    obstacles: Obstacles = None
-    torque_fraction: TorqueFraction = 0.95
-    viscous: Viscous = None
-    coulomb: Coulomb = None
-    payload_band: PayloadBand = None
-    friction_band: FrictionBand = None
-    model_band: ModelBand = None
-    seed: Seed = 0
-    overwrite: Overwrite = False
 
 
 def approach_command(given: ApproachSettings) -> None:
@@ -217,52 +141,17 @@ def approach_command(given: ApproachSettings) -> None:
     Written: JSON of ways and motion, and all of it sampled as CSV or in the formats of --export.
     """
     lib = open_robot(given.robot, given.yes)
-    height, has_no_table = table_height(given.table)
-    limits = LimitValues(
-        given.torque_fraction,
-        clearance=given.clearance,
-        table=height,
-        box=given.box,
-        viscous=given.viscous,
-        coulomb=given.coulomb,
-        carry=given.carry,
-        obstacles=given.obstacles,
-        payload_band=given.payload_band,
-        friction_band=given.friction_band,
-        model_band=given.model_band,
-    )
-    safety = safety_of(lib, limits)
+    safety = given.limits(lib)
     path = json_path(given.out or Path("results") / f"{lib.name}-approach.json")
-    trajectory = read_trajectory(given.motion, lib)
-    rate = ROWS_HZ if given.export_rate is None else given.export_rate
-    sample_times(trajectory.duration, rate)  # before the search: they may be too many
-    formats = [MOTION_FORMATS[name].name for name in given.export or []]
-    accepted = [*(given.unchecked or ()), *([TABLE] if has_no_table else [])]
-    if formats:
-        require_consent(unchecked_limits(lib, safety), accepted)
-    speeds = stage_speeds(trajectory.duration, given.speed or [100.0])
-    require_unused(files_of(path, formats, given.speed or [100.0], False), given.overwrite)
-    zero_jerk = trajectory.basis.zero_jerk
-    ways = session_plan(
-        lib,
-        given.from_pose,
-        given.returns,
-        trajectory.home,
-        safety,
-        given.margin,
-        zero_jerk,
-        given.seed,
-    )
-    session = certified(lib, ways.around(trajectory), safety)
-    write_motion(trajectory, lib, path, ways=ways.parts)
-    written = [path]
-    if not formats:
-        log, sentence = path.with_suffix(SAMPLED), "Ways and motion planned by symgen."
-        written.append(write_motion_log(session, rate, log, sentence))
-    for sentence in ways.sentences(trajectory):
+    motion = read_trajectory(given.motion, lib)
+    given.require_possible(lib, motion.duration, safety)
+    given.require_new(path)
+    home, zero_jerk = motion.home, motion.basis.zero_jerk
+    ways = session_plan(lib, given, home, safety, given.margin, zero_jerk)
+    session = certified(lib, ways.around(motion), safety)
+    write_motion(motion, lib, path, ways=ways.parts)
+    samples = given.write_samples(session, path, "Ways and motion planned by symgen.")
+    for sentence in ways.sentences(motion):
         say(sentence)
-    stages = certified_stages(session, speeds)
-    say(f"trajectory: {', '.join(map(str, written))}")
-    if formats:
-        export_stages(stages, path.with_suffix(""), formats, given.export_rate, accepted)
+    given.write_stages(session, path, [path, *samples])
     given.write(path)

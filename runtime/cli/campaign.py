@@ -12,29 +12,18 @@ from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Driver
 from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.target import target_of
-from runtime.cli.common import Robot, Seed, Yes, numbers_option, open_robot, sentences_of
-from runtime.cli.motion_limits import (
-    Box,
-    Clearance,
-    LimitValues,
-    Obstacles,
-    Table,
-    safety_of,
-    table_height,
-)
-from runtime.common.settings import Choices
+from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
+from runtime.cli.motion_limits import PlaceChoices
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
 
-TORQUE_FRACTION = 0.95
-"""Fraction of the torque limits that motions may use."""
 NOT_REACHED = 1
 """Exit code where the time ended before the target was reached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignSettings(Choices):
+class CampaignSettings(PlaceChoices):
     """Settings of `symgen campaign`."""
 
     command = "campaign"
@@ -43,8 +32,6 @@ class CampaignSettings(Choices):
         str,
         typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
     ]
-    robot: Robot = "fr3"
-    yes: Yes = False
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of all files of the campaign.")
     ] = Path("results/campaign")
@@ -81,10 +68,6 @@ class CampaignSettings(Choices):
         bool,
         typer.Option(help="Run every motion on the virtual robot with planted faults first."),
     ] = True
-    table: Table = None
-    box: Box = None
-    clearance: Clearance = None
-    obstacles: Obstacles = None
     seed: Seed = 0
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
@@ -125,11 +108,7 @@ def campaign_command(given: CampaignSettings) -> None:
         given.rehearsal,
     )
     lib = open_robot(given.robot, given.yes)
-    height, _ = table_height(given.table)
-    limits = LimitValues(
-        TORQUE_FRACTION, given.clearance, height, given.box, obstacles=given.obstacles
-    )
-    safety = safety_of(lib, limits)
+    safety = given.safety()
     robot_driver = opened_driver(lib, given.driver, given.gains, given.seed, given.truth_seed)
     try:
         report = (lambda _: None) if given.as_json else say

@@ -25,6 +25,7 @@ from rich.progress import (
 )
 
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing, console, program
 from runtime.common.user_builds import built_robots
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
@@ -33,8 +34,7 @@ from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
 
 __all__ = [
-    "Robot",
-    "Yes",
+    "RobotChoices",
     "counting",
     "open_robot",
 ]
@@ -66,6 +66,16 @@ Robot = Annotated[
         help="Name or folder of a generated robot.",
     ),
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotChoices(Choices):
+    """A generated robot."""
+
+    robot: Robot = "fr3"
+    yes: Yes = False
+
+
 Seed = Annotated[
     int,
     typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1),

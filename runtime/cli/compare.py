@@ -7,11 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import (
-    Overwrite,
     ResultFolder,
-    Robot,
-    Seed,
-    Yes,
     counting,
     keep_earlier,
     listed,
@@ -20,22 +16,13 @@ from runtime.cli.common import (
     state,
 )
 from runtime.cli.log_options import (
-    ControllerFile,
-    CoulombSpeed,
-    Cutoff,
-    FrictionNames,
+    FitChoices,
     Log,
-    Parts,
-    Rate,
-    Recipe,
-    Regressor,
-    Run,
-    Stream,
     inputs_of,
     split_of,
 )
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.settings import FILE, Choices
+from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show
 from runtime.estimators.methods import METHODS, methods_from_statistics
@@ -60,14 +47,12 @@ _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html",
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompareSettings(Choices):
+class CompareSettings(FitChoices):
     """Settings of `symgen compare`."""
 
     command = "compare"
     options = "robot methods out recipe run friction cutoff overwrite"
     log: Log
-    robot: Robot = "fr3"
-    yes: Yes = False
     methods: Annotated[
         str | None,
         typer.Option(
@@ -80,16 +65,6 @@ class CompareSettings(Choices):
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
     ] = None
-    recipe: Recipe = None
-    run: Run = None
-    friction: FrictionNames = None
-    coulomb_speed: CoulombSpeed = None
-    cutoff: Cutoff = None
-    rate: Rate = None
-    regressor: Regressor = None
-    split: Parts = None
-    controller: ControllerFile = None
-    stream: Stream = None
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -97,8 +72,6 @@ class CompareSettings(Choices):
             help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
         ),
     ] = None
-    seed: Seed = 0
-    overwrite: Overwrite = False
 
 
 def compare_command(given: CompareSettings) -> None:

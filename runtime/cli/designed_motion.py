@@ -1,25 +1,22 @@
 """Motions that `symgen excite` designs: one, the shortest session, or several; their output."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from rich.progress import Progress
 
 from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
+from runtime.cli.excite_settings import ExciteSettings
 from runtime.cli.motion_output import (
-    CONSENT,
     SAMPLED,
     certified_stages,
     designed_by,
-    export_stages,
-    write_motion_log,
 )
 from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
@@ -27,7 +24,6 @@ from runtime.common.files import require_unused
 from runtime.common.settings import settings_place
 from runtime.common.tables import Table
 from runtime.common.terminal import console, say, show
-from runtime.errors import RuntimeFault
 from runtime.excitation import COST_SAMPLES, Trajectory
 from runtime.excitation.limits.constraints import FIT_PROXIES
 from runtime.excitation.motion_profile import profile_of
@@ -50,79 +46,6 @@ from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.outputs.report.motion_figures import write_pictures
-
-Budget = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS",
-        help="Time for searches: after the first, a further one is made only if the mean time per "
-        "search still fits. The best is then finished and certified. The result depends on the "
-        "speed of the machine.",
-    ),
-]
-"""--budget."""
-Until = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TARGET",
-        help='Find the shortest session with an expected standard deviation: "payload 5 g", '
-        "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). It "
-        "counts noise, friction, offsets, gains and model error. --duration and --criterion "
-        "follow.",
-    ),
-]
-GainError = Annotated[
-    float,
-    typer.Option(
-        metavar="SHARE",
-        help="Standard deviation of the torque gain of every joint in --until, relative to one.",
-    ),
-]
-_FOLLOWING = {
-    "duration",
-    "criterion",
-    "document",
-    "static",
-    "payload_only",
-    "noise_model",
-    "cutoff",
-}
-"""Parameters that --until chooses."""
-Motions = Annotated[
-    int,
-    typer.Option(
-        "--motions",
-        metavar="K",
-        help="Number of motions that share --duration, each designed with what those before it "
-        "determine; written as NAME-1.json to NAME-K.json. symgen approach exports them.",
-        min=1,
-    ),
-]
-_EXCLUDED = ("document", "static", "until", "export", "from_pose", "returns", "pictures")
-"""Parameters of one motion."""
-
-
-@dataclass(frozen=True, slots=True)
-class MotionFiles:
-    """Files of a designed motion.
-
-    Attributes:
-        path: JSON of the motion, from which the other names follow.
-        rate: of the sampled motion, Hz.
-        formats: of --export; none writes a CSV.
-        export_rate: of the setting export_rate, Hz; None is that of each format.
-        speeds: stages, shares of the designed speed.
-        pictures: PNG files too.
-        accepted: limits that the user allowed to stay unchecked.
-    """
-
-    path: Path
-    rate: float
-    formats: Sequence[str]
-    export_rate: float | None
-    speeds: Sequence[float]
-    pictures: bool
-    accepted: Sequence[str]
 
 
 @contextmanager
@@ -154,32 +77,25 @@ def write_design(
     optimum: Design,
     planned: Information,
     ways: SessionPlan,
-    files: MotionFiles,
-    *,
+    given: ExciteSettings,
+    path: Path,
     session: dict[str, Any] | None,
     note: str,
-    sentences: Callable[[Design], Sequence[str]],
-    margin: float,
+    sentences: Callable[[Design], Iterable[str]],
 ) -> None:
     """Write a designed motion; print its criteria, certificate and the names of its files."""
-    optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=margin))
+    inside = pulled_inside(lib, optimum.trajectory, share=given.share)
+    optimum = replace(optimum, trajectory=inside)
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, files.path, expected, ways.parts, session)
+    write_trajectory(optimum, lib, path, expected, ways.parts, session)
     motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
-    written = [files.path]
-    if not files.formats:
-        table = files.path.with_suffix(SAMPLED)
-        written.append(write_motion_log(motion, files.rate, table, designed_by(optimum)))
-    if files.pictures:
-        written += write_pictures(profile_of(motion), files.path.with_suffix(".png"))
+    written = [path, *given.write_samples(motion, path, designed_by(optimum))]
+    if given.pictures:
+        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     print_design(optimum, expected, lib, note)
     for sentence in sentences(optimum):
         say(sentence)
-    stages = certified_stages(motion, files.speeds)
-    say(f"trajectory: {', '.join(map(str, written))}")
-    if files.formats:
-        base = files.path.with_suffix("")
-        export_stages(stages, base, files.formats, files.export_rate, files.accepted)
+    given.write_stages(motion, path, written)
 
 
 def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
@@ -272,45 +188,21 @@ def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[
     return (*lines, *(f"note: {note}" for note in prediction.notes))
 
 
-def until_kind(given: Mapping[str, str], until: str | None) -> str | None:
-    """Kind of the target of --until."""
-    if until is None:
-        if "gain_error" in given:
-            raise RuntimeFault(
-                "the setting gain_error is part of the accuracy of --until; give --until, or "
-                "leave it out"
-            )
-        return None
-    for name, option in given.items():
-        if name in _FOLLOWING:
-            raise RuntimeFault(f"--until chooses the motion by its target; leave out {option}")
-    return target_of(until).kind
-
-
-def criterion_and_unknowns(
-    criterion: str | None, document: bool, payload_only: bool, aim: str | None
-) -> tuple[str, bool]:
-    """Criterion of a design, and whether only a payload is unknown."""
-    alone = payload_only or aim == "payload"
-    usual = "cond" if document else "mixed" if aim is None else "a" if alone else aim
-    return criterion or usual, alone
-
-
 def searched(
     lib: Library,
-    until: str | None,
+    given: ExciteSettings,
     settings: DesignSettings,
     ways: SessionPlan,
     known: Information,
-    gain_error: float,
-    **search: Any,
+    progress: Callable[[int, float, float], None],
 ) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
     """Design of the settings, or of the shortest session for --until."""
-    if until is None:
+    search = {"progress": progress, **given.search}
+    if given.until is None:
         return design(lib, settings, **search), {}, ()
-    require_gain_error(gain_error)
-    error = ModelError(gain=gain_error)
-    session = shortest_session(lib, target_of(until), settings, known, error, ways.around, **search)
+    require_gain_error(given.gain_error)
+    error, target = ModelError(gain=given.gain_error), target_of(given.until)
+    session = shortest_session(lib, target, settings, known, error, ways.around, **search)
     facts = session.facts()
     whole = ways.around(session.design.trajectory).duration
     seconds = f"session: {_times(ways, session.design.trajectory)} = {whole:.3g} s"
@@ -333,52 +225,21 @@ def _times(ways: SessionPlan, motion: Trajectory) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class SeveralFiles:
-    """Files of several motions.
-
-    Attributes:
-        path: JSON of --out, from which the names follow.
-        rate: of the sampled motions, Hz.
-        speeds: stages whose certificates are printed, shares of the designed speed.
-        overwrite: value of --overwrite.
-    """
-
-    path: Path
-    rate: float
-    speeds: list[float]
-    overwrite: bool
-
-    def of_motion(self, k: int) -> Path:
-        """JSON of motion K = 1, 2, …"""
-        return self.path.with_name(f"{self.path.stem}-{k}.json")
-
-
-def require_several(given: Mapping[str, str], motions: int) -> None:
-    """Refuse choices of one motion beside `motions`."""
-    for name, option in given.items():
-        if motions > 1 and name in _EXCLUDED:
-            raise RuntimeFault(
-                f"the setting motions writes one file per motion, to which {option} does not "
-                f"apply; "
-                "leave it out (symgen approach plans the ways of a motion and exports it)"
-            )
-
-
 def excite_several(
     lib: Library,
-    count: int,
+    given: ExciteSettings,
     settings: DesignSettings,
     known: Information,
-    files: SeveralFiles,
-    **search: Any,
+    place: Path,
 ) -> None:
     """Design several motions, print what their logs will show together, and write them."""
-    paths = [files.of_motion(k) for k in range(1, count + 1)]
+    count = given.motions
+    paths = [place.with_name(f"{place.stem}-{k}.json") for k in range(1, count + 1)]
     names = [p for one in paths for p in (one, one.with_suffix(SAMPLED))]
-    require_unused([*names, settings_place(files.path)], files.overwrite, consent=CONSENT)
+    consent = "--settings overwrite=true"
+    require_unused([*names, settings_place(place)], given.overwrite, consent=consent)
     written = []
-    designs = design_several(lib, settings, count, **search)
+    designs = design_several(lib, settings, count, **given.search)
     unit = common_unit(torque_units(lib.manifest), "m")
     for k, (path, designed) in enumerate(zip(paths, designs, strict=True), 1):
         optimum = replace(
@@ -389,11 +250,11 @@ def excite_several(
         write_trajectory(optimum, lib, path, expected)
         motion = certified(lib, optimum.trajectory, settings.safety)
         sentence = f"Designed by symgen, motion {k} of {count}."
-        written += [path, write_motion_log(motion, files.rate, path.with_suffix(SAMPLED), sentence)]
+        written += [path, *given.write_samples(motion, path, sentence)]
         sigma = torque_sigma(lib, optimum.trajectory.home, known)
         say(
             f"motion {k}: {optimum.trajectory.duration:.4g} s; expected σ of the torque of motions "
             f"never seen, by the logs so far: {1e3 * sigma:.4g} {unit}"
         )
-        certified_stages(motion, files.speeds)
+        certified_stages(motion, given.percents)
     say(f"trajectories: {', '.join(map(str, written))}")

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Yes, open_robot
+from runtime.cli.common import open_robot
 from runtime.cli.free_base import print_errors
-from runtime.cli.log_options import Recipe, Run
-from runtime.common.settings import Choices
+from runtime.cli.log_options import LaterLogChoices
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluation_of
 from runtime.identification.free_base.result import free_base_errors
@@ -19,42 +18,13 @@ from runtime.identification.saved_result import SavedResult, read_result, requir
 from runtime.library import Library
 from runtime.recording.free_base import read_free_base
 
-Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
-RobotOfResult = Annotated[
-    str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-]
-CutoffOfResult = Annotated[
-    float | None,
-    typer.Option(
-        metavar="HZ",
-        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the recipe, "
-        "else that of identify.",
-    ),
-]
-RateOfResult = Annotated[
-    float | None,
-    typer.Option(
-        metavar="HZ",
-        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else that "
-        "of identify.",
-    ),
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EvaluateSettings(Choices):
+class EvaluateSettings(LaterLogChoices):
     """Settings of `symgen evaluate`."""
 
     command = "evaluate"
     options = "robot recipe run cutoff as_json"
-    result: Result
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")]
-    robot: RobotOfResult = None
-    yes: Yes = False
-    recipe: Recipe = None
-    run: Run = None
-    cutoff: CutoffOfResult = None
-    rate: RateOfResult = None
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
 
 

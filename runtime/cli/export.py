@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Yes, listed, open_robot
-from runtime.common.settings import Choices
+from runtime.cli.common import listed, open_robot
+from runtime.cli.log_options import ResultChoices
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
@@ -26,12 +26,11 @@ def _list_formats(wanted: bool) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportSettings(Choices):
+class ExportSettings(ResultChoices):
     """Settings of `symgen export`."""
 
     command = "export"
     options = "to out robot overwrite formats"
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     to: Annotated[
         str | None,
         typer.Option(
@@ -44,10 +43,6 @@ class ExportSettings(Choices):
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
     ] = None
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None
-    yes: Yes = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False
     formats: Annotated[
         bool,

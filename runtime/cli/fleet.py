@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Yes, counting, open_robot
+from runtime.cli.common import Overwrite, counting, open_robot
+from runtime.cli.log_options import OfResult
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices, settings_place
+from runtime.common.settings import settings_place
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
@@ -33,7 +34,7 @@ SHOWN = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FleetSettings(Choices):
+class FleetSettings(OfResult):
     """Settings of `symgen fleet`."""
 
     command = "fleet"
@@ -47,10 +48,6 @@ class FleetSettings(Choices):
     out: Annotated[Path, typer.Option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
         "fleet.toml"
     )
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the files.")
-    ] = None
-    yes: Yes = False
     scheduler: Annotated[
         str | None,
         typer.Option(

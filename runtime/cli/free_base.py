@@ -1,15 +1,13 @@
 """`symgen identify` of a robot with a free base."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from runtime.cli.common import ResultFolder, keep_earlier, require_result_folder
+from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import fractions_of
-from runtime.common.settings import FILE, Choices
+from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import IdentificationError
@@ -28,15 +26,6 @@ from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
 from runtime.recording.free_base import FreeBaseRecording, read_free_base
 
-EquationRows = Annotated[
-    str | None,
-    typer.Option(
-        "--rows",
-        metavar="base|joints|all",
-        help="Equations of a robot with a free base: the six of the base, those of the joints, or "
-        "all; default all, and base without torques.",
-    ),
-]
 TAKEN = (
     *("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite"),
     *("friction", "delay", "report"),
@@ -56,63 +45,47 @@ def require_fixed_base(lib: Library, rows: str | None) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class WalkOptions:
-    """Options of the command for a robot with a free base, as they are given."""
-
-    rows: str | None
-    cutoff: str | None
-    split: str | None
-    prior: PriorFile | None
-    friction: str | None
-    delay: str | None
-
-    def of_drives(self, recording: FreeBaseRecording) -> tuple[tuple[str, ...], float | None]:
-        """Friction columns and the stated delay of commanded torques."""
-        given = {"--friction": self.friction, "--delay": self.delay}
-        names = [name for name, value in given.items() if value is not None]
-        if names and not recording.is_commanded:
-            raise IdentificationError(
-                f"{names[0]} does not apply to a robot with a free base whose torques are not "
-                f"commanded, and {recording.name} has no tau_command or q_des; leave it out"
-            )
-        words = COLUMNS if self.friction is None else tuple(self.friction.split(","))
-        delay = None if self.delay in {None, AUTO} else _seconds(str(self.delay))
-        return () if words == (NO_FRICTION,) else words, delay
+def _of_drives(
+    given: IdentifySettings, recording: FreeBaseRecording
+) -> tuple[tuple[str, ...], float | None]:
+    """Friction columns and the stated delay of commanded torques."""
+    stated = {"--friction": given.friction, "--delay": given.delay}
+    names = [name for name, value in stated.items() if value is not None]
+    if names and not recording.is_commanded:
+        raise IdentificationError(
+            f"{names[0]} does not apply to a robot with a free base whose torques are not "
+            f"commanded, and {recording.name} has no tau_command or q_des; leave it out"
+        )
+    words = COLUMNS if given.friction is None else tuple(given.friction.split(","))
+    delay = None if given.delay in {None, AUTO} else _seconds(str(given.delay))
+    return () if words == (NO_FRICTION,) else words, delay
 
 
-def identify_free_base_log(
-    lib: Library,
-    logs: list[str],
-    options: WalkOptions,
-    out: Path | None,
-    overwrite: bool,
-    report: bool,
-    given: Choices,
-) -> None:
+def identify_free_base_log(lib: Library, given: IdentifySettings, prior: PriorFile | None) -> None:
     """Read a log, identify, write result.json, identified.urdf and report, and print the errors."""
     unused = [option for name, option in given.stated().items() if name not in TAKEN]
     if unused:
         raise IdentificationError(
             f"{unused[0]} does not apply to a robot with a free base; leave it out"
         )
-    if len(logs) != 1:
+    if len(given.logs) != 1:
         raise IdentificationError(
-            f"expected one log of a robot with a free base, got {len(logs)}; identify each alone"
+            f"expected one log of a robot with a free base, got {len(given.logs)}; identify each "
+            "alone"
         )
-    path = Path(logs[0])
+    path = Path(given.logs[0])
     recording = read_free_base(path)
-    choice = options.rows or ("base" if recording.tau is None else "all")
-    friction, delay = options.of_drives(recording)
-    folder = out or Path("results") / f"{path.stem}-{choice}"
-    require_result_folder(folder, WRITTEN, overwrite)
+    choice = given.rows or ("base" if recording.tau is None else "all")
+    friction, delay = _of_drives(given, recording)
+    folder = given.out or Path("results") / f"{path.stem}-{choice}"
+    require_result_folder(folder, WRITTEN, given.overwrite)
     result = identify_free_base(
         recording,
         lib,
         choice,
-        cutoff_hz=None if options.cutoff is None else _number(options.cutoff, "--cutoff"),
-        share=SHARE if options.split is None else _share(options.split),
-        prior=options.prior,
+        cutoff_hz=None if given.cutoff is None else _number(given.cutoff, "--cutoff"),
+        share=SHARE if given.split is None else _share(given.split),
+        prior=prior,
         friction=friction,
         delay_s=delay,
     )
@@ -141,7 +114,7 @@ def identify_free_base_log(
         say(sentence)
     urdf = folder / "identified.urdf"
     say(f"URDF:   {urdf} ({write_urdf(lib, result.pi, urdf)})")
-    if report:
+    if given.report:
         say(f"report: {write_report(folder)}")
     else:
         (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces

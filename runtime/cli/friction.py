@@ -6,11 +6,10 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Overwrite, Yes, open_robot
-from runtime.cli.evaluate import CutoffOfResult, RateOfResult, Result, RobotOfResult
-from runtime.cli.log_options import Parts, Recipe, Run, split_of
+from runtime.cli.common import Overwrite, open_robot
+from runtime.cli.log_options import LaterLogChoices, Parts, split_of
 from runtime.common.files import require_unused
-from runtime.common.settings import FILE, Choices
+from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
@@ -31,23 +30,15 @@ _STALE = ("posterior.npz", "statistics.npz")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrictionSettings(Choices):
+class FrictionSettings(LaterLogChoices):
     """Settings of `symgen friction`."""
 
     command = "friction"
     options = "robot out recipe run cutoff overwrite"
-    result: Result
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A later log, some seconds suffice.")]
-    robot: RobotOfResult = None
-    yes: Yes = False
     out: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
     ] = None
-    recipe: Recipe = None
-    run: Run = None
-    cutoff: CutoffOfResult = None
-    rate: RateOfResult = None
     split: Parts = None
     overwrite: Overwrite = False
 

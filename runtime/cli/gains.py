@@ -9,9 +9,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
-from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
-from runtime.common.settings import Choices
+from runtime.cli.common import open_robot, write_recipe
+from runtime.cli.log_options import (
+    BodyChoices,
+    CoulombSpeed,
+)
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show
 from runtime.errors import IdentificationError, RecordingError
@@ -34,7 +36,7 @@ _WIDEST = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GainsSettings(Choices):
+class GainsSettings(BodyChoices):
     """Settings of `symgen gains`."""
 
     command = "gains"
@@ -62,9 +64,6 @@ class GainsSettings(Choices):
             metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
         ),
     ] = None
-    robot: Robot = "fr3"
-    yes: Yes = False
-    link: CarryingLink = None
     friction: Annotated[
         str | None,
         typer.Option(
@@ -74,20 +73,15 @@ class GainsSettings(Choices):
         ),
     ] = None
     coulomb_speed: CoulombSpeed = None
-    recipe: Recipe = None
-    run: Run = None
     loaded_run: Annotated[
         str | None, typer.Option(help="Run of the loaded log; default --run.")
     ] = None
-    cutoff: CutoffHz = None
-    rate: Rate = None
     recipe_out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
         ),
     ] = None
-    overwrite: Overwrite = False
 
 
 def gains_command(given: GainsSettings) -> None:

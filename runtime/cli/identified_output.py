@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from runtime.cli.drive import delay_lines, drive_table
+from runtime.cli.identify_settings import IdentifySettings
 from runtime.common.terminal import VERBOSE, command_line, say, show
 from runtime.estimators.optimizers import Status
 from runtime.identification.identified import Identification
@@ -27,26 +28,14 @@ UNFINISHED = frozenset(
 """Ends of a method that the summary states."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outputs:
-    """Files that options switch on or off.
+def finish(result: Identification, folder: Path, given: IdentifySettings, inspect: str) -> None:
+    """Write all files of a result, then print it: a pipe that closes costs no file.
 
-    Attributes:
-        report: the setting report.
-        statistics: the setting save_statistics.
-        inspect: command that inspects the log.
+    inspect: command that inspects the log.
     """
-
-    report: bool
-    statistics: bool
-    inspect: str
-
-
-def finish(result: Identification, folder: Path, outputs: Outputs) -> None:
-    """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
-    files = _written(result, folder, outputs)
-    for line in (*_summary(result, record, outputs.inspect), *files):
+    files = _written(result, folder, given)
+    for line in (*_summary(result, record, inspect), *files):
         say(line)
     if VERBOSE.get():
         _print_details(result, record)
@@ -117,7 +106,7 @@ def _print_details(result: Identification, record: ResultRecord) -> None:
         say(f"note: {warning}")
 
 
-def _written(result: Identification, folder: Path, outputs: Outputs) -> list[str]:
+def _written(result: Identification, folder: Path, given: IdentifySettings) -> list[str]:
     """Write the files beside result.json; a line for each. Those of an earlier result go."""
     lines = []
     if result.is_consistent:
@@ -125,11 +114,11 @@ def _written(result: Identification, folder: Path, outputs: Outputs) -> list[str
     else:
         (folder / "identified.urdf").unlink(missing_ok=True)
         lines.append("URDF:   not written, because the model is not physically consistent")
-    if outputs.report:
+    if given.report:
         lines.append(f"report: {write_report(folder)}")
     else:
         (folder / "report.html").unlink(missing_ok=True)
-    if outputs.statistics:
+    if given.save_statistics:
         write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")
     else:

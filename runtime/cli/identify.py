@@ -3,66 +3,27 @@
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.cli.common import (
-    Overwrite,
     ResultFolder,
-    Robot,
-    Seed,
-    Yes,
     counting,
     keep_earlier,
     open_robot,
     require_result_folder,
     state,
 )
-from runtime.cli.free_base import (
-    EquationRows,
-    WalkOptions,
-    identify_free_base_log,
-    require_fixed_base,
-)
-from runtime.cli.identified_output import Outputs, finish
-from runtime.cli.log_options import (
-    ControllerFile,
-    CoulombSpeed,
-    Cutoff,
-    Delay,
-    EncoderBias,
-    FrictionNames,
-    Logs,
-    Method,
-    OutFolder,
-    Parts,
-    PayloadOf,
-    Preset,
-    Prior,
-    Rate,
-    Recipe,
-    Refit,
-    Regressor,
-    Robust,
-    Run,
-    SaveStatistics,
-    Stream,
-    Symmetric,
-    Tie,
-    WithReport,
-    inputs_of,
-    prior_of,
-    runs_of,
-    split_of,
-)
+from runtime.cli.free_base import identify_free_base_log, require_fixed_base
+from runtime.cli.identified_output import finish
+from runtime.cli.identify_settings import IdentifySettings
+from runtime.cli.log_options import prior_of, runs_of
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.settings import FILE, Choices
+from runtime.common.settings import FILE
 from runtime.common.terminal import program, say
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
-from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import AUTO, Settings
 from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
@@ -76,43 +37,6 @@ _WRITTEN = ResultFolder(
     ),
     "method",
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifySettings(Choices):
-    """Settings of `symgen identify`."""
-
-    command = "identify"
-    options = "robot recipe run method friction cutoff delay prior split out overwrite"
-    logs: Logs
-    robot: Robot = "fr3"
-    yes: Yes = False
-    method: Method = None
-    out: OutFolder = None
-    preset: Preset = None
-    prior: Prior = None
-    recipe: Recipe = None
-    run: Run = None
-    friction: FrictionNames = None
-    coulomb_speed: CoulombSpeed = None
-    cutoff: Cutoff = None
-    rate: Rate = None
-    regressor: Regressor = None
-    delay: Delay = None
-    encoder_bias: EncoderBias = None
-    symmetric: Symmetric = None
-    tie: Tie = False
-    split: Parts = None
-    controller: ControllerFile = None
-    stream: Stream = None
-    rows: EquationRows = None
-    robust: Robust = False
-    payload_of: PayloadOf = None
-    refit: Refit = True
-    save_statistics: SaveStatistics = False
-    report: WithReport = True
-    seed: Seed = 0
-    overwrite: Overwrite = False
 
 
 def identify_command(given: IdentifySettings) -> None:
@@ -143,47 +67,17 @@ def identify_command(given: IdentifySettings) -> None:
     parameters so far.
     """
     lib = open_robot(given.robot, given.yes, takes_free_base=True)
-    known = prior_of(given.prior, lib)
     if lib.manifest.floating:
-        identify_free_base_log(
-            lib,
-            given.logs,
-            WalkOptions(given.rows, given.cutoff, given.split, known, given.friction, given.delay),
-            given.out,
-            given.overwrite,
-            given.report,
-            given,
-        )
+        identify_free_base_log(lib, given, prior_of(given.prior, lib))
         return
     require_fixed_base(lib, given.rows)
-    settings = Settings(
-        method=given.method,
-        preset=given.preset,
-        prior=known,
-        friction=given.friction,
-        coulomb_speed=given.coulomb_speed,
-        cutoff=given.cutoff,
-        rate=given.rate,
-        regressor=given.regressor,
-        delay=given.delay,
-        encoder_bias=given.encoder_bias,
-        symmetric=tuple(given.symmetric or ()),
-        tie=given.tie,
-        split=split_of(given.split),
-        seed=given.seed,
-        refit=given.refit,
-        robust=given.robust,
-    )
-    settings = settings_for(lib, settings)
+    settings = given.fitted(lib)
     inspect = _inspection(given)
     runs = runs_of(given.logs, given.run)
     several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, given.overwrite)
-    settings = replace(
-        settings, inputs=inputs_of([chosen], lib, controller=given.controller) or None
-    )
     with counting(state()) as bar, _naming(inspect):
         shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, given.preset))
         opened = (
@@ -195,7 +89,7 @@ def identify_command(given: IdentifySettings) -> None:
         result = with_row_marks(result, opened, settings.split)
     keep_earlier(folder, _WRITTEN)
     given.write(folder)
-    finish(result, folder, Outputs(given.report, given.save_statistics, inspect))
+    finish(result, folder, given, inspect)
 
 
 def _inspection(given: IdentifySettings) -> str:

@@ -8,10 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Robot, Yes, open_robot, write_recipe
+from runtime.cli.common import Overwrite, RobotChoices, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
-from runtime.common.settings import Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
@@ -23,14 +22,12 @@ _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InspectSettings(Choices):
+class InspectSettings(RobotChoices):
     """Settings of `symgen inspect`."""
 
     command = "inspect"
     options = "robot recipe run recipe_out plot overwrite as_json strict"
     log: Log
-    robot: Robot = "fr3"
-    yes: Yes = False
     recipe: Annotated[
         str | None,
         typer.Option(

@@ -1,15 +1,16 @@
-"""Options on logs that several commands share, and the files that they name."""
+"""Records of choices on logs that several commands share, and the files that they name."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import numbers_option
+from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option
+from runtime.common.settings import Choices
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.settings import AUTO
@@ -25,45 +26,6 @@ Log = Annotated[
         "name of a known data set such as panda_gaz.",
     ),
 ]
-Logs = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="LOG...",
-        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
-        "recipe, or names of known data sets such as panda_gaz.",
-    ),
-]
-Method = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        autocompletion=completing(METHODS),
-        help=f"Estimator: {', '.join(METHODS)}; default map, with the setting preset adam.",
-    ),
-]
-OutFolder = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
-    ),
-]
-Preset = Annotated[
-    str | None,
-    typer.Option(
-        metavar="|".join(PRESETS),
-        autocompletion=completing(PRESETS),
-        help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
-        "document, full uses all samples in every step; default full.",
-    ),
-]
-Prior = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
-        "and symmetries.",
-    ),
-]
 Recipe = Annotated[
     str | None,
     typer.Option(
@@ -73,96 +35,6 @@ Recipe = Annotated[
     ),
 ]
 Run = Annotated[str | None, typer.Option(help="Name of the run, where a recipe lists several.")]
-FrictionNames = Annotated[
-    str | None,
-    typer.Option(
-        metavar="COLUMNS|auto|none",
-        autocompletion=completing((*COLUMNS, AUTO, "none")),
-        help="Friction columns with commas, of "
-        f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a column "
-        "to every candidate, none fits the inertia only; default from the recipe, else identify "
-        "and compare choose among offset, viscous, coulomb and rotor by cross-validation.",
-    ),
-]
-CoulombSpeed = Annotated[
-    float | None,
-    typer.Option(
-        help="Speed over which the smooth Coulomb sign changes, rad/s or m/s; default from the "
-        f"recipe, else {Friction(columns=()).coulomb_speed:g}."
-    ),
-]
-CutoffHz = Annotated[
-    float | None,
-    typer.Option(
-        metavar="HZ",
-        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the recipe, "
-        "else no filter.",
-    ),
-]
-Cutoff = Annotated[
-    str | None,
-    typer.Option(
-        metavar="HZ|auto",
-        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; auto chooses it by "
-        "cross-validation; default from the recipe, else no filter.",
-    ),
-]
-CarryingLink = Annotated[
-    str | None,
-    typer.Option("--link", help="Link that carries the payload; default the link of the tip."),
-]
-Regressor = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FORM",
-        help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
-        "needs ddq, momentum does not, energy gives one row for all joints and less information; "
-        "auto takes momentum where the differentiation of dq fails. Default from the recipe, else "
-        "acceleration.",
-    ),
-]
-Delay = Annotated[
-    str | None,
-    typer.Option(
-        metavar="S|auto|per-joint",
-        help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured one "
-        "behind the motion; auto estimates it with its uncertainty, per-joint one for each joint; "
-        "default torque_delay_s of the recipe, else none.",
-    ),
-]
-EncoderBias = Annotated[
-    bool | None,
-    typer.Option(
-        "--encoder-bias/--no-encoder-bias",
-        help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
-        "estimates the delay of a commanded torque.",
-    ),
-]
-Symmetric = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="LEFT:RIGHT",
-        help="Compare armature and friction of mirrored joints, whose names differ in these parts, "
-        "such as left:right or FL:FR; repeatable.",
-    ),
-]
-Tie = Annotated[
-    bool,
-    typer.Option(
-        "--tie",
-        help="With the setting symmetric: the right link is the mirror image of the left one, "
-        "and viscous "
-        "friction and armature of both differ by a tenth; dry friction stays apart.",
-    ),
-]
-Rate = Annotated[
-    float | None,
-    typer.Option(
-        metavar="HZ",
-        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else every "
-        "sample.",
-    ),
-]
 Parts = Annotated[
     str | None,
     typer.Option(
@@ -174,55 +46,150 @@ Parts = Annotated[
         "0.48,0.6.",
     ),
 ]
-Stream = Annotated[
-    bool | None,
+Cutoff = Annotated[
+    str | None,
     typer.Option(
-        "--stream/--no-stream",
-        help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
-        "and bags above 200 MB.",
+        metavar="HZ|auto",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; auto chooses it by "
+        "cross-validation; default from the recipe, else no filter.",
     ),
 ]
-ControllerFile = Annotated[
-    Path | None,
+Rate = Annotated[
+    float | None,
     typer.Option(
-        metavar="FILE",
-        help="TOML with the controller's gains and the reference motion, which the methods iv and "
-        "didim need; simulate writes one as LOG.loop.toml.",
+        metavar="HZ",
+        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else every "
+        "sample.",
     ),
 ]
-Robust = Annotated[
-    bool,
+CoulombSpeed = Annotated[
+    float | None,
     typer.Option(
-        "--robust",
-        help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
-        "notes name the rows that count less.",
+        help="Speed over which the smooth Coulomb sign changes, rad/s or m/s; default from the "
+        f"recipe, else {Friction(columns=()).coulomb_speed:g}."
     ),
 ]
-PayloadOf = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="LOG=FILE",
-        help="Known payload of one of several logs: the payload.json that the command payload "
-        "wrote; repeatable.",
-    ),
-]
-Refit = Annotated[
-    bool,
-    typer.Option(
-        help="Fit the parameters again to all rows once the errors on the test part are "
-        "known (methods without early stopping)."
-    ),
-]
-SaveStatistics = Annotated[
-    bool,
-    typer.Option(
-        "--save-statistics",
-        help="Write statistics.npz, the compressed log that fleet needs.",
-    ),
-]
-WithReport = Annotated[
-    bool, typer.Option(help="Write report.html; its figures cost most of a second.")
-]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogChoices(RobotChoices):
+    """A log of a robot."""
+
+    recipe: Recipe = None
+    run: Run = None
+    overwrite: Overwrite = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyChoices(LogChoices):
+    """A log of a body on a link."""
+
+    rate: Rate = None
+    link: Annotated[
+        str | None,
+        typer.Option("--link", help="Link that carries the payload; default the link of the tip."),
+    ] = None
+    cutoff: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
+            "recipe, else no filter.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitChoices(LogChoices):
+    """A log that parameters are fitted to."""
+
+    rate: Rate = None
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMNS|auto|none",
+            autocompletion=completing((*COLUMNS, AUTO, "none")),
+            help="Friction columns with commas, of "
+            f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a "
+            "column to every candidate, none fits the inertia only; default from the recipe, else "
+            "identify and compare choose among offset, viscous, coulomb and rotor by "
+            "cross-validation.",
+        ),
+    ] = None
+    coulomb_speed: CoulombSpeed = None
+    cutoff: Cutoff = None
+    regressor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORM",
+            help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
+            "needs ddq, momentum does not, energy gives one row for all joints and less "
+            "information; auto takes momentum where the differentiation of dq fails. Default from "
+            "the recipe, else acceleration.",
+        ),
+    ] = None
+    split: Parts = None
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="TOML with the controller's gains and the reference motion, which the methods iv "
+            "and didim need; simulate writes one as LOG.loop.toml.",
+        ),
+    ] = None
+    stream: Annotated[
+        bool | None,
+        typer.Option(
+            "--stream/--no-stream",
+            help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
+            "and bags above 200 MB.",
+        ),
+    ] = None
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OfResult(Choices):
+    """The robot of a result."""
+
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+    ] = None
+    yes: Yes = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResultChoices(OfResult):
+    """A result of identify."""
+
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaterLogChoices(ResultChoices):
+    """A result of identify and another log, prepared in the same way unless it is stated."""
+
+    log: Annotated[
+        str, typer.Argument(metavar="LOG", help="Another log of the same robot, of any length.")
+    ]
+    recipe: Recipe = None
+    run: Run = None
+    cutoff: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
+            "recipe, else that of identify.",
+        ),
+    ] = None
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
+            "that of identify.",
+        ),
+    ] = None
 
 
 def split_of(text: str | None) -> Split | None:

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from runtime.cli.common import numbers_option
+from runtime.cli.common import RobotChoices, numbers_option
 from runtime.common.files import json_of
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
@@ -16,7 +16,7 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
 from runtime.excitation.limits.constraints import TABLE_MARGIN
 from runtime.excitation.limits.obstacles import read_obstacles
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import TABLE, Safety
 from runtime.identification.payload.body import Mount, mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload, read_known_payload
 from runtime.library import Array, Library
@@ -35,146 +35,140 @@ BOX = 6
 """Count of the numbers of --box, and of a box in a file."""
 NO_TABLE = "none"
 """Value of --table where there is no table."""
-Table = Annotated[
-    str | None,
-    typer.Option(
-        metavar="Z",
-        help="Height of a table that the arm stays above, m in the base frame; none where "
-        "there is no table. --export needs one of both.",
-    ),
-]
-Unchecked = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="LIMIT",
-        help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
-        "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
-        "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
-    ),
-]
-Box = Annotated[
-    str | None,
-    typer.Option(
-        metavar="BOX",
-        help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
-        "frame; inf leaves a side open.",
-    ),
-]
-Clearance = Annotated[
-    float | None,
-    typer.Option(
-        help="Least distance between links, above the table and from obstacles, m; default the "
-        f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
-    ),
-]
-Carry = Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)]
-Obstacles = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with name, "
-        "center, size (edges), rpy and radius, m and rad in the base frame.",
-    ),
-]
-PayloadBand = Annotated[
-    str | None,
-    typer.Option(
-        metavar="MASS,REACH",
-        help="The limits of torques hold for every payload that differs from --carry, or from an "
-        "empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the tip.",
-    ),
-]
-FrictionBand = Annotated[
-    float | None,
-    typer.Option(
-        metavar="PERCENT",
-        help="The limits of torques hold for --settings viscous=FV and the setting coulomb ± "
-        "PERCENT of both.",
-    ),
-]
-ModelBand = Annotated[
-    str | None,
-    typer.Option(
-        metavar="TRUST",
-        help="The limits of torques hold for all link parameters within the 95 % intervals of the "
-        "inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
-    ),
-]
-TorqueFraction = Annotated[
-    float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
-]
-Viscous = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FV",
-        help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
-        "joint with commas; default 0.",
-    ),
-]
-Coulomb = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FC",
-        help="Coulomb friction in the torque limits, N·m or N: one number or one per joint with "
-        "commas; default 0.",
-    ),
-]
 
 
-@dataclass(frozen=True, slots=True)
-class LimitValues:
-    """Values of the options that state limits; None where an option is not given.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceChoices(RobotChoices):
+    """Places that a moving robot keeps away from."""
 
-    Attributes:
-        torque_fraction: fraction of the torque limits that may be used, 0 to 1.
-        clearance: least distance of links from each other and the table, m.
-        table: height of a table in the base frame, m.
-        box: six numbers with commas, range of the tip along x, y and z, m.
-        viscous: one number or one per joint, N·m·s/rad.
-        coulomb: one number or one per joint, N·m.
-        carry: body in the hand, value of --carry.
-        obstacles: TOML of obstacles.
-        payload_band: mass in kg and reach in m of what the payload may differ by.
-        friction_band: half-width of friction in %.
-        model_band: trust in the parameters of the links.
-    """
+    table: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Z",
+            help="Height of a table that the arm stays above, m in the base frame; none where "
+            "there is no table. --export needs one of both.",
+        ),
+    ] = None
+    box: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BOX",
+            help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
+            "frame; inf leaves a side open.",
+        ),
+    ] = None
+    clearance: Annotated[
+        float | None,
+        typer.Option(
+            help="Least distance between links, above the table and from obstacles, m; default the "
+            f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
+        ),
+    ] = None
+    obstacles: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with "
+            "name, center, size (edges), rpy and radius, m and rad in the base frame.",
+        ),
+    ] = None
 
-    torque_fraction: float
-    clearance: float | None = None
-    table: float | None = None
-    box: str | None = None
-    viscous: str | None = None
-    coulomb: str | None = None
-    carry: str | None = None
-    obstacles: Path | None = None
-    payload_band: str | None = None
-    friction_band: float | None = None
-    model_band: str | None = None
+    @property
+    def has_no_table(self) -> bool:
+        """Whether the user states that there is no table."""
+        return self.table == NO_TABLE
+
+    def safety(self, **numbers: Any) -> Safety:
+        """Limits besides those that the robot states."""
+        return Safety(
+            clearance=self.clearance,
+            table=None if self.table is None or self.has_no_table else _height(self.table),
+            box=None if self.box is None else numbers_option(self.box, BOX, "--box"),
+            obstacles=() if self.obstacles is None else read_obstacles(self.obstacles),
+            **numbers,
+        )
 
 
-def safety_of(lib: Library, values: LimitValues) -> Safety:
-    """Limits of the options, which hold besides those that the robot states."""
-    body, box = carried_body(lib, values.carry), values.box
-    return Safety(
-        torque_fraction=values.torque_fraction,
-        clearance=values.clearance,
-        table=values.table,
-        box=None if box is None else numbers_option(box, BOX, "--box"),
-        viscous=_per_joint(lib, values.viscous, "the setting viscous"),
-        coulomb=_per_joint(lib, values.coulomb, "the setting coulomb"),
-        carried=body,
-        obstacles=() if values.obstacles is None else read_obstacles(values.obstacles),
-        band=band_of(lib, values.payload_band, values.model_band, body),
-        friction_band=(values.friction_band or 0.0) / 100,
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitChoices(PlaceChoices):
+    """Limits of a designed motion."""
+
+    unchecked: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
+            "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
+            "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
+        ),
+    ] = None
+    carry: Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)] = None
+    torque_fraction: Annotated[
+        float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
+    ] = 0.95
+    viscous: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FV",
+            help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
+            "joint with commas; default 0.",
+        ),
+    ] = None
+    coulomb: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FC",
+            help="Coulomb friction in the torque limits, N·m or N: one number or one per joint "
+            "with commas; default 0.",
+        ),
+    ] = None
+    payload_band: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MASS,REACH",
+            help="The limits of torques hold for every payload that differs from --carry, or from "
+            "an empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the "
+            "tip.",
+        ),
+    ] = None
+    friction_band: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="The limits of torques hold for --settings viscous=FV and the setting coulomb ± "
+            "PERCENT of both.",
+        ),
+    ] = None
+    model_band: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TRUST",
+            help="The limits of torques hold for all link parameters within the 95 % intervals of "
+            "the inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
+        ),
+    ] = None
+
+    @property
+    def accepted(self) -> list[str]:
+        """Limits that the user allows to stay unchecked."""
+        return [*(self.unchecked or ()), *([TABLE] if self.has_no_table else [])]
+
+    def limits(self, lib: Library) -> Safety:
+        """All limits besides those that the robot states."""
+        body = carried_body(lib, self.carry)
+        return self.safety(
+            torque_fraction=self.torque_fraction,
+            viscous=_per_joint(lib, self.viscous, "the setting viscous"),
+            coulomb=_per_joint(lib, self.coulomb, "the setting coulomb"),
+            carried=body,
+            band=band_of(lib, self.payload_band, self.model_band, body),
+            friction_band=(self.friction_band or 0.0) / 100,
+        )
 
 
-def table_height(text: str | None) -> tuple[float | None, bool]:
-    """Height of the option --table."""
-    if text is None or text == NO_TABLE:
-        return None, text == NO_TABLE
+def _height(text: str) -> float:
     try:
-        return float(text), False
+        return float(text)
     except ValueError:
         raise RuntimeFault(
             f"--table needs a height in m in the base frame, or none where there is no table, got "

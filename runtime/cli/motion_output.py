@@ -1,15 +1,23 @@
 """Files of planned motions: samples, stages with their certificates, and exports."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
+from runtime.cli.common import Overwrite, Seed, sentences_of
+from runtime.cli.motion_limits import LimitChoices
+from runtime.common.files import require_unused
 from runtime.common.settings import settings_place
 from runtime.common.tables import Table
-from runtime.common.terminal import say, show
+from runtime.common.terminal import completing, say, show
 from runtime.errors import RuntimeFault
 from runtime.excitation.limits.obstacles import OBSTACLE
+from runtime.excitation.limits.safety import Safety, require_consent
+from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.excitation.proof.certified_motion import (
@@ -20,12 +28,16 @@ from runtime.excitation.proof.certified_motion import (
 )
 from runtime.excitation.search.design import Design
 from runtime.excitation.search.design_settings import LONGEST
+from runtime.library import Library
 from runtime.outputs.report.motion_figures import picture_paths
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
-CONSENT = "--settings overwrite=true"
-"""How the user of `excite` allows that files are replaced."""
+FROM = (
+    "Present pose, from which the way to the start is planned under the same limits: home, one "
+    "number per joint with commas (rad or m), or a log, whose last row counts."
+)
+"""Help of --from."""
 EXPORT_MARGIN = 0.95
 """Default share of the limits that an exported motion uses."""
 SAMPLED = ".motion.csv"
@@ -34,8 +46,108 @@ ROWS_HZ = 1000.0
 """Default rate of the sampled motion."""
 
 
-def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
-    """Speeds of the stages over that of the designed motion."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionChoices(LimitChoices):
+    """Limits of a motion, and its files for a robot."""
+
+    from_pose: Annotated[str | None, typer.Option("--from", metavar="POSE", help=FROM)] = None
+    returns: Annotated[
+        bool, typer.Option("--return", help="Go back to the pose of --from after the motion.")
+    ] = False
+    export: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FORMAT",
+            autocompletion=completing(MOTION_FORMATS),
+            help="Files for a robot with ways and motion in one, written only if the certificate "
+            f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
+        ),
+    ] = None
+    export_rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
+            "always."
+        ),
+    ] = None
+    speed: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="Speed of a stage in % of the designed speed, on the same path; "
+            "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
+            "a robot. File names end in -speed10. Default 100."
+        ),
+    ] = None
+    seed: Seed = 0
+    overwrite: Overwrite = False
+
+    @property
+    def percents(self) -> list[float]:
+        """Speeds of the stages in % of the designed speed."""
+        return self.speed or [100.0]
+
+    @property
+    def rate(self) -> float:
+        """Rate of the sampled motion, Hz."""
+        return ROWS_HZ if self.export_rate is None else self.export_rate
+
+    def require_possible(self, lib: Library, duration: float, safety: Safety | None) -> None:
+        """Refuse, before a search, samples, formats and exports that would be refused after it.
+
+        Args:
+            lib: library of the robot.
+            duration: of the motion, s.
+            safety: limits of the motion; None for those of the document.
+        """
+        sample_times(duration, self.rate)
+        formats = [MOTION_FORMATS[name].name for name in self.export or ()]
+        if formats:
+            require_consent(unchecked_limits(lib, safety), self.accepted)
+        require_stages(duration, self.percents)
+
+    def require_new(self, path: Path, pictures: bool = False) -> None:
+        """Refuse to replace files of a motion without consent.
+
+        Args:
+            path: JSON of the motion.
+            pictures: whether pictures are among them.
+        """
+        files = files_of(path, self.export or (), self.percents, pictures)
+        consent = "--overwrite" if "overwrite" in self.options else "--settings overwrite=true"
+        require_unused(files, self.overwrite, consent=consent)
+
+    def write_samples(self, motion: CertifiedMotion, path: Path, sentence: str) -> list[Path]:
+        """Write the motion, sampled, where no format of a robot is given.
+
+        Args:
+            motion: certified motion.
+            path: JSON of the motion.
+            sentence: history of the log.
+
+        Returns:
+            The file, or nothing.
+        """
+        if self.export:
+            return []
+        return [write_motion_log(motion, self.rate, path.with_suffix(SAMPLED), sentence)]
+
+    def write_stages(self, motion: CertifiedMotion, path: Path, written: Sequence[Path]) -> None:
+        """Print the certificate of every stage and the files; write those for a robot.
+
+        Args:
+            motion: certified motion.
+            path: JSON of the motion.
+            written: files that are written already.
+        """
+        stages = certified_stages(motion, self.percents)
+        say(f"trajectory: {', '.join(map(str, written))}")
+        if self.export:
+            base = path.with_suffix("")
+            export_stages(stages, base, self.export, self.export_rate, self.accepted)
+
+
+def require_stages(duration: float, percents: Sequence[float]) -> None:
+    """Refuse speeds of stages that no motion of a duration has."""
     shares = [require_speed(percent / 100) for percent in percents]
     slowest = duration / min(shares)
     if slowest > LONGEST:
@@ -43,7 +155,6 @@ def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
             f"expected stages up to {LONGEST:g} s, but --speed {100 * min(shares):g} makes the "
             f"motion of {duration:g} s {slowest:.3g} s long; give a larger --speed"
         )
-    return shares
 
 
 def files_of(
@@ -85,10 +196,10 @@ def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
 
 
 def certified_stages(
-    motion: CertifiedMotion, speeds: Sequence[float]
+    motion: CertifiedMotion, percents: Sequence[float]
 ) -> dict[float, CertifiedMotion]:
     """Print the certificate of every stage."""
-    stages = {100 * share: at_speed(motion, share) for share in speeds}
+    stages = {percent: at_speed(motion, percent / 100) for percent in percents}
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):
             say(line)

@@ -12,14 +12,13 @@ import typer
 from runtime.cli.common import (
     Overwrite,
     ResultFolder,
-    Yes,
     keep_earlier,
     open_robot,
     require_result_folder,
 )
-from runtime.cli.log_options import Log, Recipe, Run
+from runtime.cli.log_options import Log, OfResult, Recipe, Run
 from runtime.common.files import replacing
-from runtime.common.settings import FILE, Choices
+from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
@@ -74,7 +73,7 @@ SHOWN = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObserveSettings(Choices):
+class ObserveSettings(OfResult):
     """Settings of `symgen observe`."""
 
     command = "observe"
@@ -122,10 +121,6 @@ class ObserveSettings(Choices):
         bool,
         typer.Option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
     ] = False
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None
-    yes: Yes = False
     overwrite: Overwrite = False
     recipe: Recipe = None
     run: Run = None

@@ -8,16 +8,13 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import (
-    Overwrite,
     ResultFolder,
-    Robot,
-    Yes,
     keep_earlier,
     open_robot,
     require_result_folder,
 )
-from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
-from runtime.common.settings import FILE, Choices
+from runtime.cli.log_options import BodyChoices
+from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
@@ -35,15 +32,12 @@ _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PayloadSettings(Choices):
+class PayloadSettings(BodyChoices):
     """Settings of `symgen payload`."""
 
     command = "payload"
     options = "robot empty model out recipe run overwrite as_json"
     log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")]
-    robot: Robot = "fr3"
-    yes: Yes = False
-    link: CarryingLink = None
     empty: Annotated[
         str | None,
         typer.Option(
@@ -63,13 +57,9 @@ class PayloadSettings(Choices):
         Path | None,
         typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
     ] = None
-    recipe: Recipe = None
-    run: Run = None
     empty_run: Annotated[
         str | None, typer.Option(help="Run of the log without payload; default --run.")
     ] = None
-    cutoff: CutoffHz = None
-    rate: Rate = None
     gain_error: Annotated[
         float,
         typer.Option(
@@ -78,7 +68,6 @@ class PayloadSettings(Choices):
             "intervals include; 0.05 for 5 %.",
         ),
     ] = 0.0
-    overwrite: Overwrite = False
     as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False
 
 

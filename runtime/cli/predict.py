@@ -2,15 +2,15 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Robot, Yes, counting, open_robot, state
-from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
+from runtime.cli.common import counting, open_robot, state
+from runtime.cli.log_options import Cutoff, LogChoices, Rate
 from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,
@@ -22,7 +22,6 @@ from runtime.cli.planned_log import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
-from runtime.common.settings import Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
@@ -59,7 +58,7 @@ SAME = "same"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PredictSettings(Choices):
+class PredictSettings(LogChoices):
     """Settings of `symgen predict`."""
 
     command = "predict"
@@ -71,8 +70,6 @@ class PredictSettings(Choices):
             help="A motion written by excite (.json), or a log.",
         ),
     ]
-    robot: Robot = "fr3"
-    yes: Yes = False
     noise: Annotated[
         str | None,
         typer.Option(
@@ -88,7 +85,6 @@ class PredictSettings(Choices):
             f"{RATE:g}, after a log the rate of its rows."
         ),
     ] = None
-    rate: Rate = None
     friction: Annotated[
         str | None,
         typer.Option(
@@ -116,14 +112,12 @@ class PredictSettings(Choices):
             f"with the {SAME} motion again or with another motion or log.",
         ),
     ] = None
-    recipe: Recipe = None
-    run: Run = None
     cutoff: Cutoff = None
+    rate: Rate = None
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
     ] = None
-    overwrite: Overwrite = False
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON in SI units instead.")] = False
 
 
@@ -154,20 +148,17 @@ def predict_command(given: PredictSettings) -> None:
         given.log_rate,
         given.rate,
     )
-    options = LogToPredict(given.recipe, given.run, given.friction, given.cutoff, given.rate)
     situation = situation_of(
         lib,
-        _moved(lib, given.trajectory, options, given.log_rate),
+        _moved(given, lib, given.trajectory, given.log_rate),
         given.noise,
         given.earlier_log,
         given.payload_only,
     )
     now = situation.expected()
-    steps = (
-        () if given.more is None else _gains(situation, now, given.more, options, given.log_rate)
-    )
+    steps = () if given.more is None else _gains(situation, now, given)
     if given.plot is not None:
-        _draw(situation, given.more, options, given.log_rate, given.plot)
+        _draw(situation, given, given.plot)
     if given.as_json:
         figures = _facts(situation, now, gains, steps)
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
@@ -238,21 +229,10 @@ def _gain_error(given: float | None, payload_only: bool) -> float:
     return given
 
 
-@dataclass(frozen=True, slots=True)
-class LogToPredict:
-    """Values of the options on a log; None where an option is not given."""
-
-    recipe: str | None = None
-    run: str | None = None
-    friction: str | None = None
-    cutoff: str | None = None
-    rate: float | None = None
-
-
 def _moved(
+    given: PredictSettings,
     lib: Library,
     source: str,
-    options: LogToPredict,
     log_rate: float | None,
     terms: Friction | None = None,
 ) -> MotionSamples:
@@ -261,10 +241,10 @@ def _moved(
         motion = read_trajectory(Path(source), lib)
         t = sample_times(motion.duration, log_rate or RATE)
         recording = planned_recording(motion, t, lib, Path(source).stem)
-        return motion_samples_of(recording, lib, None, terms or _friction(options.friction))
-    wanted = Settings(friction=options.friction, cutoff=options.cutoff, rate=options.rate)
+        return motion_samples_of(recording, lib, None, terms or _friction(given.friction))
+    wanted = Settings(friction=given.friction, cutoff=given.cutoff, rate=given.rate)
     with counting(state()) as bar:
-        log = read_recording(source, options.recipe, options.run, lib.joint_names)
+        log = read_recording(source, given.recipe, given.run, lib.joint_names)
         data = prepared_log(log, lib, wanted, progress=ShownProgress(bar, "predict", lib.name))
     terms = terms or data.friction or _friction(None)
     return motion_samples_of(data.recording, lib, data.preparation, terms)
@@ -296,28 +276,23 @@ def _friction(text: str | None) -> Friction:
     return Friction(FRICTION if text is None else friction_columns(text))
 
 
-def _further(
-    situation: Situation, more: str, given: LogToPredict, log_rate: float | None
-) -> MotionSamples:
+def _further(situation: Situation, given: PredictSettings) -> MotionSamples:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
-    if more == SAME:
+    if given.more == SAME:
         return moved
-    options = LogToPredict(cutoff=given.cutoff, rate=given.rate)
-    further = _moved(situation.lib, more, options, log_rate or moved.rate, moved.terms)
+    other = replace(given, recipe=None, run=None, friction=None)
+    rate = given.log_rate or moved.rate
+    further = _moved(other, situation.lib, str(given.more), rate, moved.terms)
     further.require_columns(moved.columns)
     return further
 
 
 def _gains(
-    situation: Situation,
-    now: Expected,
-    more: str,
-    options: LogToPredict,
-    log_rate: float | None,
+    situation: Situation, now: Expected, given: PredictSettings
 ) -> tuple[GainOfRecording, ...]:
-    further, lib = _further(situation, more, options, log_rate), situation.lib
-    name = "the same motion" if more == SAME else further.name
+    further, lib = _further(situation, given), situation.lib
+    name = "the same motion" if given.more == SAME else further.name
     only = situation.known.payload_only
     before = now.by_name(lib, only)
     return tuple(
@@ -325,16 +300,10 @@ def _gains(
     )
 
 
-def _draw(
-    situation: Situation,
-    more: str | None,
-    options: LogToPredict,
-    log_rate: float | None,
-    path: Path,
-) -> None:
+def _draw(situation: Situation, given: PredictSettings, path: Path) -> None:
     lib = situation.lib
-    further = None if more in {None, SAME} else _further(situation, str(more), options, log_rate)
-    until = SECONDS[-1] if more is not None else 0.0
+    further = None if given.more in {None, SAME} else _further(situation, given)
+    until = SECONDS[-1] if given.more is not None else 0.0
     common = lib, situation.moved, situation.noise, situation.known, situation.unit
     draw_growth(growth(*common, base_names(lib), more=further, until=until), path)
 

@@ -11,13 +11,13 @@ from runtime.cli.common import (
     Overwrite,
     ResultFolder,
     Seed,
-    Yes,
     keep_earlier,
     listed,
     open_robot,
     require_result_folder,
 )
-from runtime.common.settings import FILE, Choices
+from runtime.cli.log_options import ResultChoices
+from runtime.common.settings import FILE
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -36,12 +36,11 @@ MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SampleSettings(Choices):
+class SampleSettings(ResultChoices):
     """Settings of `symgen sample`."""
 
     command = "sample"
     options = "count to out robot overwrite"
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100
     to: Annotated[
         str,
@@ -57,10 +56,6 @@ class SampleSettings(Choices):
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
     ] = None
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None
-    yes: Yes = False
     overwrite: Overwrite = False
 
 

@@ -13,9 +13,9 @@ import typer
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
-from runtime.cli.common import Overwrite, Robot, Seed, Yes, open_robot
+from runtime.cli.common import Overwrite, RobotChoices, Seed, open_robot
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices, settings_place
+from runtime.common.settings import settings_place
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
@@ -59,13 +59,11 @@ Made = tuple[Recording, dict[str, Any], Loop | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulateSettings(Choices):
+class SimulateSettings(RobotChoices):
     """Settings of `symgen simulate`."""
 
     command = "simulate"
     options = "robot trajectory out engine seed payload exact overwrite"
-    robot: Robot = "fr3"
-    yes: Yes = False
     trajectory: Annotated[
         Path | None,
         typer.Option(

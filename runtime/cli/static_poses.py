@@ -1,18 +1,13 @@
 """`symgen excite --settings static=true`: poses at rest in place of a motion."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from runtime.cli.motion_output import CONSENT, json_path
+from runtime.cli.excite_settings import POSES, ExciteSettings
+from runtime.cli.motion_output import json_path
 from runtime.cli.planned_log import planned_noise
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import settings_place
 from runtime.common.terminal import say
-from runtime.errors import RuntimeFault
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.static_poses import (
     RANDOM_SETS,
@@ -24,84 +19,22 @@ from runtime.excitation.static_poses import (
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
 
-POSES = 12
-"""Default number of poses."""
-Static = Annotated[
-    bool,
-    typer.Option(
-        "--static",
-        help="Poses at rest in place of a motion, for the gravity parameters of robots whose "
-        "torque is coarse: each is reached from both sides, so that Coulomb friction cancels.",
-    ),
-]
-Poses = Annotated[
-    int | None,
-    typer.Option(metavar="K", help=f"Number of poses of --settings static=true; default {POSES}."),
-]
-_APPLICABLE = {
-    *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "table", "box"),
-    "obstacles",
-    *("clearance", "carry", "torque_fraction", "margin", "viscous", "coulomb", "overwrite"),
-    *("payload_band", "friction_band", "model_band"),
-}
 
-
-@dataclass(frozen=True, slots=True)
-class PoseOptions:
-    """Options of `excite` that apply to poses.
-
-    Attributes:
-        poses: value of the setting poses.
-        out: value of --out.
-        noise: value of --noise.
-        margin: value of the setting margin.
-        starts: value of the setting starts.
-        seed: value of --seed.
-        has_no_table: whether the user states that there is no table.
-        overwrite: value of --overwrite.
-    """
-
-    poses: int | None
-    out: Path | None
-    noise: str
-    margin: float | None
-    starts: int
-    seed: int
-    has_no_table: bool
-    overwrite: bool
-
-
-def require_applicable(given: Mapping[str, str], static: bool) -> None:
-    """Refuse choices that have no meaning beside `static`, and `poses` without it."""
-    if not static:
-        if "poses" in given:
-            raise RuntimeFault(
-                "the setting poses is the number of poses of --settings static=true; give "
-                "--settings static=true too"
-            )
-        return
-    if other := sorted(given.keys() - _APPLICABLE):
-        option = given[other[0]]
-        raise RuntimeFault(
-            f"--settings static=true designs poses at rest, to which {option} does not apply; "
-            f"leave it out"
-        )
-
-
-def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> Path:
+def excite_static(lib: Library, safety: Safety, given: ExciteSettings) -> Path:
     """Design poses and write them as JSON and CSV; return the path of the JSON."""
-    path = json_path(options.out or Path("results") / f"{lib.name}-static.json")
+    path = json_path(given.out or Path("results") / f"{lib.name}-static.json")
     table = path.with_suffix(".csv")
-    require_unused((path, table, settings_place(path)), options.overwrite, consent=CONSENT)
-    noise = planned_noise(lib, options.noise)
+    consent = "--settings overwrite=true"
+    require_unused((path, table, settings_place(path)), given.overwrite, consent=consent)
+    noise = planned_noise(lib, given.noise)
     designed = design_poses(
         lib,
-        POSES if options.poses is None else options.poses,
+        POSES if given.poses is None else given.poses,
         safety,
         noise.sigma,
-        1.0 if options.margin is None else options.margin,
-        options.starts,
-        options.seed,
+        1.0 if given.margin is None else given.margin,
+        given.starts,
+        given.seed,
     )
     for place, content in ((path, pose_json(designed, lib)), (table, pose_table(designed, lib))):
         with replacing(place) as file:
@@ -109,9 +42,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> Path:
     say(accuracy_sentence(designed, common_unit(torque_units(lib.manifest))))
     for sentence in designed.assumptions:
         say(f"assumed: {sentence}")
-    left = [
-        kind for kind in unchecked(lib, safety) if not (kind == "table" and options.has_no_table)
-    ]
+    left = [kind for kind in unchecked(lib, safety) if not (kind == "table" and given.has_no_table)]
     for kind in (*left, "the way from one pose to the next"):
         say(f"NOT checked: {kind}")
     say(f"poses: {path}, {table}")

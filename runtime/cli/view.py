@@ -8,10 +8,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.cli.common import Overwrite, Robot, Yes, open_robot
-from runtime.cli.log_options import Recipe, Run
+from runtime.cli.common import open_robot
+from runtime.cli.log_options import LogChoices
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices
 from runtime.common.terminal import say
 from runtime.outputs.viewer.player import Player, read_motion
 from runtime.outputs.viewer.scene import FRAME_S, Scene
@@ -19,7 +18,7 @@ from runtime.outputs.viewer.shapes import look_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ViewSettings(Choices):
+class ViewSettings(LogChoices):
     """Settings of `symgen view`."""
 
     command = "view"
@@ -27,10 +26,6 @@ class ViewSettings(Choices):
     motion: Annotated[
         str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
     ]
-    robot: Robot = "fr3"
-    yes: Yes = False
-    recipe: Recipe = None
-    run: Run = None
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -53,7 +48,6 @@ class ViewSettings(Choices):
             metavar="FILE", help="Write the animation as one HTML file instead of serving it."
         ),
     ] = None
-    overwrite: Overwrite = False
 
 
 def view_command(given: ViewSettings) -> None:

@@ -11,10 +11,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from runtime.cli.common import Yes, open_robot
-from runtime.cli.log_options import Recipe
+from runtime.cli.common import open_robot
+from runtime.cli.log_options import Recipe, ResultChoices
 from runtime.common.files import bytes_of
-from runtime.common.settings import Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
@@ -38,17 +37,12 @@ KNOWN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchSettings(Choices):
+class WatchSettings(ResultChoices):
     """Settings of `symgen watch`."""
 
     command = "watch"
     options = "robot recipe history references as_json"
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
     logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")]
-    robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
-    ] = None
-    yes: Yes = False
     recipe: Recipe = None
     history: Annotated[
         Path | None,

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 from rich.progress import TaskID, TextColumn, TimeRemainingColumn
 
-from runtime.cli.common import Robot, Yes, counting, open_robot
+from runtime.cli.common import RobotChoices, counting, open_robot
 from runtime.common.commands import INTERRUPTED
-from runtime.common.settings import Choices
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.experiments import (
@@ -28,7 +27,7 @@ EVERYTHING, LISTED = "all", "list"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReproduceSettings(Choices):
+class ReproduceSettings(RobotChoices):
     """Settings of `symgen reproduce`."""
 
     command = "reproduce"
@@ -40,8 +39,6 @@ class ReproduceSettings(Choices):
             help="Id of a table or figure; all for every one; list for their ids and states.",
         ),
     ]
-    robot: Robot = "fr3"
-    yes: Yes = False
     trials: Annotated[
         int, typer.Option(help="Number of Monte Carlo trials; default that of the document.", min=1)
     ] = DEFAULT_TRIALS

@@ -17,6 +17,7 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.type_prior import KnownFriction
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
 from runtime.identification.progress import SILENT, Progress
@@ -324,9 +325,11 @@ def known_friction(
     settings: Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
     """Prior of the friction coefficients, of the settings or of a file of priors."""
-    prior = settings.prior
-    if settings.friction_prior is not None or prior is None:
-        return settings.friction_prior
+    prior, stated = settings.prior, settings.friction_prior
+    if isinstance(stated, KnownFriction):
+        return stated.of(friction, columns)
+    if stated is not None or prior is None:
+        return stated
     known = None if prior.friction is None else prior.friction.of(friction, columns)
     if prior.armature is None:
         return known
@@ -334,9 +337,10 @@ def known_friction(
     rotors = friction_prior_of(prior.armature, columns)
     if known is None:
         return rotors
-    stated = np.isfinite(rotors.sigma)
+    is_stated = np.isfinite(rotors.sigma)
     return FrictionPrior(
-        np.where(stated, rotors.mean, known.mean), np.where(stated, rotors.sigma, known.sigma)
+        np.where(is_stated, rotors.mean, known.mean),
+        np.where(is_stated, rotors.sigma, known.sigma),
     )
 
 

@@ -15,6 +15,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
+from runtime.estimators.type_prior import KnownFriction
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.friction import default_terms
 
@@ -70,7 +71,7 @@ class Settings:
             validation part or simulate the robot.
         robust: Huber weights on blocks of training rows, for the methods that train on all rows
             of joints; the notes of the result name the rows that count less.
-        friction_prior: prior of the friction coefficients, for "map".
+        friction_prior: prior of the friction coefficients, for "map", in place of that in `prior`.
     """
 
     method: str | None = None
@@ -95,7 +96,7 @@ class Settings:
     certify: bool = True
     refit: bool = True
     robust: bool = False
-    friction_prior: FrictionPrior | None = None
+    friction_prior: FrictionPrior | KnownFriction | None = None
 
     def __post_init__(self) -> None:
         cutoff_of(self.cutoff)  # refused here, before a log is read
@@ -162,7 +163,7 @@ class SettingKeywords(TypedDict, total=False):
     certify: bool
     refit: bool
     robust: bool
-    friction_prior: FrictionPrior | None
+    friction_prior: FrictionPrior | KnownFriction | None
 
 
 NAMES = tuple(each.name for each in fields(Settings))

@@ -22,6 +22,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
+from runtime.estimators.type_prior import KnownFriction
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.known import read_payload_facts
@@ -291,10 +292,12 @@ def assemble_logs(
     return replace(assembly, logs=names, notes=notes, finish=finish)
 
 
-def _of_shared(prior: FrictionPrior | None, shared: int, width: int) -> FrictionPrior | None:
+def _of_shared(
+    prior: FrictionPrior | KnownFriction | None, shared: int, width: int
+) -> FrictionPrior | KnownFriction | None:
     """The prior of the columns that the logs share, which are first, and none of their offsets."""
-    if prior is None:
-        return None
+    if not isinstance(prior, FrictionPrior):
+        return prior
     mean, sigma = np.zeros((len(prior.mean), width)), np.full((len(prior.mean), width), np.inf)
     mean[:, :shared], sigma[:, :shared] = prior.mean[:, :shared], prior.sigma[:, :shared]
     return FrictionPrior(mean, sigma)

@@ -1,16 +1,24 @@
 """Settings of the commands: one record is the options, the keys of a file, and what is written."""
 
 import tomllib
+from dataclasses import fields
 from enum import Enum
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin
 
+import numpy as np
 import pytest
 
 from runtime.common.commands import GROUPS, CheckedCommand, Command, imported
 from runtime.common.errors import RuntimeFault
 from runtime.common.settings import CONSENT, Choice, choices_of, stated_settings
+from runtime.estimators.methods import METHODS
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.search.design_settings import DesignSettings
+from runtime.identification.settings import Settings
+from runtime.library import Library
+from runtime.recording import Preparation, Recording, write_recording
 
 COMMANDS = [each for group in GROUPS.values() for each in group]
 
@@ -66,6 +74,70 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return list(map(_plain, value))
     return str(value) if isinstance(value, Path) else getattr(value, "value", value)
+
+
+PRIOR = "[friction.fr3_joint1]\ncoulomb = [0.3, 0.1]\n"
+OBSTACLES = '[[obstacle]]\nname = "cup"\ncenter = [0.6, 0.3, 0.2]\nradius = 0.1\n'
+OF_IDENTIFY = {
+    "method": "map", "prior": "prior.toml", "friction": "viscous",
+    "coulomb_speed": 0.1, "cutoff": 7, "rate": 50, "regressor": "momentum", "delay": 0.01,
+    "encoder_bias": True, "symmetric": ["a:b"], "tie": True, "split": [0.5, 0.6],
+    "validation": "log.csv", "test": "log.csv", "lam0": [0.1] * 70, "seed": 3, "certify": False,
+    "refit": False, "robust": True, "friction_prior": "prior.toml",
+}  # fmt: skip
+OF_EXCITE = {
+    "duration": 7, "harmonics": 3, "starts": 2, "seed": 1, "home": [0.1] * 7, "criterion": "v",
+    "basis": "fourier", "noise": 0.1, "margin": 0.5, "torque_fraction": 0.5, "clearance": 0.1,
+    "table": 0, "box": [-1, 1, -1, 1, 0, 2], "viscous": 1, "coulomb": 2, "carry": [1, 0, 0, 0.1],
+    "obstacles": "cell.toml", "payload_band": [0.1, 0.2], "friction_band": 10,
+}  # fmt: skip
+
+
+def by_file(command: str, table: dict[str, Any]) -> Any:
+    """Record of a command from a file."""
+    Path("s.toml").write_text("".join(f"{key} = {_toml(value)}\n" for key, value in table.items()))
+    words = ["log.csv"] if command == "identify" else []
+    with record_command(command).make_context(command, [*words, "--settings", "s.toml"]) as ctx:
+        values = {key: value for key, value in ctx.params.items() if key != "settings"}
+    record = record_command(command).record
+    assert record is not None
+    return record(**values)
+
+
+def unlike(record: Any, default: Any) -> set[str]:
+    """Fields of a record that differ from those of another."""
+    pairs = ((each.name, getattr(record, each.name), getattr(default, each.name))
+             for each in fields(record))  # fmt: skip
+    return {name for name, a, b in pairs if a is not b and (b is None or not np.array_equal(a, b))}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lib: Library) -> Path:
+    """Folder of files that settings name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "prior.toml").write_text(PRIOR)
+    (tmp_path / "cell.toml").write_text(OBSTACLES)
+    (tmp_path / "steps.toml").write_text("[preparation]\ntrim_s = 0.3\n")
+    t = np.arange(3.0)
+    write_recording(Recording(t, *[np.zeros((3, lib.n_joints))] * 2), tmp_path / "log.csv")
+    return tmp_path
+
+
+def test_every_field_of_python_is_reachable_by_the_file(lib: Library, folder: Path) -> None:
+    """Property: the file of `identify` and `excite` sets each field of the records of Python."""
+    fitted = by_file("identify", OF_IDENTIFY).fitted(lib)
+    steps = by_file("identify", {"preparation": "steps.toml"}).fitted(lib)
+    assert steps.preparation == Preparation(trim_s=0.3)
+    keys = {field.name for field in choices_of(record_command("identify").record)}
+    assert {name for each in METHODS for name in METHODS[each].files} <= keys
+    adam = by_file("identify", {"preset": "real"}).fitted(lib)
+    reached = unlike(fitted, Settings()) | unlike(adam, Settings()) | {"preparation", "inputs"}
+    assert reached == {each.name for each in fields(Settings)}
+    given = by_file("excite", OF_EXCITE)
+    safety = given.limits(lib)
+    design, _, _ = given.designed(lib, safety)
+    assert unlike(design, DesignSettings()) == {each.name for each in fields(DesignSettings)}
+    assert unlike(safety, Safety()) == {each.name for each in fields(Safety)}
 
 
 def params_of(name: str, *words: str) -> dict[str, Any]:

@@ -1,0 +1,220 @@
+"""Settings of `symgen identify`."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from runtime.cli.common import numbers_option
+from runtime.cli.log_options import FitChoices, inputs_of, prior_of, split_of
+from runtime.common.terminal import completing
+from runtime.errors import IdentificationError
+from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.methods import METHODS, chosen_method
+from runtime.estimators.type_prior import KnownFriction
+from runtime.identification.problem_setup import settings_for
+from runtime.identification.settings import NAMES, Settings
+from runtime.library import Library
+from runtime.recording import Recording, load_recipe, read_recording
+from runtime.recording.coupled_joints import independent_joints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifySettings(FitChoices):
+    """Settings of `symgen identify`."""
+
+    command = "identify"
+    options = "robot recipe run method friction cutoff delay prior split out overwrite"
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG...",
+            help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
+            "recipe, or names of known data sets such as panda_gaz.",
+        ),
+    ]
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            autocompletion=completing(METHODS),
+            help=f"Estimator: {', '.join(METHODS)}; default map, with the setting preset adam.",
+        ),
+    ] = None
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(PRESETS),
+            autocompletion=completing(PRESETS),
+            help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
+            "document, full uses all samples in every step; default full.",
+        ),
+    ] = None
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
+            "and symmetries.",
+        ),
+    ] = None
+    delay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="S|auto|per-joint",
+            help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured "
+            "one behind the motion; auto estimates it with its uncertainty, per-joint one for each "
+            "joint; default torque_delay_s of the recipe, else none.",
+        ),
+    ] = None
+    encoder_bias: Annotated[
+        bool | None,
+        typer.Option(
+            "--encoder-bias/--no-encoder-bias",
+            help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
+            "estimates the delay of a commanded torque.",
+        ),
+    ] = None
+    symmetric: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LEFT:RIGHT",
+            help="Compare armature and friction of mirrored joints, whose names differ in these "
+            "parts, such as left:right or FL:FR; repeatable.",
+        ),
+    ] = None
+    tie: Annotated[
+        bool,
+        typer.Option(
+            "--tie",
+            help="With the setting symmetric: the right link is the mirror image of the left one, "
+            "and viscous friction and armature of both differ by a tenth; dry friction stays "
+            "apart.",
+        ),
+    ] = False
+    preparation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Recipe whose table [preparation] states every step, for a log that has another "
+            "recipe; cutoff, rate and regressor beside it have no place.",
+        ),
+    ] = None
+    validation: Annotated[
+        str | None,
+        typer.Option(metavar="LOG", help="Another log for validation, given together with test."),
+    ] = None
+    test: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOG", help="Another log for the test, so that LOG is not split, of one log."
+        ),
+    ] = None
+    lam0: Annotated[
+        str | None,
+        typer.Option(
+            metavar="λ,λ,…",
+            help="First guess of λ, ten numbers per link: ln m, centre of mass, logarithms and "
+            "angles of the inertia as in result.json; default that of the URDF.",
+        ),
+    ] = None
+    friction_prior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Inertial prior as TOML of which the friction alone counts, for map; default that "
+            "of --prior.",
+        ),
+    ] = None
+    certify: Annotated[
+        bool,
+        typer.Option(
+            help="Compute the convex optimum and the uncertainty, which most other commands need."
+        ),
+    ] = True
+    rows: Annotated[
+        str | None,
+        typer.Option(
+            "--rows",
+            metavar="base|joints|all",
+            help="Equations of a robot with a free base: the six of the base, those of the joints, "
+            "or all; default all, and base without torques.",
+        ),
+    ] = None
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
+            "notes name the rows that count less.",
+        ),
+    ] = False
+    payload_of: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOG=FILE",
+            help="Known payload of one of several logs: the payload.json that the command payload "
+            "wrote; repeatable.",
+        ),
+    ] = None
+    refit: Annotated[
+        bool,
+        typer.Option(
+            help="Fit the parameters again to all rows once the errors on the test part are "
+            "known (methods without early stopping)."
+        ),
+    ] = True
+    save_statistics: Annotated[
+        bool,
+        typer.Option(
+            "--save-statistics",
+            help="Write statistics.npz, the compressed log that fleet needs.",
+        ),
+    ] = False
+    report: Annotated[
+        bool, typer.Option(help="Write report.html; its figures cost most of a second.")
+    ] = True
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
+        ),
+    ] = None
+
+    def fitted(self, lib: Library) -> Settings:
+        """Settings of Python: the fields of the same names, of which some are files."""
+        same = {field.name for field in fields(self)} & set(NAMES)
+        files: dict[str, Any] = {
+            "prior": prior_of(self.prior, lib),
+            "friction_prior": self._known_friction(lib),
+            "symmetric": tuple(self.symmetric or ()),
+            "split": split_of(self.split),
+            "preparation": self.preparation and load_recipe(self.preparation).preparation,
+            "validation": self._other(self.validation, lib),
+            "test": self._other(self.test, lib),
+        }
+        if self.lam0 is not None:
+            files["lam0"] = numbers_option(self.lam0, len(lib.lam0), "the setting lam0")
+        settings = settings_for(lib, Settings(**{n: getattr(self, n) for n in same} | files))
+        method = chosen_method(settings.method, settings.preset, settings.prior)
+        inputs = inputs_of([method], lib, controller=self.controller)
+        return replace(settings, inputs=inputs or None)
+
+    def _known_friction(self, lib: Library) -> KnownFriction | None:
+        """Friction of a file of priors."""
+        prior = prior_of(self.friction_prior, lib)
+        if prior is None:
+            return None
+        if prior.friction is None:
+            raise IdentificationError(
+                f"the setting friction_prior expects a prior with a table [friction], which "
+                f"'{self.friction_prior}' lacks; give one such as fleet writes, or leave it out"
+            )
+        return prior.friction
+
+    def _other(self, log: str | None, lib: Library) -> Recording | None:
+        """A log beside the first, read by the same recipe."""
+        if log is None:
+            return None
+        return independent_joints(read_recording(log, self.recipe, None, lib.joint_names), lib)

@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.common import numbers_option, open_robot
 from runtime.cli.motion_output import EXPORT_MARGIN, FROM, MotionChoices, json_path
+from runtime.common.settings import output_option
 from runtime.common.terminal import say
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
@@ -118,7 +119,7 @@ class ApproachSettings(MotionChoices):
     from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)]
     out: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
         ),
     ] = None

@@ -23,12 +23,12 @@ def tutorial_command(
 ) -> None:
     r"""Show a tutorial.
 
-    A terminal shows it formatted; a file or a pipe receives Markdown.
-
     \b
     symgen tutorial
     symgen tutorial fr3
     symgen tutorial fr3 > fr3.md
+
+    A terminal shows it formatted; a file or a pipe receives Markdown.
     """
     texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
     if name is None:
@@ -54,13 +54,13 @@ def locate_command(
 ) -> None:
     r"""Print the folder of a known data set or of a robot.
 
-    The examples that come with the package are single files; their path is printed. A data set that
-    is not on this machine is downloaded once, to the cache of the user, and its checksum is
-    verified. The folder of a robot holds its C code and header.
-
     \b
     symgen locate panda_gaz
     cc -O1 -DQUICK -I"$(symgen locate fr3)" main.c "$(symgen locate fr3)/kernels.c" -lm
+
+    The examples that come with the package are single files; their path is printed. A data set that
+    is not on this machine is downloaded once, to the cache of the user, and its checksum is
+    verified. The folder of a robot holds its C code and header.
     """
     is_robot = NAME.fullmatch(name) and name not in known_names()
     try:

@@ -14,6 +14,7 @@ from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.target import target_of
 from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import PlaceChoices
+from runtime.common.settings import model_option, output_option
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
@@ -33,7 +34,7 @@ class CampaignSettings(PlaceChoices):
         typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
     ]
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of all files of the campaign.")
+        Path, output_option(metavar="DIR", help="Folder of all files of the campaign.")
     ] = Path("results/campaign")
     duration: Annotated[
         float, typer.Option(help="Duration of the first motion at full speed, s.")
@@ -60,7 +61,7 @@ class CampaignSettings(PlaceChoices):
     ] = "virtual"
     gains: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="K,K,…", help="N·m/A or N/A per joint, for a robot that measures currents."
         ),
     ] = None
@@ -72,7 +73,7 @@ class CampaignSettings(PlaceChoices):
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
     ] = 0
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
 
 
 def campaign_command(given: CampaignSettings) -> None:

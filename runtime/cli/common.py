@@ -25,7 +25,7 @@ from rich.progress import (
 )
 
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, data_option, output_option
 from runtime.common.terminal import completing, console, program
 from runtime.common.user_builds import built_robots
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
@@ -39,14 +39,14 @@ __all__ = [
     "open_robot",
 ]
 
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+Overwrite = Annotated[bool, output_option("--overwrite", help="Replace files that exist.")]
 PAGE = b'<meta name="generator" content="symgen">'
 """Mark of an HTML page of this package."""
 
 
 Yes = Annotated[
     bool,
-    typer.Option("--yes", help="Run the code of ./generated/ROBOT although you did not build it."),
+    data_option("--yes", help="Run the code of ./generated/ROBOT although you did not build it."),
 ]
 
 
@@ -60,7 +60,7 @@ def _robots(incomplete: str) -> list[str]:
 
 Robot = Annotated[
     str,
-    typer.Option(
+    data_option(
         "--robot",
         autocompletion=_robots,
         help="Name or folder of a generated robot.",

@@ -22,7 +22,7 @@ from runtime.cli.log_options import (
     split_of,
 )
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.settings import FILE
+from runtime.common.settings import FILE, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show
 from runtime.estimators.methods import METHODS, methods_from_statistics
@@ -63,11 +63,11 @@ class CompareSettings(FitChoices):
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
+        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
     ] = None
     truth: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
         ),

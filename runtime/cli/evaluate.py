@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from runtime.cli.common import open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import LaterLogChoices
+from runtime.common.settings import output_option
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluation_of
 from runtime.identification.free_base.result import free_base_errors
@@ -25,20 +24,20 @@ class EvaluateSettings(LaterLogChoices):
 
     command = "evaluate"
     options = "robot recipe run cutoff as_json"
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
 
 
 def evaluate_command(given: EvaluateSettings) -> None:
     r"""Evaluate an identified model on another log.
 
+    \b
+    symgen evaluate results/fr3_simulated-map fr3_simulated
+    symgen evaluate results/first-map second.csv --cutoff 20 --settings rate=100
+
     Printed per joint: the torque error of the URDF and of the identified model, in percent of the
     RMS torque and in N·m or N. Errors of two logs compare only where both have the same cut-off: a
     wider band holds more torque noise. The mass matrix M(q), rotors included, is audited over the
     joint limits: positive definite by proof or by search.
-
-    \b
-    symgen evaluate results/fr3_simulated-map fr3_simulated
-    symgen evaluate results/first-map second.csv --cutoff 20 --settings rate=100
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """

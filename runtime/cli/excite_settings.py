@@ -21,6 +21,7 @@ from runtime.cli.planned_log import (
     counted,
     information_of,
 )
+from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
@@ -124,7 +125,9 @@ class ExciteSettings(MotionChoices):
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."),
+        output_option(
+            metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."
+        ),
     ] = None
     document: Annotated[
         bool,
@@ -151,15 +154,15 @@ class ExciteSettings(MotionChoices):
     zero_jerk: Annotated[
         bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
     ] = False
-    noise: Annotated[str, typer.Option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05"
+    noise: Annotated[str, model_option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05"
     noise_model: NoiseModel = WHITE
     cutoff: Cutoff = None
     log_rate: Annotated[
-        float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
+        float, data_option(help="Rate at which the robot will record the motion, Hz.")
     ] = 100.0
     friction: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="COLUMNS",
             autocompletion=completing(COLUMNS),
             help="Friction columns that are estimated too, with commas, or none; default "
@@ -171,7 +174,7 @@ class ExciteSettings(MotionChoices):
     payload_only: PayloadOnly = False
     home: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="Q",
             help="Start and end position, one number per joint with commas, rad or m; default the "
             "home of the robot.",
@@ -180,7 +183,7 @@ class ExciteSettings(MotionChoices):
     margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None
     pictures: Annotated[
         bool,
-        typer.Option(
+        output_option(
             "--pictures",
             help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
             "velocity over position (-speed), path of the tip and distances (-space).",
@@ -208,7 +211,7 @@ class ExciteSettings(MotionChoices):
     ] = 1
     gain_error: Annotated[
         float,
-        typer.Option(
+        model_option(
             metavar="SHARE",
             help="Standard deviation of the torque gain of every joint in --until, relative to "
             "one.",

@@ -8,6 +8,7 @@ import typer
 
 from runtime.cli.common import listed, open_robot
 from runtime.cli.log_options import ResultChoices
+from runtime.common.settings import output_option
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
@@ -33,7 +34,7 @@ class ExportSettings(ResultChoices):
     options = "to out robot overwrite formats"
     to: Annotated[
         str | None,
-        typer.Option(
+        output_option(
             metavar="A,B,…",
             autocompletion=completing(EXPORT_FORMATS),
             help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
@@ -41,12 +42,12 @@ class ExportSettings(ResultChoices):
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
+        output_option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
     ] = None
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False
+    overwrite: Annotated[bool, output_option("--overwrite", help="Replace existing files.")] = False
     formats: Annotated[
         bool,
-        typer.Option(
+        output_option(
             "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
         ),
     ] = False

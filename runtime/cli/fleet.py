@@ -11,7 +11,7 @@ import typer
 from runtime.cli.common import Overwrite, counting, open_robot
 from runtime.cli.log_options import OfResult
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import settings_place
+from runtime.common.settings import output_option, settings_place
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
@@ -45,7 +45,7 @@ class FleetSettings(OfResult):
             metavar="DIR", help="Folder with results of identify --settings save_statistics=true."
         ),
     ]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
+    out: Annotated[Path, output_option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
         "fleet.toml"
     )
     scheduler: Annotated[
@@ -55,20 +55,20 @@ class FleetSettings(OfResult):
         ),
     ] = None
     overwrite: Overwrite = False
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
 
 
 @one_blas_thread
 def fleet_command(given: FleetSettings) -> None:
     r"""Compute the prior of a type of robot from many units of it.
 
-    Centre and spread of the inertias and of the friction come from the compressed statistics of
-    each unit; no log is needed. A new unit is then identified from a short motion:
-
     \b
-    symgen identify u01.csv --settings save_statistics=true --out units/u01
+    symgen identify fr3_simulated --settings save_statistics=true --out units/u01
     symgen fleet units --out fleet.toml
     symgen identify new.csv --prior fleet.toml
+
+    Centre and spread of the inertias and of the friction come from the compressed statistics of
+    each unit; no log is needed. With it a new unit is identified from a short motion.
 
     Units that differ from the others by more than the spread stand out; they are listed with the
     link that differs most and do not count for the prior. Written are the prior, and beside it an

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from runtime.cli.common import Overwrite, open_robot
 from runtime.cli.log_options import LaterLogChoices, Parts, split_of
 from runtime.common.files import require_unused
-from runtime.common.settings import FILE
+from runtime.common.settings import FILE, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
@@ -37,7 +35,7 @@ class FrictionSettings(LaterLogChoices):
     options = "robot out recipe run cutoff overwrite"
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
+        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
     ] = None
     split: Parts = None
     overwrite: Overwrite = False
@@ -46,12 +44,13 @@ class FrictionSettings(LaterLogChoices):
 def friction_command(given: FrictionSettings) -> None:
     r"""Identify friction anew and keep the links of an earlier result.
 
-    Friction changes with temperature, wear and instruments, the links do not. The columns are those
-    of the result, and its coefficients count as their prior: what the log does not excite stays.
-
     \b
+    symgen friction results/fr3_simulated-map fr3_simulated
     symgen friction results/first today.csv
     symgen friction results/first today.csv --cutoff 10 --out results/today
+
+    Friction changes with temperature, wear and instruments, the links do not. The columns are those
+    of the result, and its coefficients count as their prior: what the log does not excite stays.
 
     Written to the folder --out: result.json, identified.urdf and report.html, which all commands
     read that take a folder of identify; intervals of the links stay those of RESULT. A log whose

@@ -14,6 +14,7 @@ from runtime.cli.log_options import (
     BodyChoices,
     CoulombSpeed,
 )
+from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show
 from runtime.errors import IdentificationError, RecordingError
@@ -47,7 +48,7 @@ class GainsSettings(BodyChoices):
     ] = None
     payload: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="KNOWN",
             help="Known payload MASS,CX,CY,CZ in kg and m in the flange frame, with "
             "IXX,IYY,IZZ,IXY,IXZ,IYZ about the centre of mass in kg·m² if known, or a JSON such as "
@@ -56,29 +57,29 @@ class GainsSettings(BodyChoices):
     ] = None
     total_mass: Annotated[
         float | None,
-        typer.Option(metavar="KG", help="With one log: weighed mass of all moving links together."),
+        model_option(metavar="KG", help="With one log: weighed mass of all moving links together."),
     ] = None
     weighed: Annotated[
         list[str] | None,
-        typer.Option(
+        model_option(
             metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
         ),
     ] = None
     friction: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="COLUMNS|none",
             autocompletion=completing((*COLUMNS, "none")),
             help="Friction columns with commas; default from the recipe, else viscous,coulomb.",
         ),
     ] = None
     coulomb_speed: CoulombSpeed = None
-    loaded_run: Annotated[
-        str | None, typer.Option(help="Run of the loaded log; default --run.")
-    ] = None
+    loaded_run: Annotated[str | None, data_option(help="Run of the loaded log; default --run.")] = (
+        None
+    )
     recipe_out: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
         ),
     ] = None

@@ -8,6 +8,7 @@ import typer
 
 from runtime.cli.common import numbers_option
 from runtime.cli.log_options import FitChoices, inputs_of, prior_of, split_of
+from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -53,7 +54,7 @@ class IdentifySettings(FitChoices):
     ] = None
     prior: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
             "and symmetries.",
@@ -61,7 +62,7 @@ class IdentifySettings(FitChoices):
     ] = None
     delay: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="S|auto|per-joint",
             help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured "
             "one behind the motion; auto estimates it with its uncertainty, per-joint one for each "
@@ -70,7 +71,7 @@ class IdentifySettings(FitChoices):
     ] = None
     encoder_bias: Annotated[
         bool | None,
-        typer.Option(
+        model_option(
             "--encoder-bias/--no-encoder-bias",
             help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
             "estimates the delay of a commanded torque.",
@@ -78,7 +79,7 @@ class IdentifySettings(FitChoices):
     ] = None
     symmetric: Annotated[
         list[str] | None,
-        typer.Option(
+        data_option(
             metavar="LEFT:RIGHT",
             help="Compare armature and friction of mirrored joints, whose names differ in these "
             "parts, such as left:right or FL:FR; repeatable.",
@@ -86,7 +87,7 @@ class IdentifySettings(FitChoices):
     ] = None
     tie: Annotated[
         bool,
-        typer.Option(
+        model_option(
             "--tie",
             help="With the setting symmetric: the right link is the mirror image of the left one, "
             "and viscous friction and armature of both differ by a tenth; dry friction stays "
@@ -152,7 +153,7 @@ class IdentifySettings(FitChoices):
     ] = False
     payload_of: Annotated[
         list[str] | None,
-        typer.Option(
+        model_option(
             metavar="LOG=FILE",
             help="Known payload of one of several logs: the payload.json that the command payload "
             "wrote; repeatable.",
@@ -167,17 +168,17 @@ class IdentifySettings(FitChoices):
     ] = True
     save_statistics: Annotated[
         bool,
-        typer.Option(
+        output_option(
             "--save-statistics",
             help="Write statistics.npz, the compressed log that fleet needs.",
         ),
     ] = False
     report: Annotated[
-        bool, typer.Option(help="Write report.html; its figures cost most of a second.")
+        bool, output_option(help="Write report.html; its figures cost most of a second.")
     ] = True
     out: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
         ),
     ] = None

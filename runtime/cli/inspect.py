@@ -11,6 +11,7 @@ import typer
 from runtime.cli.common import Overwrite, RobotChoices, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
+from runtime.common.settings import data_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
@@ -30,7 +31,7 @@ class InspectSettings(RobotChoices):
     log: Log
     recipe: Annotated[
         str | None,
-        typer.Option(
+        data_option(
             metavar="FILE",
             help="TOML that describes the log; default the one that identify would use.",
         ),
@@ -38,7 +39,7 @@ class InspectSettings(RobotChoices):
     run: Run = None
     recipe_out: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE",
             help="Write the proposed recipe. Without --recipe it is derived from the log files "
             "alone, and a recipe in their folder is ignored.",
@@ -46,33 +47,34 @@ class InspectSettings(RobotChoices):
     ] = None
     log_rate: Annotated[
         float | None,
-        typer.Option(help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3),
+        data_option(help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3),
     ] = None
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
+        output_option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
     ] = None
     overwrite: Overwrite = False
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit code 1 also for findings of the level information."),
+        output_option("--strict", help="Exit code 1 also for findings of the level information."),
     ] = False
 
 
 def inspect_command(given: InspectSettings) -> None:
     r"""Check a log and propose a recipe that reads it.
 
-    Checked are units, order and signs of the joints, time stamps, phases of rest, saturation,
-    corrupt rows, sign and unit of the torque, delay between q and τ, direction of gravity, an
-    unmodelled tool, and torques that are computed instead of measured. Each finding is one
-    sentence with its numbers. The log is not changed; --recipe-out writes a recipe for identify.
-
     \b
     symgen inspect fr3_simulated
     symgen inspect log.csv --robot my
     symgen inspect raw/ --robot my --recipe-out recipe.toml
     symgen identify raw/ --robot my --recipe recipe.toml
+
+    Checked are units, order and signs of the joints, time stamps, phases of rest, saturation,
+    corrupt rows, sign and unit of the torque, delay between q and τ, direction of gravity, an
+    unmodelled tool, and torques that are computed instead of measured. Each finding is one
+    sentence with its numbers. The log is not changed; --recipe-out writes a recipe for identify.
+
     Exit code: 0 no findings, 1 warnings or errors, 2 the log cannot be read.
     """
     lib = open_robot(given.robot, given.yes)

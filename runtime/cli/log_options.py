@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, data_option, model_option
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
@@ -28,13 +28,13 @@ Log = Annotated[
 ]
 Recipe = Annotated[
     str | None,
-    typer.Option(
+    data_option(
         metavar="FILE",
         help="TOML that describes the log: columns, units, joint order, signs, gears, filters; "
         "default recipe.toml in the folder LOG, or the bundled recipe of a known data set.",
     ),
 ]
-Run = Annotated[str | None, typer.Option(help="Name of the run, where a recipe lists several.")]
+Run = Annotated[str | None, data_option(help="Name of the run, where a recipe lists several.")]
 Parts = Annotated[
     str | None,
     typer.Option(
@@ -56,7 +56,7 @@ Cutoff = Annotated[
 ]
 Rate = Annotated[
     float | None,
-    typer.Option(
+    data_option(
         metavar="HZ",
         help="Rate of rows to which the log is decimated, Hz; default from the recipe, else every "
         "sample.",
@@ -64,7 +64,7 @@ Rate = Annotated[
 ]
 CoulombSpeed = Annotated[
     float | None,
-    typer.Option(
+    model_option(
         help="Speed over which the smooth Coulomb sign changes, rad/s or m/s; default from the "
         f"recipe, else {Friction(columns=()).coulomb_speed:g}."
     ),
@@ -87,7 +87,7 @@ class BodyChoices(LogChoices):
     rate: Rate = None
     link: Annotated[
         str | None,
-        typer.Option("--link", help="Link that carries the payload; default the link of the tip."),
+        model_option("--link", help="Link that carries the payload; default the link of the tip."),
     ] = None
     cutoff: Annotated[
         float | None,
@@ -106,7 +106,7 @@ class FitChoices(LogChoices):
     rate: Rate = None
     friction: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="COLUMNS|auto|none",
             autocompletion=completing((*COLUMNS, AUTO, "none")),
             help="Friction columns with commas, of "
@@ -131,7 +131,7 @@ class FitChoices(LogChoices):
     split: Parts = None
     controller: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="TOML with the controller's gains and the reference motion, which the methods iv "
             "and didim need; simulate writes one as LOG.loop.toml.",
@@ -139,7 +139,7 @@ class FitChoices(LogChoices):
     ] = None
     stream: Annotated[
         bool | None,
-        typer.Option(
+        data_option(
             "--stream/--no-stream",
             help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
             "and bags above 200 MB.",
@@ -153,7 +153,7 @@ class OfResult(Choices):
     """The robot of a result."""
 
     robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+        str | None, data_option(help="Name or folder of the robot; default that of the result.")
     ] = None
     yes: Yes = False
 
@@ -184,7 +184,7 @@ class LaterLogChoices(ResultChoices):
     ] = None
     rate: Annotated[
         float | None,
-        typer.Option(
+        data_option(
             metavar="HZ",
             help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
             "that of identify.",

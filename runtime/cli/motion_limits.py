@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.common import RobotChoices, numbers_option
 from runtime.common.files import json_of
+from runtime.common.settings import model_option
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.prior_file import TRUST
@@ -43,7 +44,7 @@ class PlaceChoices(RobotChoices):
 
     table: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="Z",
             help="Height of a table that the arm stays above, m in the base frame; none where "
             "there is no table. --export needs one of both.",
@@ -51,7 +52,7 @@ class PlaceChoices(RobotChoices):
     ] = None
     box: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="BOX",
             help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
             "frame; inf leaves a side open.",
@@ -59,14 +60,14 @@ class PlaceChoices(RobotChoices):
     ] = None
     clearance: Annotated[
         float | None,
-        typer.Option(
+        model_option(
             help="Least distance between links, above the table and from obstacles, m; default the "
             f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
         ),
     ] = None
     obstacles: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with "
             "name, center, size (edges), rpy and radius, m and rad in the base frame.",
@@ -95,20 +96,20 @@ class LimitChoices(PlaceChoices):
 
     unchecked: Annotated[
         list[str] | None,
-        typer.Option(
+        model_option(
             metavar="LIMIT",
             help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
             "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
             "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
         ),
     ] = None
-    carry: Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)] = None
+    carry: Annotated[str | None, model_option(metavar="BODY", help=CARRY)] = None
     torque_fraction: Annotated[
-        float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
+        float, model_option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
     ] = 0.95
     viscous: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="FV",
             help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
             "joint with commas; default 0.",
@@ -116,7 +117,7 @@ class LimitChoices(PlaceChoices):
     ] = None
     coulomb: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="FC",
             help="Coulomb friction in the torque limits, N·m or N: one number or one per joint "
             "with commas; default 0.",

@@ -11,7 +11,7 @@ import typer
 from runtime.cli.common import Overwrite, Seed, sentences_of
 from runtime.cli.motion_limits import LimitChoices
 from runtime.common.files import require_unused
-from runtime.common.settings import settings_place
+from runtime.common.settings import output_option, settings_place
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import RuntimeFault
@@ -56,7 +56,7 @@ class MotionChoices(LimitChoices):
     ] = False
     export: Annotated[
         list[str] | None,
-        typer.Option(
+        output_option(
             metavar="FORMAT",
             autocompletion=completing(MOTION_FORMATS),
             help="Files for a robot with ways and motion in one, written only if the certificate "
@@ -65,14 +65,14 @@ class MotionChoices(LimitChoices):
     ] = None
     export_rate: Annotated[
         float | None,
-        typer.Option(
+        output_option(
             help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
             "always."
         ),
     ] = None
     speed: Annotated[
         list[float] | None,
-        typer.Option(
+        output_option(
             help="Speed of a stage in % of the designed speed, on the same path; "
             "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
             "a robot. File names end in -speed10. Default 100."

@@ -18,7 +18,7 @@ from runtime.cli.common import (
 )
 from runtime.cli.log_options import Log, OfResult, Recipe, Run
 from runtime.common.files import replacing
-from runtime.common.settings import FILE
+from runtime.common.settings import FILE, data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
@@ -80,7 +80,7 @@ class ObserveSettings(OfResult):
     options = "model out free robot overwrite recipe run as_json"
     log: Log
     model: Annotated[
-        Path, typer.Option("--model", metavar="RESULT", help="Folder written by identify.")
+        Path, data_option("--model", metavar="RESULT", help="Folder written by identify.")
     ]
     false_alarms: Annotated[
         str,
@@ -91,7 +91,7 @@ class ObserveSettings(OfResult):
     ] = "1 per hour"
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the files; default RESULT/observe."),
+        output_option(metavar="DIR", help="Folder of the files; default RESULT/observe."),
     ] = None
     free: Annotated[
         str | None,
@@ -107,7 +107,7 @@ class ObserveSettings(OfResult):
     ] = None
     link: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
+        model_option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
     ] = None
     within: Annotated[
         float | None,
@@ -119,16 +119,22 @@ class ObserveSettings(OfResult):
     ] = None
     mcap: Annotated[
         bool,
-        typer.Option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
+        output_option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
     ] = False
     overwrite: Overwrite = False
     recipe: Recipe = None
     run: Run = None
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
 
 
 def observe_command(given: ObserveSettings) -> None:
     r"""Compute the external torque of a log and find contacts.
+
+    \b
+    symgen observe fr3_simulated --model results/fr3_simulated-map
+    symgen observe second.csv --model results/first-map --settings false_alarms="1 per hour"
+    symgen observe second.csv --model results/first-map --free third.csv --settings link=fr3_link7
+    symgen observe second.csv --model results/first-map --settings calibrate=half_hour.csv
 
     A generalised-momentum observer with the identified model, friction, rotors and the delay of the
     torque: the result is positive where the environment pushes in the direction of the joint. A
@@ -138,11 +144,6 @@ def observe_command(given: ObserveSettings) -> None:
     level is fitted to the largest residuals of free motion: half an hour of it gives rates down to
     one alarm per hour, where residuals are not Gaussian. Biases and friction that differ from day
     to day are learnt while the observer runs, from the first 0.3 s on. --recipe holds for all logs.
-
-    \b
-    symgen observe second.csv --model results/first-map --settings false_alarms="1 per hour"
-    symgen observe second.csv --model results/first-map --free third.csv --settings link=fr3_link7
-    symgen observe second.csv --model results/first-map --settings calibrate=half_hour.csv
 
     Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
     and observer.c, the same observer for a control loop, with observer.h and example_observer.c.

@@ -14,7 +14,7 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import BodyChoices
-from runtime.common.settings import FILE
+from runtime.common.settings import FILE, data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.estimators.choice.regressor_choice import noisy_accelerations
@@ -40,14 +40,14 @@ class PayloadSettings(BodyChoices):
     log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")]
     empty: Annotated[
         str | None,
-        typer.Option(
+        data_option(
             metavar="LOG",
             help="A log of the same motion without payload; friction and bias then cancel.",
         ),
     ] = None
     model: Annotated[
         Path | None,
-        typer.Option(
+        data_option(
             metavar="FOLDER",
             help="Folder written by identify for the arm without payload; default the URDF without "
             "friction.",
@@ -55,20 +55,20 @@ class PayloadSettings(BodyChoices):
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
+        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
     ] = None
     empty_run: Annotated[
-        str | None, typer.Option(help="Run of the log without payload; default --run.")
+        str | None, data_option(help="Run of the log without payload; default --run.")
     ] = None
     gain_error: Annotated[
         float,
-        typer.Option(
+        model_option(
             metavar="SHARE",
             help="Standard deviation of the torque gain of every joint, relative to one, which the "
             "intervals include; 0.05 for 5 %.",
         ),
     ] = 0.0
-    as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print payload.json instead.")] = False
 
 
 def payload_command(given: PayloadSettings) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import typer
 
 from runtime.cli.common import numbers_option
+from runtime.common.settings import data_option, model_option
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.search.information import (
     FRICTION,
@@ -55,7 +56,7 @@ NOISE_HELP = (
 WHITE, COLOURED = "white", "coloured"
 NoiseModel = Annotated[
     str,
-    typer.Option(
+    model_option(
         "--noise-model",
         metavar="white|coloured",
         help="Spectrum of the noise of --noise LOG in the criteria: white counts autocorrelated "
@@ -74,7 +75,7 @@ Cutoff = Annotated[
 ]
 EarlierLogs = Annotated[
     list[str] | None,
-    typer.Option(
+    data_option(
         "--earlier-log",
         metavar="LOG",
         help="A log that is recorded already; its information is added. Repeatable.",

@@ -22,6 +22,7 @@ from runtime.cli.planned_log import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
+from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
@@ -72,7 +73,7 @@ class PredictSettings(LogChoices):
     ]
     noise: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="σ|LOG",
             help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
             f"torque, else {NOISE:g}.",
@@ -80,14 +81,14 @@ class PredictSettings(LogChoices):
     ] = None
     log_rate: Annotated[
         float | None,
-        typer.Option(
+        data_option(
             help="Rate at which the robot will record a planned motion, Hz; default "
             f"{RATE:g}, after a log the rate of its rows."
         ),
     ] = None
     friction: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="COLUMNS",
             autocompletion=completing(COLUMNS),
             help="Friction columns that are estimated too, with commas, or none; default from the "
@@ -98,7 +99,7 @@ class PredictSettings(LogChoices):
     earlier_log: EarlierLogs = None
     gain_error: Annotated[
         float | None,
-        typer.Option(
+        model_option(
             metavar="SHARE",
             help="Standard deviation of the torque gain of every joint, relative to one, for the "
             f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
@@ -116,9 +117,11 @@ class PredictSettings(LogChoices):
     rate: Rate = None
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
+        output_option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
     ] = None
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON in SI units instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON in SI units instead.")] = (
+        False
+    )
 
 
 def predict_command(given: PredictSettings) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from runtime.cli.common import Overwrite, require_page
 from runtime.common.files import require_unused
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, output_option
 from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError
 from runtime.outputs.report.report import REPORT_KINDS, write_report
@@ -30,26 +30,26 @@ class ReportSettings(Choices):
     ]
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="HTML page; default report.html in the folder."),
+        output_option(metavar="FILE", help="HTML page; default report.html in the folder."),
     ] = None
     markdown: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write all tables of reproduce as Markdown, too."),
+        output_option(metavar="FILE", help="Write all tables of reproduce as Markdown, too."),
     ] = None
     figures: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Write all figures of reproduce as PNG, too."),
+        output_option(metavar="FOLDER", help="Write all figures of reproduce as PNG, too."),
     ] = None
     into: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE.md",
             help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
             "with three pictures in the folder images beside it.",
         ),
     ] = None
     readme: Annotated[
-        bool, typer.Option("--readme", help="The same as --settings into=README.md.")
+        bool, output_option("--readme", help="The same as --settings into=README.md.")
     ] = False
     overwrite: Overwrite = False
 

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import (
     Overwrite,
@@ -17,7 +16,7 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import ResultChoices
-from runtime.common.settings import FILE
+from runtime.common.settings import FILE, output_option
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -41,10 +40,10 @@ class SampleSettings(ResultChoices):
 
     command = "sample"
     options = "count to out robot overwrite"
-    count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100
+    count: Annotated[int, output_option(metavar="N", help="Number of models.")] = 100
     to: Annotated[
         str,
-        typer.Option(
+        output_option(
             metavar="A,B,…",
             autocompletion=completing((*EXPORT_FORMATS, *RANDOMISERS)),
             help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
@@ -54,7 +53,7 @@ class SampleSettings(ResultChoices):
     seed: Seed = 0
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
+        output_option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
     ] = None
     overwrite: Overwrite = False
 
@@ -62,14 +61,15 @@ class SampleSettings(ResultChoices):
 def sample_command(given: SampleSettings) -> None:
     r"""Draw models from the posterior of an identification.
 
-    Each draw has its own masses, centres of mass, inertias, friction and rotor inertias, with the
-    correlations that the log leaves between them, and is physically consistent. Train a controller
-    on all of them to make it robust against what the identification does not know.
-
     \b
+    symgen sample results/fr3_simulated-map --count 10
     symgen sample results/first-map --count 1000 --to mjcf --settings seed=1
     symgen sample results/first-map --count 20 --to mjcf,urdf --out robots/plausible
     symgen sample results/first-map --count 1000 --to playground
+
+    Each draw has its own masses, centres of mass, inertias, friction and rotor inertias, with the
+    correlations that the log leaves between them, and is physically consistent. Train a controller
+    on all of them to make it robust against what the identification does not know.
 
     Every model file is read again by the program that it is meant for. samples.json lists the
     files and the factors of each draw relative to the result, samples.npz π and φ.

@@ -15,7 +15,7 @@ from rich.progress import Progress
 
 from runtime.cli.common import Overwrite, RobotChoices, Seed, open_robot
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import settings_place
+from runtime.common.settings import data_option, model_option, output_option, settings_place
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
@@ -66,13 +66,13 @@ class SimulateSettings(RobotChoices):
     options = "robot trajectory out engine seed payload exact overwrite"
     trajectory: Annotated[
         Path | None,
-        typer.Option(
+        data_option(
             metavar="FILE", help="Motion written by excite; default a design with one start."
         ),
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE", help="Log as CSV or NPZ; default results/ROBOT-simulated.csv."
         ),
     ] = None
@@ -87,7 +87,7 @@ class SimulateSettings(RobotChoices):
     seed: Seed = 0
     payload: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="MASS,CX,CY,CZ[,LX,LY,LZ]",
             help="mujoco: a box as payload, in kg and m in the frame of the last link; or a TOML "
             "file.",
@@ -113,7 +113,7 @@ class SimulateSettings(RobotChoices):
         typer.Option("--ideal", help="Follow the trajectory exactly, without a controller."),
     ] = False
     perturb: Annotated[
-        float, typer.Option(help="Fraction by which each λ of the URDF differs in the true robot.")
+        float, model_option(help="Fraction by which each λ of the URDF differs in the true robot.")
     ] = 0.05
     control_rate: Annotated[
         float | None,
@@ -124,20 +124,20 @@ class SimulateSettings(RobotChoices):
         ),
     ] = None
     torque_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the torque noise, N·m or N.")
+        float, model_option(help="Standard deviation of the torque noise, N·m or N.")
     ] = 0.05
     position_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the position noise, rad or m.")
+        float, model_option(help="Standard deviation of the position noise, rad or m.")
     ] = 1e-5
     velocity_noise: Annotated[
-        float, typer.Option(help="Standard deviation of the velocity noise, rad/s or m/s.")
+        float, model_option(help="Standard deviation of the velocity noise, rad/s or m/s.")
     ] = 1e-3
     viscous: Annotated[
-        float, typer.Option(help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
+        float, model_option(help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
     ] = 0.0
-    coulomb: Annotated[float, typer.Option(help="Coulomb friction of every joint, N·m or N.")] = 0.0
+    coulomb: Annotated[float, model_option(help="Coulomb friction of every joint, N·m or N.")] = 0.0
     rotor: Annotated[
-        float, typer.Option(help="Motor inertia reflected to the joint, kg·m² or kg.")
+        float, model_option(help="Motor inertia reflected to the joint, kg·m² or kg.")
     ] = 0.1
     overwrite: Overwrite = False
 

@@ -27,7 +27,7 @@ def undo_command(given: UndoSettings) -> None:
     r"""Bring the result back that the last run replaced.
 
     \b
-    symgen undo results/log-map
+    symgen undo results/fr3_simulated-map
 
     A command that replaces its earlier result keeps that one in the hidden folder .earlier of the
     result. A second undo brings the newer result back.

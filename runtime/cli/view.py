@@ -11,6 +11,7 @@ import typer
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import LogChoices
 from runtime.common.files import replacing, require_unused
+from runtime.common.settings import data_option, output_option
 from runtime.common.terminal import say
 from runtime.outputs.viewer.player import Player, read_motion
 from runtime.outputs.viewer.scene import FRAME_S, Scene
@@ -28,23 +29,23 @@ class ViewSettings(LogChoices):
     ]
     urdf: Annotated[
         Path | None,
-        typer.Option(
+        data_option(
             metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
         ),
     ] = None
     package_dir: Annotated[
         list[Path] | None,
-        typer.Option(
+        data_option(
             metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
         ),
     ] = None
-    port: Annotated[int, typer.Option(help="Port of the server; if it is used, the next one.")] = (
+    port: Annotated[int, output_option(help="Port of the server; if it is used, the next one.")] = (
         8080
     )
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False
     html: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE", help="Write the animation as one HTML file instead of serving it."
         ),
     ] = None

@@ -14,6 +14,7 @@ import typer
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import Recipe, ResultChoices
 from runtime.common.files import bytes_of
+from runtime.common.settings import data_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
@@ -46,49 +47,50 @@ class WatchSettings(ResultChoices):
     recipe: Recipe = None
     history: Annotated[
         Path | None,
-        typer.Option(
+        data_option(
             metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
         ),
     ] = None
     temperature: Annotated[
         str | None,
-        typer.Option(
+        data_option(
             metavar="COLUMN|NUMBER",
             help="Temperature for the history: a column of the logs, or a number for all [°C].",
         ),
     ] = None
     date: Annotated[
         str | None,
-        typer.Option(
+        data_option(
             metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
         ),
     ] = None
     references: Annotated[
         list[str] | None,
-        typer.Option(
+        data_option(
             "--reference",
             metavar="LOG",
             help="Log of another day of the healthy robot, from which the usual change between "
             "days is learnt; three or more, once each. [default: an assumed one]",
         ),
     ] = None
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
 
 
 def watch_command(given: WatchSettings) -> None:
     r"""Test whether a robot has changed since its model was identified.
 
-    Tested are gain, bias and drift of every torque sensor, friction and its warming, every link, a
-    body on the tip, all links together, and a delay of the torque. What the model leaves on the
-    rows that it was tested on, its uncertainty, and the usual change of a healthy robot between two
-    days are no change; p-values are corrected for the number of tests.
-
     \b
+    symgen watch results/fr3_simulated-map fr3_simulated
     symgen watch results/arm monday.csv
     symgen watch results/arm monday.csv tuesday.csv --history results/arm/history.jsonl
     symgen watch results/arm friday.csv --reference mon.csv --reference tue.csv --reference wed.csv
     symgen watch results/arm monday.csv --history h.jsonl --settings temperature=motor_temp
     symgen report h.jsonl
+
+    Tested are gain, bias and drift of every torque sensor, friction and its warming, every link, a
+    body on the tip, all links together, and a delay of the torque. What the model leaves on the
+    rows that it was tested on, its uncertainty, and the usual change of a healthy robot between two
+    days are no change; p-values are corrected for the number of tests.
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """

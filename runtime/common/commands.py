@@ -171,9 +171,15 @@ class CheckedCommand(TyperCommand):
         return rest
 
     def _require_options(self, args: list[str]) -> None:
-        """Refuse an option that is a setting, and say how it is written."""
+        """Refuse an option that is a setting or an argument, and say how it is written."""
+        taken = {option for p in self.params if p.param_type_name == "option" for option in p.opts}
+        arguments = {f"--{p.name}" for p in self.params if p.param_type_name == "argument"} - taken
         for word in args[: args.index("--")] if "--" in args else args:
             name = word.partition("=")[0]
+            if name in arguments:
+                raise RuntimeFault(
+                    f"{self.name} takes {name[2:].upper()} as a word alone; leave out {name}"
+                )
             for param in self.settings:
                 if name in (*param.opts, *param.secondary_opts):
                     key = key_of(param)

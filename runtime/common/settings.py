@@ -24,6 +24,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
@@ -35,33 +36,28 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.files import replacing, toml_of
 from runtime.common.records import record_from_table
 
-__all__ = ["CONSENT", "FILE", "Choices", "settings_place", "stated_settings"]
+__all__ = [
+    "CONSENT",
+    "FILE",
+    "Choices",
+    "data_option",
+    "model_option",
+    "output_option",
+    "settings_place",
+    "stated_settings",
+]
 
 FILE = "settings.toml"
 """Name of the file beside a result."""
 CONSENT = "yes"
 """Field that lets foreign code run: typed by the user, never taken from a file."""
-PANELS = {
-    "Data": "robot yes urdf description recipe run loaded_run empty_run logs reference earlier_log "
-    "trajectory history temperature date empty model stream symmetric config package_dir arg "
-    "package log_rate rate settings",
-    "Model": "friction prior delay noise noise_model table box obstacles carry payload link "
-    "payload_of coulomb_speed encoder_bias tie viscous coulomb gravity lock base tip floating "
-    "masses densities mechanism gains total_mass weighed clearance unchecked home controller "
-    "gain_error truth perturb rotor torque_noise position_noise velocity_noise torque_fraction",
-    "Output": "out overwrite json report export export_rate speed recipe_out plot save_statistics "
-    "pictures html markdown figures into readme to formats count port open mcap strict casadi "
-    "name kernels precision",
-}
-"""Panels of the help by what a choice is for; every other choice is of the method."""
+data_option = partial(typer.Option, rich_help_panel="Data")
+model_option = partial(typer.Option, rich_help_panel="Model")
+output_option = partial(typer.Option, rich_help_panel="Output")
+"""Choices by what they are for, the panel of the help; `typer.Option` is one of the method."""
 OTHER = "Method"
 _WIDEST = 97
 """Characters of a sentence in the file."""
-
-
-def panel_of(key: str) -> str:
-    """Panel of the help of a choice."""
-    return next((panel for panel, keys in PANELS.items() if key in keys.split()), OTHER)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +167,8 @@ def as_function(function: Callable[[Any], None]) -> Callable[..., None]:
 
     parameters = []
     for choice in choices_of(record):
-        choice.info.rich_help_panel = None if choice.is_argument else panel_of(choice.key)
+        if not choice.is_argument:
+            choice.info.rich_help_panel = choice.info.rich_help_panel or OTHER
         default = inspect.Parameter.empty if choice.default is MISSING else choice.default
         parameters.append(_keyword(choice.name, choice.hint, default))
     if any(not (choice.is_option or choice.is_argument) for choice in choices_of(record)):
@@ -202,11 +199,10 @@ def _offered(ctx: typer.Context, incomplete: str) -> list[str]:
 
 _FILES = Annotated[
     list[str] | None,
-    typer.Option(
+    data_option(
         "--settings",
         metavar="FILE|NAME=VALUE",
         autocompletion=_offered,
-        rich_help_panel="Data",
         help="TOML of settings, such as settings.toml beside a result, or one setting; repeatable. "
         "Options win over it.",
     ),

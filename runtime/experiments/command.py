@@ -9,6 +9,7 @@ from rich.progress import TaskID, TextColumn, TimeRemainingColumn
 
 from runtime.cli.common import RobotChoices, counting, open_robot
 from runtime.common.commands import INTERRUPTED
+from runtime.common.settings import output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.experiments import (
@@ -44,7 +45,7 @@ class ReproduceSettings(RobotChoices):
     ] = DEFAULT_TRIALS
     out: Annotated[
         Path,
-        typer.Option(metavar="FOLDER", help="Folder of the results, with one folder per study."),
+        output_option(metavar="FOLDER", help="Folder of the results, with one folder per study."),
     ] = Path("results/experiments")
     seed: Annotated[
         int | None,

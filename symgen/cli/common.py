@@ -3,35 +3,34 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
+from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.user_builds import built_robots
 from symgen.errors import BuildError
 
 RootOption = Annotated[
-    Path, typer.Option("--out", help="Folder with one subfolder per robot.", show_default=True)
+    Path, output_option("--out", help="Folder with one subfolder per robot.", show_default=True)
 ]
 DEFAULT_ROOT = Path("generated")
 
 BaseOption = Annotated[
-    str | None, typer.Option(help="Link that is fixed to the world. Default: the root link.")
+    str | None, model_option(help="Link that is fixed to the world. Default: the root link.")
 ]
 TipOption = Annotated[
-    str | None, typer.Option(help="Last link of the chain; links beyond it are removed.")
+    str | None, model_option(help="Last link of the chain; links beyond it are removed.")
 ]
 LockOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
+    model_option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
 ]
 ArgumentOption = Annotated[
     list[str] | None,
-    typer.Option(
+    data_option(
         "--arg", metavar="NAME=VALUE", help="Value of an argument of a xacro file; repeatable."
     ),
 ]
 ModelOption = Annotated[
     str | None,
-    typer.Option(
+    data_option(
         "--model",
         metavar="NAME",
         help="Robot of a file that has several: model of SDF, body of the world of MJCF, root link "
@@ -40,7 +39,7 @@ ModelOption = Annotated[
 ]
 PackageOption = Annotated[
     list[Path] | None,
-    typer.Option(
+    data_option(
         metavar="DIR",
         help="Folder of a ROS package, or of several, for package:// and $(find …); repeatable. "
         "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are searched too.",
@@ -49,7 +48,7 @@ PackageOption = Annotated[
 ]
 MechanismOption = Annotated[
     Path | None,
-    typer.Option(
+    model_option(
         metavar="FILE",
         help="TOML file of a mechanism: couplings ([\\[coupling]]), loops ([\\[loop]]), springs "
         "([\\[spring]]), torque curves and further friction.",
@@ -58,11 +57,11 @@ MechanismOption = Annotated[
 ]
 ConfigOption = Annotated[
     list[Path] | None,
-    typer.Option(
+    data_option(
         help="TOML file with home, limits, braking, proxies, pairs; repeatable.", dir_okay=False
     ),
 ]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+OverwriteOption = Annotated[bool, output_option("--overwrite", help="Replace files that exist.")]
 
 
 def read_locks(items: list[str]) -> dict[str, float]:

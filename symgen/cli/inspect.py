@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, data_option, output_option
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
@@ -24,8 +24,8 @@ class InspectSettings(Choices):
     command = "inspect"
     options = "as_json strict repair overwrite robot_model"
     model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")]
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
-    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON.")] = False
+    strict: Annotated[bool, output_option("--strict", help="Exit code 1 for warnings too.")] = False
     repair: Annotated[
         Path | None,
         typer.Option(
@@ -35,7 +35,7 @@ class InspectSettings(Choices):
     overwrite: OverwriteOption = False
     package_dir: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder in which package:// meshes are searched; repeatable."),
+        data_option(help="Folder in which package:// meshes are searched; repeatable."),
     ] = None
     arg: ArgumentOption = None
     robot_model: ModelOption = None
@@ -43,6 +43,11 @@ class InspectSettings(Choices):
 
 def inspect_command(given: InspectSettings) -> None:
     r"""Check the inertial parameters of a robot model.
+
+    \b
+    python -m symgen inspect my.urdf
+    python -m symgen inspect my.urdf --strict --json    (in a pipeline)
+    python -m symgen inspect my.urdf --repair better.urdf
 
     Errors are physically impossible: a negative mass, a principal moment larger than the sum of the
     other two, negative friction. Warnings are possible but rarely intended: a density above osmium
@@ -57,10 +62,6 @@ def inspect_command(given: InspectSettings) -> None:
     consistent ones with the same joint torques. If there are none, the torques change as little as
     possible, and the change is reported.
 
-    \b
-    python -m symgen inspect my.urdf
-    python -m symgen inspect my.urdf --strict --json    (in a pipeline)
-    python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
     inspection = inspect_file(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.common.records import record_from_toml
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, data_option, model_option, output_option
 from runtime.common.terminal import completing, console, say
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
@@ -53,14 +53,14 @@ class BuildSettings(Choices):
     )
     robot: Annotated[
         str,
-        typer.Option(
+        data_option(
             autocompletion=completing(bundled_robots()),
             help="Name of a bundled robot, see `symgen list`.",
         ),
     ] = "fr3"
     urdf: Annotated[
         Path | None,
-        typer.Option(
+        data_option(
             help="File of your own robot: URDF, xacro, MJCF, SDF or TOML of modified DH rows; "
             "package://PACKAGE/path is searched in ROS packages. Needs --name.",
             dir_okay=False,
@@ -68,20 +68,20 @@ class BuildSettings(Choices):
     ] = None
     description: Annotated[
         str | None,
-        typer.Option(
+        data_option(
             metavar="NAME",
             help="Published robot of robot_descriptions or example-robot-data, where installed.",
         ),
     ] = None
     name: Annotated[
         str | None,
-        typer.Option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
+        output_option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
     ] = None
     base: BaseOption = None
     tip: TipOption = None
     gravity: Annotated[
         str | None,
-        typer.Option(
+        model_option(
             metavar="X,Y,Z",
             help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
         ),
@@ -103,7 +103,7 @@ class BuildSettings(Choices):
     ] = False
     floating: Annotated[
         bool,
-        typer.Option(
+        model_option(
             "--floating",
             help="Free the base link: kernels take its pose, velocity and acceleration and have "
             "six rows for it before those of the joints. Gravity is in the world's frame.",
@@ -111,7 +111,7 @@ class BuildSettings(Choices):
     ] = False
     masses: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="TOML file of masses (link = kg) of links without <inertial>. Without it, a URDF "
             "without any <inertial> gets placeholders, which are no prior.",
@@ -120,7 +120,7 @@ class BuildSettings(Choices):
     ] = None
     densities: Annotated[
         Path | None,
-        typer.Option(
+        model_option(
             metavar="FILE",
             help="TOML file of densities (link = kg/m^3, default = kg/m^3 for all others) of links "
             "without <inertial>, whose bodies are computed from their closed meshes.",
@@ -150,18 +150,18 @@ class BuildSettings(Choices):
     ] = False
     kernels: Annotated[
         str | None,
-        typer.Option(
+        output_option(
             metavar="A,B,…",
             help="Write only these kernels, as one C file and one header for a microcontroller in "
             "OUT/NAME/controller/, and compile nothing.",
         ),
     ] = None
     precision: Annotated[
-        str, typer.Option(help="Numbers of the files of the setting kernels: double or single.")
+        str, output_option(help="Numbers of the files of the setting kernels: double or single.")
     ] = "double"
     casadi: Annotated[
         bool,
-        typer.Option(
+        output_option(
             "--casadi",
             help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
             "with CasADi's ABI and Jacobians) too.",
@@ -184,18 +184,18 @@ class BuildSettings(Choices):
 def build_command(given: BuildSettings) -> None:
     r"""Generate and compile the C library of a robot arm.
 
-    Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
-    them as C to OUT/NAME/ and compiles one library: of your own robot for the instruction set of
-    this processor and a portable one, with --settings all_levels=true for every one of this
-    machine.
-    Nothing is done if the folder is up to date; the files of an earlier build are replaced.
-
     \b
     python -m symgen build                             the Franka Research 3
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     python -m symgen build --robot fr3 --name fr3_six --lock fr3_joint7=0
     python -m symgen build --settings kernels=inverse_dynamics --settings precision=single
+
+    Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
+    them as C to OUT/NAME/ and compiles one library: of your own robot for the instruction set of
+    this processor and a portable one, with --settings all_levels=true for every one of this
+    machine.
+    Nothing is done if the folder is up to date; the files of an earlier build are replaced.
     """
     options = ChainOptions(
         given.base,
@@ -270,7 +270,10 @@ class CheckSettings(Choices):
 
 
 def check_command(given: CheckSettings) -> None:
-    """Compare generated files with the C code that symgen writes today.
+    r"""Compare generated files with the C code that symgen writes today.
+
+    \b
+    symgen check fr3
 
     Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, data_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import console, say, show
 from symgen.chain import ChainOptions, read_chain
@@ -39,11 +39,11 @@ class ProxiesSettings(Choices):
     options = "out package_dir base tip overwrite"
     urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)]
     out: Annotated[
-        Path, typer.Option(help="TOML file to write, for build --config.", dir_okay=False)
+        Path, output_option(help="TOML file to write, for build --config.", dir_okay=False)
     ]
     package_dir: Annotated[
         list[Path] | None,
-        typer.Option(
+        data_option(
             metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
         ),
     ] = None
@@ -63,12 +63,12 @@ class ProxiesSettings(Choices):
 def proxies_command(given: ProxiesSettings) -> None:
     r"""Fit collision capsules to a robot and choose the pairs to check.
 
-    Every link gets one to MOST capsules that enclose its collision shapes; pairs that never come
-    close or always overlap are left out. The TOML file that is written is an input of build.
-
     \b
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
+
+    Every link gets one to MOST capsules that enclose its collision shapes; pairs that never come
+    close or always overlap are left out. The TOML file that is written is an input of build.
     """
     require_unused([given.out], given.overwrite, None)
     if not (math.isfinite(given.margin) and given.margin >= 0):

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.common.files import json_of
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.common.user_builds import built_robots
@@ -37,7 +37,10 @@ class ListSettings(Choices):
 
 
 def list_command(given: ListSettings) -> None:
-    """List bundled and generated robots.
+    r"""List bundled and generated robots.
+
+    \b
+    symgen list
 
     The library of a generated robot is built, not compiled, or stale (built from other inputs).
     C code that comes with the installed package is compiled when it is used for the first time.
@@ -84,12 +87,15 @@ class DescribeSettings(Choices):
     command = "describe"
     options = "as_json out"
     robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3"
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+    as_json: Annotated[bool, output_option("--json", help="Print JSON.")] = False
     out: RootOption = DEFAULT_ROOT
 
 
 def describe_command(given: DescribeSettings) -> None:
-    """Show joints, limits, base parameters and kernels of a robot.
+    r"""Show joints, limits, base parameters and kernels of a robot.
+
+    \b
+    symgen describe fr3
 
     Positions in rad or m, velocities in rad/s or m/s, efforts in N·m or N. Base parameters are
     combinations of link parameters, such as link1.ZZ + link2.YY. Kernels are listed with the shapes
@@ -196,7 +202,10 @@ class CleanSettings(Choices):
 
 
 def clean_command(given: CleanSettings) -> None:
-    """Delete compiled libraries and generated folders.
+    r"""Delete compiled libraries and generated folders.
+
+    \b
+    symgen clean my
 
     Of a bundled robot only the library is deleted, of your own robot the whole folder.
     """

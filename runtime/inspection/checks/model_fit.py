@@ -45,6 +45,8 @@ FRICTIONLESS, FITTED = 1.3, 0.03
 """Residual without friction columns over that with them, median over the joints, and residual over
 torque: below both, the joints have no friction. Arms with torque sensors behind the gears reach
 2.4 to 4, motor torques 4 to 20."""
+SLOW = 0.05
+"""RMS speed over that of the fastest joint below which a joint shows no friction."""
 _DIFFERENCES = 4
 
 
@@ -378,11 +380,16 @@ def noise_floor(values: Array) -> Array:
 
 
 def _share_of_friction(torque_rows: TorqueRows, matrix: Array, rest: Array) -> float:
-    """Residual without viscous and Coulomb columns over that with them, median over the joints."""
+    """Residual without viscous and Coulomb columns over that with them.
+
+    The median is over the joints that move, since a joint at rest shows no friction.
+    """
     n = torque_rows.lib.n_joints
     n_base = len(torque_rows.lib.base_columns)
     offsets = np.tile(np.eye(n), (len(torque_rows.samples), 1))
     tau = torque_rows.samples.tau.ravel()
     _, without = least_squares(np.hstack([matrix[:, :n_base], offsets]), tau)
     powers = [np.sum(each.reshape(-1, n) ** 2, axis=0) for each in (without, rest)]
-    return float(np.median(np.sqrt(powers[0] / np.maximum(powers[1], 1e-300))))
+    speed = np.sqrt(np.mean(torque_rows.samples.dq**2, axis=0))
+    ratios = np.sqrt(powers[0] / np.maximum(powers[1], 1e-300))
+    return float(np.median(ratios[speed >= SLOW * speed.max()]))

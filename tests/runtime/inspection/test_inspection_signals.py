@@ -87,6 +87,17 @@ def test_4_a_torque_that_no_sensor_has_measured(lib: Library, clean: Recording, 
     assert "not_measured" in kinds(result)
 
 
+def test_4_one_joint_moves(lib: Library, clean: Recording, saved) -> None:
+    """Property: six joints at rest show no friction, which does not make their torque computed."""
+    moves = np.arange(lib.n_joints) == 1
+    still = clean.replace(q=np.where(moves, clean.q, clean.q[0]), dq=None, ddq=None)
+    full = differentiate(still)
+    friction = moves * (2.0 * full.dq + 1.0 * np.tanh(full.dq / 0.05))
+    noise = 0.05 * np.random.default_rng(1).standard_normal(full.q.shape)
+    tau = lib.inverse_dynamics(full.q, full.dq, full.ddq, 1.05 * lib.pi0) + friction + noise
+    assert "not_measured" not in sentences(inspect_log(saved(still, tau=tau), lib))
+
+
 def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Path) -> None:
     """Property: `tau_des` is read only where there is no measured torque, and then it is told."""
     titles = [*(f"q{j}" for j in range(1, 8)), *(f"tau_des_{j}" for j in range(1, 8))]

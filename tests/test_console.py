@@ -108,6 +108,18 @@ def test_help_of_a_command_imports_its_side_only() -> None:
     assert not imported(["build", "--help"]) & {"mujoco", "matplotlib"}
 
 
+def test_help_of_inspect_without_the_libraries_of_the_build() -> None:
+    """Property: the page of logs is printed, and what the page of models needs."""
+    code = (
+        "import sys; sys.modules['pinocchio'] = None; sys.argv = ['symgen', 'inspect', '--help']; "
+    )
+    words = [sys.executable, "-c", f"{code}from symgen.console import main; main()"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=REPOSITORY)
+    assert done.returncode == 0
+    assert done.stdout.count("Usage: symgen inspect ") == 1
+    assert "inspect MODEL needs the package pinocchio; run: pip install" in done.stdout
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: f"{c.package}-{c.name}")
 def test_sentences_are_those_of_the_commands(command: Command) -> None:
     """Property: the overview says what `symgen COMMAND --help` says first."""

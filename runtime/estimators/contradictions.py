@@ -220,7 +220,8 @@ def _of_unit(test: PriorTest, is_of_type: bool) -> str:
     source = _source(is_of_type)
     return (
         f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of the "
-        f"torque is wrong rather than {source}; state them in a recipe (torque in N·m)"
+        f"torque is wrong rather than {source}; state them in a recipe: torque in N·m, or "
+        "currents in A with the torque constants of the manufacturer"
     )
 
 

@@ -13,7 +13,7 @@ import typer
 from runtime.common.commands import Command, Commands, application, imported
 from runtime.common.files import require_file
 from symgen import __version__
-from symgen.cli import start
+from symgen.cli import installation, start
 
 INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--help", "-h"})
 """Options of either `inspect` that take no value; every other one is followed by its value."""
@@ -35,7 +35,14 @@ class AllCommands(Commands):
             return named[-1]
         if file is None:
             for command in named:
-                with imported(command).make_context(
+                try:
+                    made = imported(command)
+                except ModuleNotFoundError as error:
+                    page = f"{command.name} {command.argument}"
+                    lacking = f"needs the package {error.name}; run: {installation('build')}"
+                    print(f"{page} {lacking}\n")
+                    continue
+                with made.make_context(
                     command.name, [], parent=ctx, resilient_parsing=True
                 ) as context:
                     print(context.get_help())

@@ -113,7 +113,7 @@ def test_help_of_inspect_without_the_libraries_of_the_build() -> None:
     code = (
         "import sys; sys.modules['pinocchio'] = None; sys.argv = ['symgen', 'inspect', '--help']; "
     )
-    words = [sys.executable, "-c", f"{code}from symgen.console import main; main()"]
+    words = [sys.executable, "-c", f"{code}from symgen.cli.console import main; main()"]
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=REPOSITORY)
     assert done.returncode == 0
     assert done.stdout.count("Usage: symgen inspect ") == 1

@@ -51,7 +51,8 @@ Cutoff = Annotated[
     typer.Option(
         metavar="HZ|auto",
         help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; auto chooses it by "
-        "cross-validation; default from the recipe, else no filter.",
+        "cross-validation; default from the recipe, else auto where ddq is noise without a "
+        "filter, else no filter.",
     ),
 ]
 Rate = Annotated[

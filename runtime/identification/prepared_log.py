@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from runtime.errors import IdentificationError
 from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
-from runtime.estimators.choice.regressor_choice import choose_regressor
+from runtime.estimators.choice.regressor_choice import choose_regressor, ddq_noise
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs import head_of
@@ -140,18 +141,33 @@ def _filtered(
     terms: Friction | None,
     progress: Progress,
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """The preparation of the log, and a sentence on its cut-off where that was chosen."""
+    """The preparation of the log, and a sentence on its cut-off where that was chosen.
+
+    It is chosen where it is asked for, and where neither settings nor recipe state a filter and
+    differentiation without one fails.
+    """
     is_free = settings.cutoff == AUTO
+    stated, reason = (settings.cutoff, settings.rate, settings.regressor), ""
+    if recording.preparation.filter == "none" and all(each is None for each in stated):
+        reason = ddq_noise(before_test(recording, settings.split), lib, recording.preparation)
     cutoff = _ANY_HZ if is_free else cutoff_of(settings.cutoff)
     regressor = None if settings.regressor == AUTO else settings.regressor
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
-    if not is_free:
+    if not (is_free or reason):
         return prepared, ()
     progress.step("choosing a cut-off")
     known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
-    choice = choose_cutoff(recording, lib, prepared, settings.split, known)
+    wanted = prepared if is_free else preparation_of(recording, _ANY_HZ, None)
+    try:
+        choice = choose_cutoff(recording, lib, wanted, settings.split, known)
+    except IdentificationError:  # too few rows or too slow: choose_regressor states the noise
+        if is_free:
+            raise
+        return prepared, ()
     progress.choice(choice)
-    return choice.preparation, (choice.sentence,)
+    if reason:
+        reason = f"; without one {reason}, and --settings regressor=acceleration keeps it so"
+    return choice.preparation, (f"{choice.sentence.rstrip('.')}{reason}",)
 
 
 def _default_terms(

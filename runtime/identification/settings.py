@@ -46,7 +46,8 @@ class Settings:
         preparation: all steps from the log to the rows of the fit, which are then taken as they
             are; None is the recipe's with the next three fields in place, and without a recipe only
             missing derivatives are computed.
-        cutoff: cut-off of the low-pass [Hz], or "auto" for a choice by cross-validation.
+        cutoff: cut-off of the low-pass [Hz], or "auto" for a choice by cross-validation; None is
+            that of the recipe, or a choice where a log without a filter has noisy accelerations.
         rate: rate of the rows to which the log is decimated [Hz].
         regressor: form of the equations, one of `REGRESSORS`, or "auto" for momentum where the
             differentiation of the log fails.

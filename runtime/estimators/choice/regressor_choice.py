@@ -58,6 +58,12 @@ class Differentiation:
         excess = max(1.0, worst / (1.0 - worst) * (1.0 - NOISY) / NOISY)
         return self.cutoff_hz * float(excess ** (-1.0 / (2 * self.derivatives + 1)))
 
+    def noise_in(self, lib: Library) -> str:
+        """Words on the joint with the largest ν."""
+        worst = int(np.argmax(self.noise))
+        share = significant(100 * self.noise[worst])
+        return f"{share} % of the power of ddq of {lib.joint_names[worst]} is noise"
+
 
 def differentiation_of(
     recording: Recording, lib: Library, preparation: Preparation
@@ -101,17 +107,19 @@ def noisy_accelerations(
     recording: Recording, lib: Library, preparation: Preparation | None
 ) -> tuple[str, ...]:
     """Sentence where noise of the accelerations biases a fit that has no other regressor."""
-    usual = preparation or recording.preparation
-    quality = differentiation_of(recording, lib, usual)
+    quality = differentiation_of(recording, lib, preparation or recording.preparation)
     if quality is None or quality.noise.max() <= NOISY:
         return ()
-    worst, cutoff = int(np.argmax(quality.noise)), float(f"{quality.harmless_hz:.2g}")
     return (
-        f"{significant(100 * quality.noise[worst])} % of the power of ddq of "
-        f"{lib.joint_names[worst]} is "
-        f"noise, by which the values are biased beyond their intervals; give --cutoff {cutoff:g} "
-        "or less",
+        f"{quality.noise_in(lib)}, by which the values are biased beyond their intervals; give "
+        f"--cutoff {float(f'{quality.harmless_hz:.2g}'):g} or less",
     )
+
+
+def ddq_noise(recording: Recording, lib: Library, preparation: Preparation) -> str:
+    """Words on the noise of the accelerations where it exceeds its bound, else ""."""
+    quality = differentiation_of(recording, lib, preparation)
+    return "" if quality is None or quality.noise.max() <= NOISY else quality.noise_in(lib)
 
 
 def choose_regressor(
@@ -122,12 +130,10 @@ def choose_regressor(
     quality = differentiation_of(recording, lib, usual)
     if quality is None or not quality.fails:
         return preparation, ()
-    worst, reasons = int(np.argmax(quality.noise)), []
-    if quality.noise[worst] > NOISY:
+    reasons = []
+    if quality.noise.max() > NOISY:
         reasons.append(
-            f"{significant(100 * quality.noise[worst])} % of the power of ddq of "
-            f"{lib.joint_names[worst]} "
-            "is noise, which reduces its identified inertia by about the same share"
+            f"{quality.noise_in(lib)}, which reduces its identified inertia by about the same share"
         )
     if quality.distortion > BENT:
         reasons.append(

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime import Recording
+from runtime import Recording, identify
+from runtime.errors import IdentificationError
 from runtime.estimators.choice.regressor_choice import (
     BENT,
     NOISY,
@@ -164,3 +165,32 @@ def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):
     result = inspect_log(tmp_path / "log.csv", lib)
     kinds = [f.kind for f in result.findings]
     assert "differentiation" in kinds
+
+
+def test_a_log_that_nobody_filtered(lib: Library, clean: Recording, pi_true, monkeypatch) -> None:
+    """Oracle: the torque of the true links. Without a low-pass noise takes the inertias of the links.
+
+    What is stated stays, and a log without noise too; where no cut-off can be chosen, the noise is
+    named.
+    """
+    loud = shaken(clean, dq=2e-2)
+    made = {
+        "chosen": identify(loud, lib, friction=(), refit=False),
+        "stated": identify(loud, lib, friction=(), refit=False, regressor="acceleration"),
+        "quiet": identify(clean, lib, friction=(), refit=False),
+    }
+
+    def refuse(*_: object) -> None:
+        raise IdentificationError("too few equations")
+
+    monkeypatch.setattr("runtime.identification.prepared_log.choose_cutoff", refuse)
+    made["refused"] = identify(loud, lib, friction=(), refit=False)
+    said = {name: " ".join(result.notes) for name, result in made.items()}
+    assert [name for name in said if "cut-off" in said[name]] == ["chosen"]
+    assert "of the power of ddq of" in said["chosen"]
+    exact = prepare(clean, QUIET)
+    motion = exact.q, exact.dq, exact.ddq
+    tau = lib.inverse_dynamics(*motion, pi_true)
+    errors = {k: np.linalg.norm(lib.inverse_dynamics(*motion, made[k].pi) - tau) for k in made}
+    assert errors["chosen"] < errors["stated"] / 20
+    assert "differentiation fails without a low-pass" in said["refused"]

@@ -168,7 +168,7 @@ def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):
 
 
 def test_a_log_that_nobody_filtered(lib: Library, clean: Recording, pi_true, monkeypatch) -> None:
-    """Oracle: the torque of the true links. Without a low-pass noise takes the inertias of the links.
+    """Oracle: the torque of the true links; without a low-pass, noise takes the inertias.
 
     What is stated stays, and a log without noise too; where no cut-off can be chosen, the noise is
     named.

@@ -100,9 +100,11 @@ def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("package", ["runtime", "symgen"])
+@pytest.mark.parametrize(
+    ("package", "module"), [("runtime", "runtime.cli"), ("symgen", "symgen.cli.console")]
+)
 def test_ctrl_c_while_the_packages_load(
-    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    package: str, module: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Property: the first second of a command is like every other, a line and no traceback."""
 
@@ -110,7 +112,7 @@ def test_ctrl_c_while_the_packages_load(
         def __getattr__(self, _: str) -> None:
             raise KeyboardInterrupt
 
-    monkeypatch.setitem(sys.modules, f"{package}.cli", Loading("cli"))
+    monkeypatch.setitem(sys.modules, module, Loading(module))
     with pytest.raises(SystemExit) as end:
         runpy.run_module(package, run_name="__main__")
     assert end.value.code == 130

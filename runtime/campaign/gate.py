@@ -220,15 +220,10 @@ def rehearse(lib: Library, motion: Trajectory, seed: int = 0) -> tuple[Rehearsal
 
 
 def rehearsed(
-    lib: Library,
-    motion: Trajectory,
-    kind: str,
-    joint: int,
-    seed: int,
-    settings: VirtualRobotSettings | None = None,
+    lib: Library, motion: Trajectory, kind: str, joint: int, seed: int
 ) -> RehearsalVerdict:
     """Run a motion with one fault on a virtual robot, and check its log."""
-    usual = settings or settings_of(lib)
+    usual = settings_of(lib)
     if kind == "friction":
         usual = replace(usual, friction=_stiff(usual, joint))
     tool = Box(SIZES["tool"], TOOL_COM) if kind == "tool" else None

@@ -365,9 +365,7 @@ def _gains(
 def with_current_gains(
     recording: Recording,
     lib: Library,
-    weighed: Sequence[Weighed] = (),
     *,
-    friction: Friction | None = None,
     preparation: Preparation | None = None,
     split: Split | None = None,
 ) -> Recording:
@@ -377,8 +375,7 @@ def with_current_gains(
     unit = of_gain_one(recording)
     shares = split or (unit.recipe.split if unit.recipe else None)
     seen = before_test(unit, shares)
-    gains = current_gains(seen, lib, weighed, friction=friction, preparation=preparation)
-    return scaled(recording, gains)
+    return scaled(recording, current_gains(seen, lib, preparation=preparation))
 
 
 def of_gain_one(recording: Recording) -> Recording:
@@ -393,10 +390,7 @@ def of_gain_one(recording: Recording) -> Recording:
 def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[Recording, Settings]:
     """Torques in place of motor currents with unknown gains, in all recordings."""
     recording = with_current_gains(
-        recording,
-        lib,
-        preparation=settings.preparation,
-        split=settings.split,
+        recording, lib, preparation=settings.preparation, split=settings.split
     )
     gains = recording.gains
     if gains is None:

@@ -6,10 +6,10 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import cone_optimum
+from runtime.estimators.convex.compiled import SMALLEST_GAP, gamma_sequence
 from runtime.estimators.convex.eliminate_friction import Reduced, reduce
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_from, prior_of
 from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
-from runtime.estimators.convex.path import SMALLEST_GAP, gamma_sequence
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples

@@ -36,12 +36,13 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains import channels_of, of_gain_one
 from runtime.identification.payload.body import Mount, mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload
-from runtime.library import Array, Library
+from runtime.library import Array, Library, require_library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.friction import OFFSET, geared, spread
 from runtime.recording.preprocessing import prepare
+from runtime.recording.recording import require_recording
 
 _ITERATIONS = 60
 _CONVERGED = 1e-9
@@ -357,6 +358,8 @@ def identify_gains(
     Raises:
         RuntimeFault: the recordings or the payload cannot be used, or determine no gain.
     """
+    require_recording(empty, loaded)
+    require_library(lib)
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     solution = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
     stretches = (_over_noise(problem, solution, block) for block in problem.blocks())

@@ -23,7 +23,7 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe, Signal
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import FloatArray, Recording, require_recording
 from runtime.recording.unit_conversion import converted, usable_rows
 
 
@@ -263,6 +263,9 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     Raises:
         RecordingError: another suffix, or Parquet without its library.
     """
+    require_recording(recording)
+    if not isinstance(path, str | Path):
+        raise RecordingError(f"expected the path of a file, got {path!r:.60}")
     path = Path(path)
     writers = {each.suffixes[0]: each.write for each in FORMATS.records() if each.write}
     if path.suffix not in writers:

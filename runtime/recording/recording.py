@@ -340,6 +340,15 @@ class DerivedSignal:
     source: str  # table of the recipe that gives it, for messages
 
 
+def require_recording(*values: object) -> None:
+    """Raise RecordingError for what is no log in memory."""
+    for value in values:
+        if not isinstance(value, Recording):
+            raise RecordingError(
+                f"expected a log, as runtime.read_recording gives it, got {value!r:.60}"
+            )
+
+
 def _uptime(recording: Recording) -> FloatArray:
     elapsed = recording.t - (recording.start or 0.0)
     return np.repeat(elapsed[:, None], recording.n_joints, axis=1)

@@ -46,6 +46,8 @@ def build(
         SymgenError: a model of another kind, a joint or body that cannot be built, or the name of
             a bundled robot.
     """
+    if not isinstance(out, str | Path):
+        raise BuildError(f"expected a folder for out, got {out!r:.60}")
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another name")
     chosen, notes = options or ChainOptions(), list[str]()

@@ -40,7 +40,7 @@ class BuildRequest:
     project: bool = False
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+        if not isinstance(self.name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise BuildError(
                 f"the robot's name becomes a C prefix and a folder: expected lower-case letters, "
                 f"digits and _, got '{self.name}'; choose another --name"

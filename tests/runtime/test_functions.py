@@ -73,6 +73,11 @@ def test_keywords_are_the_fields(record: type, keywords: type) -> None:
         (lambda lib, log: runtime.read_result(3), "the folder of a result, got 3"),
         (lambda lib, log: runtime.load(3), "the name or folder of a robot, got 3"),
         (lambda lib, log: runtime.read_recording(3), "the path or name of a log, got 3"),
+        (lambda lib, log: runtime.write_recording(lib, "log.csv"), "a log, as runtime.read_rec"),
+        (lambda lib, log: runtime.choose_friction(3, lib), "a log, as runtime.read_recording"),
+        (lambda lib, log: runtime.choose_default_friction("a", lib), "a log, as runtime.read_rec"),
+        (lambda lib, log: runtime.identify_payload("log.csv", lib), "a log, as runtime.read_rec"),
+        (lambda lib, log: runtime.identify_gains(3, 3, lib, 3), "a log, as runtime.read_recording"),
     ],
 )
 def test_a_wrong_type_gets_a_sentence(

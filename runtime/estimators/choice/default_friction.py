@@ -41,13 +41,14 @@ from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
-from runtime.library import Array, Library
+from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import spring_names, unresolved, without_columns
 from runtime.recording.friction.columns import COULOMB, DAHL, LOAD, OFFSET, ROTOR, VISCOUS
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.recording import require_recording
 from runtime.recording.settings import SPRING
 
 LEAST_CONDITION = 1e-10
@@ -129,6 +130,8 @@ def choose_default_friction(
     Raises:
         RuntimeFault: the log cannot be prepared.
     """
+    require_recording(recording)
+    require_library(lib)
     bare = before_test(recording, split).replace(columns=None, column_names=())
     springs = spring_names(lib) if SPRINGS in allowed else ()
     beside = (OFFSET.name, VISCOUS.name, ROTOR.name)

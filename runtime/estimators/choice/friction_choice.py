@@ -26,11 +26,12 @@ from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfi
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.library import Array, Library
+from runtime.library import Array, Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.recording import require_recording
 
 _BASE = ("offset", "viscous", "coulomb")
 FRICTION_MODELS: dict[str, tuple[str, ...]] = {
@@ -110,6 +111,8 @@ def choose_friction(
     Raises:
         IdentificationError: an unknown candidate, or too few samples for five blocks.
     """
+    require_recording(recording)
+    require_library(lib)
     wrong = [name for name in names if name not in FRICTION_MODELS]
     if wrong or not names:
         raise IdentificationError(

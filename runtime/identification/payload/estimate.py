@@ -34,12 +34,13 @@ from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance
 from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
-from runtime.library import Array, Library
+from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import prepare
+from runtime.recording.recording import require_recording
 from runtime.recording.row_marks import same_rows
 
 LENGTH = 0.1
@@ -197,6 +198,8 @@ def identify_payload(
     Raises:
         RuntimeFault: the recordings are too short, do not fit the robot, or do not move the link.
     """
+    require_recording(recording, *(() if empty is None else (empty,)))
+    require_library(lib)
     if not 0.0 <= gain_error < 1.0:
         raise IdentificationError(
             f"expected a gain error from 0 up to 1, relative to the gain, got {gain_error:g}; "

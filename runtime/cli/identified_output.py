@@ -76,6 +76,11 @@ def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iter
         yield (
             f"data: they determine {known.determined} of {len(known.beta_sigma)} independent "
             "combinations of parameters better than the prior does"
+            + (
+                f"; intervals assume torque gains known to {100 * known.gain_sigma:.2g} % (σ)"
+                if known.gain_sigma
+                else ""
+            )
         )
         if not record.doubts:
             yield f"advice: {known.first_advice()}"

@@ -151,6 +151,13 @@ class IdentifySettings(FitChoices):
             "notes name the rows that count less.",
         ),
     ] = False
+    gain_sigma: Annotated[
+        float,
+        model_option(
+            help="Relative σ of the gain of every torque or current, that of the data sheet; "
+            "intervals of parameters contain it."
+        ),
+    ] = 0.02
     payload_of: Annotated[
         list[str] | None,
         model_option(

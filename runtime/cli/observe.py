@@ -234,7 +234,7 @@ def _raised(lib: Library, plain: Detector, fitted: Detector) -> list[str]:
 def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, list[str]]:
     """Root of the covariance of [β; φ]; None with a note where the result has no posterior."""
     try:
-        return read_posterior(model, saved, lib).root(lib), []
+        return read_posterior(model, saved, lib).of_readings().root(lib), []
     except IdentificationError as error:
         return None, [f"thresholds are without the uncertainty of the model: {error}"]
 

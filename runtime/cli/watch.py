@@ -97,7 +97,7 @@ def watch_command(given: WatchSettings) -> None:
     saved = read_result(given.result)
     lib = open_robot(given.robot or saved.robot, given.yes)
     notes = require_model(saved, lib, given.result)
-    root = read_posterior(given.result, saved, lib).root(lib)
+    root = read_posterior(given.result, saved, lib).of_readings().root(lib)
     model = model_of(saved, lib)
     sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
     if given.history is not None:

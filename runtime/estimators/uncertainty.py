@@ -77,8 +77,8 @@ class LogInformation:
 class Uncertainty:
     """Covariance of π and the figures that a report states beside it."""
 
-    # C = root rootᵀ of π, (10 n, 10 n + m + 1); behind the first 10 n columns m of nuisance torque
-    # and the error of the estimate
+    # C = root rootᵀ of π, (10 n, 10 n + m + 1); behind the first 10 n columns m of nuisance torque,
+    # the last of them of torque gains, and the error of the estimate
     root: Array
     share: Array  # posterior over prior variance of every entry of π, (10 n,), in (0, 1]
     verdicts: tuple[str, ...]  # per entry of π: identified, prior-dominated or unobservable
@@ -105,6 +105,8 @@ class Uncertainty:
     filtered: float = 1.0
     # what the m columns of nuisance torque move φ at known π, (n k, m)
     phi_nuisance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    gain_sigma: float = 0.0  # relative σ of every torque gain that the root contains
+    gains: int = 0  # number of their columns
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -129,6 +131,11 @@ class Uncertainty:
         """Standard deviation of every entry of π, (10 n,)."""
         return np.asarray(np.linalg.norm(self.root, axis=1))
 
+    @property
+    def readings_root(self) -> Array:
+        """Root of what errors of the readings of these sensors: that of π without their gains."""
+        return without_gains(self.root, self.gains)
+
     def com_sigma(self, pi: Array) -> list[Array | None]:
         """Standard deviation of every link's centre of mass c = (m c)/m, (3,) m; None without m."""
         return com_sigma(self.root, pi)
@@ -146,14 +153,14 @@ class Uncertainty:
         q (N, n) [rad, m] → (N, n) [N·m, N].
         """
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
-        return np.asarray(np.linalg.norm(y @ self.root, axis=2))
+        return np.asarray(np.linalg.norm(y @ self.readings_root, axis=2))
 
     def band_of(self, lib: Library, samples: Samples) -> Array:
         """Standard deviation of the predicted torque of prepared rows, √diag(Y_b K C Kᵀ Y_bᵀ).
 
         Returns (N, m) [N·m, N; W for rows of power].
         """
-        spread = samples.base_rows(lib) @ (lib.base_matrix @ self.root)
+        spread = samples.base_rows(lib) @ (lib.base_matrix @ self.readings_root)
         return np.asarray(np.linalg.norm(spread, axis=2))
 
     def with_noise(self, rest: Array, lib: Library) -> "Uncertainty":
@@ -233,8 +240,12 @@ def uncertainty_of(
     is_most_probable: bool = True,
     centre: Array | None = None,
     tests: bool = True,
+    gain_sigma: float = 0.0,
 ) -> Uncertainty:
-    """Uncertainty of an identified model, by any method."""
+    """Uncertainty of an identified model, by any method.
+
+    gain_sigma: relative σ of the gain of every torque.
+    """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
     if statistics is None or coloured is None:
@@ -243,7 +254,7 @@ def uncertainty_of(
         coloured = coloured_noise_of(lib, [samples], statistics, weights)
     # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
     fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
-    widened = model_error_of(lib, fit, pi, statistics)
+    widened = model_error_of(lib, fit, pi, statistics, gain_sigma)
     data, _ = reduce(widened.statistics, samples.equations)
     bodies, prior = bodies_of(lib), prior_about(lib, first_guess, centre)
     inside = bodies.log_det(pi) is not None
@@ -256,7 +267,7 @@ def uncertainty_of(
     if centre is not None:
         reference = pi
     usual = spread.root if is_most_probable else vague
-    moved, phi_nuisance = _nuisance(lib, widened.statistics, widened.slopes, level, usual)
+    moved, phi_nuisance = nuisance_of_slopes(lib, widened.statistics, widened.slopes, level, usual)
     root = np.column_stack([usual, moved, pi - reference])
     outcome = ModelTests()
     if tests:
@@ -293,10 +304,17 @@ def uncertainty_of(
         information=LogInformation(widened.statistics, float(level), kappa, prior.centre),
         tests=outcome,
         phi_nuisance=phi_nuisance,
+        gain_sigma=gain_sigma if widened.gains else 0.0,
+        gains=widened.gains,
     )
 
 
-def _nuisance(
+def without_gains(root: Array, gains: int) -> Array:
+    """A root without its columns of torque gains, which are before the last."""
+    return np.delete(root, np.s_[-1 - gains : -1], axis=1)
+
+
+def nuisance_of_slopes(
     lib: Library, statistics: Statistics, slopes: Array, level: float, root: Array
 ) -> tuple[Array, Array]:
     """What nuisance torque of size 1 moves π, and φ at known π, (10 n, m) and (n k, m)."""

@@ -6,8 +6,8 @@ covariance of π (`posterior_file`) a root of the covariance of φ is
     L_φ = [−U⁻¹ O L_π, √S U⁻¹, φ − U⁻¹ (t − O π)]
 
 The last column is what the estimate differs from the best φ at its π, as in methods with other
-weights. Where a delay or encoder biases are estimated too, the covariance is that of `drive`, which
-contains them. A coefficient without an interval of this kind has NaN: its column is zero or a
+weights. L_π contains nuisance torque, errors of torque gains, and the delay and encoder biases that
+are estimated. A coefficient without an interval of this kind has NaN: its column is zero or a
 combination of other friction columns, it is held at the bound 0, or learned friction shares its
 torque.
 """
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import SavedPosterior
+from runtime.identification.posterior_file import posterior_of_result
 from runtime.identification.result_record import FrictionPart
 from runtime.library import Array
 from runtime.recording.friction import names_where
@@ -29,20 +29,16 @@ from runtime.recording.settings import SPRING
 
 def friction_root(result: Identification) -> Array | None:
     """Root of the covariance of `result.usual_phi`, (n k, ·); None without a posterior."""
-    known, phi = result.uncertainty, result.usual_phi
-    if known is None or known.information is None or result.learned is not None or not phi.size:
+    posterior, phi = posterior_of_result(result), result.usual_phi
+    if posterior is None or result.learned is not None or not phi.size:
         return None
-    information, lib = known.information, result.lib
-    logs = len(result.log_names)
-    posterior = SavedPosterior(
-        information, result.pi, known.root, lib.n_joints, logs, known.phi_nuisance
-    )
-    _, system = posterior.reduced(lib)
+    _, system = posterior.reduced(result.lib)
     if system.lengths.size != result.phi.size:
         return None
     difference = result.phi.ravel() - system.phi(result.pi)
     root = np.column_stack([posterior.phi_over(system), posterior.phi_root(system), difference])
-    columns = information.statistics.factor[:, information.statistics.n_base :]
+    statistics = posterior.information.statistics
+    columns = statistics.factor[:, statistics.n_base :]
     root[~determined(columns)] = np.nan
     root = posterior.usual(root)
     root[_held_at_zero(result, phi).ravel()] = np.nan
@@ -51,17 +47,12 @@ def friction_root(result: Identification) -> Array | None:
 
 def friction_sigma(result: Identification) -> Array | None:
     """Standard deviations of `result.usual_phi`."""
-    drive, phi = result.drive, result.usual_phi
-    if drive is not None and drive.phi_sigma is not None and phi.size:
-        return drive.phi_sigma if drive.phi_sigma.shape == phi.shape else None
-    root = friction_root(result)
-    return None if root is None else np.linalg.norm(root, axis=1).reshape(phi.shape)
+    root, shape = friction_root(result), result.usual_phi.shape
+    return None if root is None else np.linalg.norm(root, axis=1).reshape(shape)
 
 
 def friction_covariance(result: Identification) -> Array | None:
     """Covariance of the coefficients of every joint, (n, k, k); NaN where not determined."""
-    if result.drive is not None and result.drive.phi_covariance is not None:
-        return result.drive.phi_covariance
     root = friction_root(result)
     if root is None:
         return None

@@ -392,7 +392,7 @@ def without_drives(
         alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
         progress.step(f"estimating the delay of {name}")
         drive = identify_drive(each.recording, lib, alone, request).drive
-        estimated.append(replace(drive or DriveFit.unknown(lib.n_joints), phi_sigma=None))
+        estimated.append(drive or DriveFit.unknown(lib.n_joints))
     bias = DriveFit.of_all(estimated).bias
     return [_corrected(*pair, bias) for pair in zip(moved, estimated, strict=True)], estimated
 

@@ -10,7 +10,7 @@ normal with the root L_π of `Uncertainty`, so that a root of the covariance of 
 The file states π of its result.json and is refused beside another one.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +22,8 @@ from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
 from runtime.estimators.convex.entropic_prior import bodies_of
-from runtime.estimators.uncertainty import LogInformation, Uncertainty
+from runtime.estimators.uncertainty import LogInformation, without_gains
+from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library
@@ -40,6 +41,7 @@ class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
     kappa: Positive
     logs: Annotated[int, Meta(ge=0)]
     phi_nuisance: Array | None = None
+    gains: Annotated[int, Meta(ge=0)] = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +55,14 @@ class SavedPosterior:
     logs: int  # number of logs with offsets of their own; 0 for one log. The offset is their mean
     # what the m columns of L_π behind the first 10 n move φ at known π, (n k, m)
     phi_nuisance: Array | None = None
+    gains: int = 0  # number of columns of torque gains before the last of L_π
+
+    def of_readings(self) -> "SavedPosterior":
+        """The posterior of what predicts readings of the same sensors: without their gains."""
+        root, known = without_gains(self.pi_root, self.gains), self.phi_nuisance
+        if known is not None and known.size:
+            known = known[:, : known.shape[1] - self.gains]
+        return replace(self, pi_root=root, phi_nuisance=known, gains=0)
 
     def reduced(self, lib: Library) -> tuple[Reduced, Elimination]:
         """Least squares over π, and the system that gives φ."""
@@ -111,33 +121,30 @@ class SavedPosterior:
         return np.concatenate([shared, mean], axis=1).reshape(-1, rows.shape[1])
 
 
-def write_posterior(folder: Path, uncertainty: Uncertainty, pi: Array, logs: int = 0) -> None:
-    """Write posterior.npz into the folder of a result, where what it is computed from was kept."""
-    if uncertainty.information is not None:
-        root, moved = uncertainty.root, uncertainty.phi_nuisance
-        store_posterior(folder, uncertainty.information, pi, root, logs, moved)
+def posterior_of_result(result: Identification) -> SavedPosterior | None:
+    """The posterior of a result; None where what it is computed from was not kept."""
+    known, logs = result.uncertainty, len(result.log_names)
+    if known is None or known.information is None:
+        return None
+    root, moved, joints = known.root, known.phi_nuisance, result.lib.n_joints
+    return SavedPosterior(known.information, result.pi, root, joints, logs, moved, known.gains)
 
 
-def store_posterior(
-    folder: Path,
-    information: LogInformation,
-    pi: Array,
-    root: Array,
-    logs: int = 0,
-    phi_nuisance: Array | None = None,
-) -> None:
-    """Write posterior.npz, as a whole or not at all."""
+def write_posterior(folder: Path, posterior: SavedPosterior) -> None:
+    """Write posterior.npz into the folder of a result, as a whole or not at all."""
+    known, moved = posterior.information, posterior.phi_nuisance
     with replacing(folder / FILE) as file:
         np.savez(
             file,
-            **asdict(information.statistics),
-            centre=information.centre,
-            pi=pi,
-            pi_root=root,
-            density=information.density,
-            kappa=information.kappa,
-            logs=logs,
-            phi_nuisance=np.zeros((0, 0)) if phi_nuisance is None else phi_nuisance,
+            **asdict(known.statistics),
+            centre=known.centre,
+            pi=posterior.pi,
+            pi_root=posterior.pi_root,
+            density=known.density,
+            kappa=known.kappa,
+            logs=posterior.logs,
+            phi_nuisance=np.zeros((0, 0)) if moved is None else moved,
+            gains=posterior.gains,
         )
 
 
@@ -174,6 +181,7 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
         and size == len(base) + lib.n_joints * columns
         and stored.centre.shape == lib.pi0.shape
         and root.ndim == 2
+        and stored.gains < root.shape[1]
         and len(root) == len(lib.pi0)
         and all(np.isfinite(each).all() for each in every)
         and bodies_of(lib).log_det(stored.centre) is not None
@@ -183,4 +191,4 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
     known = LogInformation(stored.statistics, stored.density, stored.kappa, stored.centre)
-    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs, stored.phi_nuisance)
+    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs, moved, stored.gains)

@@ -20,7 +20,7 @@ from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import result_record as schema
 from runtime.identification.friction_intervals import friction_intervals, friction_sigma
 from runtime.identification.identified import Identification, friction_error, torque_errors
-from runtime.identification.posterior_file import write_posterior
+from runtime.identification.posterior_file import posterior_of_result, write_posterior
 from runtime.identification.result_warnings import doubts_of, warnings_of
 from runtime.identification.saved_result import (
     LARGEST_VALUE,
@@ -144,8 +144,8 @@ def write_result(result: Identification, folder: Path, command: str) -> schema.R
         arrays["recipe"] = recipe_text(recipe)
     if result.row_marks is not None:
         arrays["row_marks"] = result.row_marks
-    if result.uncertainty is not None:
-        write_posterior(folder, result.uncertainty, result.pi, len(result.log_names))
+    if (posterior := posterior_of_result(result)) is not None:
+        write_posterior(folder, posterior)
     with replacing(folder / "predictions.npz") as file:
         np.savez(file, **arrays)  # noise does not compress
     write_record(record, folder)
@@ -236,6 +236,7 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
         model_band=schema.plain(np.sqrt(np.mean(band**2, axis=0))),
         white_lag_share=schema.plain(u.white),
         detectable_gain_error=schema.plain(u.tests.gain_limits),
+        gain_sigma=u.gain_sigma,
     )
 
 

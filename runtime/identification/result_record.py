@@ -218,6 +218,7 @@ class UncertaintyPart(Part, frozen=True):
     model_band: Of[Numbers, "σ of the model's torque, (n,); of a free base empty"]
     white_lag_share: Of[Numbers, "share of lags within the bounds of white noise, (n,); likewise"]
     detectable_gain_error: Of[Gaps, "error of a gain shown in 95 of 100 such logs, (n,) or empty"]
+    gain_sigma: Of[float, "relative σ of the torque gains that all σ contain"] = 0.0
 
 
 class FrictionPart(Part, frozen=True, omit_defaults=True):

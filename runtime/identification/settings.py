@@ -73,6 +73,9 @@ class Settings:
         robust: Huber weights on blocks of training rows, for the methods that train on all rows
             of joints; the notes of the result name the rows that count less.
         friction_prior: prior of the friction coefficients, for "map", in place of that in `prior`.
+        gain_sigma: relative standard deviation of the gain of every torque sensor or current, that
+            of its data sheet, which intervals of parameters contain; a model that predicts readings
+            of the same sensors does not need it.
     """
 
     method: str | None = None
@@ -98,9 +101,15 @@ class Settings:
     refit: bool = True
     robust: bool = False
     friction_prior: FrictionPrior | KnownFriction | None = None
+    gain_sigma: float = 0.02
 
     def __post_init__(self) -> None:
         cutoff_of(self.cutoff)  # refused here, before a log is read
+        if not 0 <= self.gain_sigma < 1:
+            raise IdentificationError(
+                "gain_sigma needs the relative standard deviation of the torque gains, 0.02 for 2 "
+                f"%, got {self.gain_sigma:g}"
+            )
         beside = [name for name in OF_PREPARATION if getattr(self, name) is not None]
         if self.preparation is not None and beside:
             raise IdentificationError(
@@ -165,6 +174,7 @@ class SettingKeywords(TypedDict, total=False):
     refit: bool
     robust: bool
     friction_prior: FrictionPrior | KnownFriction | None
+    gain_sigma: float
 
 
 NAMES = tuple(each.name for each in fields(Settings))

@@ -83,7 +83,9 @@ def agreement_of(
     bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
     singles = [fit(each, True) for each in bare]
     masses = np.array([mass(links(single.pi)) for single in singles])
-    sigma = [single.uncertainty.beta_sigma for single in singles if single.uncertainty is not None]
+    # The sensors are the same in all logs.
+    roots = [each.uncertainty.readings_root for each in singles if each.uncertainty is not None]
+    sigma = [np.linalg.norm(lib.base_matrix @ root, axis=1) for root in roots]
     spread = np.std([single.beta for single in singles], axis=0, ddof=1)
     expected = np.sqrt(np.mean(np.square(sigma), axis=0))
     known = expected > 0

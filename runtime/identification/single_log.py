@@ -297,6 +297,7 @@ def _uncertainty(
         is_most_probable=METHODS[method].is_most_probable,
         centre=None if prior is None else prior.centre,
         tests=tests,
+        gain_sigma=settings.gain_sigma,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

@@ -65,6 +65,9 @@ HALF = 0.5
 """Share of the explained χ² below which a part is not the change."""
 DETERMINED = 0.5
 """σ of a size over the plausible size, above which it is not stated."""
+UNKNOWN_DELAY = 0.02
+"""Standard deviation of the delay of a result that neither states nor estimates one [s]: real arms
+have 0 to 30 ms. Its own held-out rows show how much of it is left."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
 
@@ -217,8 +220,21 @@ def baseline_of(
         root.shape[1],
         [scores(test_rows)] if test_rows else [],
         [scores(each) for each in logs],
+        _delay_sigma(saved),
     )
     return Baseline(saved, root, over, changes, usual)
+
+
+def _delay_sigma(saved: SavedResult) -> float:
+    """What a result does not know of the delay of its torque [s]."""
+    record = saved.record
+    known = () if record is None else record.delays
+    if record is not None and record.sessions is not None:
+        known += record.sessions.delay_s or ()
+    sigma = [np.max(each.sigma) for each in known if each.value is not None and each.sigma]
+    if sigma:
+        return float(max(sigma))
+    return 0.0 if saved.preparation.torque_delay_s is not None else UNKNOWN_DELAY
 
 
 def _rows(lib: Library, recording: Recording) -> tuple[Array, Samples]:

@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.nuisance import SHAPES, nuisance_columns
+from runtime.estimators.regression.nuisance import SHAPES, nuisance_columns, torque_ranges
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import torque_of
@@ -125,9 +125,7 @@ class Usual:
 
 def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
     """Columns that a model can change by; a joint without a range takes the torque (N, n)."""
-    effort = np.asarray(lib.limits()["effort"], float)
-    largest = np.maximum(np.abs(tau).max(axis=0), 1e-9)
-    ranges = np.where(np.isfinite(effort) & (effort > 0), effort, largest)
+    ranges = torque_ranges(lib, tau)
     rows: list[tuple[tuple[str, str], float, tuple[str, float]]] = []
     rows.append((("clock", ""), 1.0, ("ms", 1e3)))
     for joint, most, unit in zip(lib.joint_names, ranges, torque_units(lib.manifest), strict=True):
@@ -218,11 +216,15 @@ def _at_rest(t: Array, rests: NDArray[np.bool_], basis: Array) -> list[tuple[int
 
 
 def usual_of(
-    changes: Changes, errors: int, held_out: Sequence[Scores], references: Sequence[Scores]
+    changes: Changes,
+    errors: int,
+    held_out: Sequence[Scores],
+    references: Sequence[Scores],
+    delay_sigma: float = 0.0,
 ) -> Usual:
     """Usual changes and errors of a model from its own rows and from logs of reference.
 
-    errors p: number of columns of the root.
+    errors p: number of columns of the root; delay_sigma: of the delay that the model contains [s].
     """
     logs = [*held_out, *references]
     scales = default = np.array(list(USUAL.values()))
@@ -234,7 +236,7 @@ def usual_of(
     else:
         steps = minimize(
             lambda step: (
-                -_common(changes, errors, logs, default * np.exp(DOUBT * step))[2]
+                -_common(changes, errors, logs, default * np.exp(DOUBT * step), delay_sigma)[2]
                 + 0.5 * float(step @ step)
             ),
             np.zeros(len(default)),
@@ -242,7 +244,7 @@ def usual_of(
             options={"maxiter": 30, "ftol": 1e-5},
         ).x
         scales = default * np.exp(DOUBT * steps)
-    mean, covariance = _common(changes, errors, logs, scales)[:2]
+    mean, covariance = _common(changes, errors, logs, scales, delay_sigma)[:2]
     freedom = float(FREEDOM * len(logs) if references else ASSUMED)
     return Usual(scales, mean, covariance, freedom, len(references))
 
@@ -268,7 +270,7 @@ def expected(changes: Changes, usual: Usual, scores: Scores) -> tuple[Array, Arr
 
 
 def _common(
-    changes: Changes, errors: int, logs: Sequence[Scores], scales: Array
+    changes: Changes, errors: int, logs: Sequence[Scores], scales: Array, delay_sigma: float
 ) -> tuple[Array, Array, float]:
     """Mean and covariance of (u, ε, shapes) given the logs, and log p of their scores."""
     kinds = list(USUAL)
@@ -276,6 +278,7 @@ def _common(
     sizes += [np.full(SHAPES * len(changes.ranges), scales[kinds.index("shape")])]
     # What the model left on its own day is not small where the usual change is.
     first = np.maximum(changes.usual(scales), changes.usual(np.array(list(USUAL.values()))))
+    first[changes.of("clock")] = np.hypot(first[changes.of("clock")], delay_sigma)
     before = np.concatenate([first, *sizes]) ** 2
     mean, covariance, total = np.zeros(len(before)), np.diag(before), 0.0
     for each in logs:

@@ -69,7 +69,7 @@ def _robot(lib: Library, seed: int) -> list[Any]:
     known = known_of(lib, joined(joined(one, two), three))
     free = [prepared_for(log, known.model) for log in logs(1000, CALIBRATION, day=1)]
     free = [prepared_for(log, known.model, free[0].rate_hz) for log in free]
-    root = known.posterior.root(lib)
+    root = known.posterior.of_readings().root(lib)
     detector = detector_for(lib, known.model, free[0], known.held_out, stated(1.0), None, root)
     detector, tails = calibrated_on(lib, detector, free)
     by_rate = [calibrated(replace(detector, rate=stated(rate)), tails) for rate in STATED]

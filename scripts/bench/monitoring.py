@@ -20,13 +20,14 @@ import numpy as np
 from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
 from bench.fleet import FILTERED, joined
 from runtime import Recording, choose_default_friction
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.identification.posterior_file import SavedPosterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.monitoring.calibration import calibrated, calibrated_on
 from runtime.monitoring.drift import Verdict, baseline_of, verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
@@ -45,7 +46,7 @@ from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
-from runtime.simulation.box_payload import Box
+from runtime.simulation.box_payload import Box, pi_from_pseudo
 from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import perturbed, record
 
@@ -92,7 +93,7 @@ def draws_coverage(
         rng = np.random.default_rng([4, trial])
         pi = perturbed(lib, lib.pi0, SPREAD, rng)
         plant = Plant(pi, viscous=VISCOUS, coulomb=COULOMB, torque_noise=NOISE)
-        known = known_of(lib, ideal(lib, designs[0], plant, rng=rng), TERMS)
+        known = known_of(lib, ideal(lib, designs[0], plant, rng=rng), TERMS, gain_sigma=0.0)
         drawn = draw_models(lib, known.saved, known.posterior, draws, rng)
         consistent.append(float((lib.relative_eigenvalues(drawn.pi) > 0).mean()))
         other: Recording = ideal(lib, designs[1], plant).take(slice(None, None, 10), "thinned")
@@ -103,6 +104,48 @@ def draws_coverage(
         low, high = np.quantile(tau, [0.025, 0.975], axis=0)
         inside.append(float(np.mean((other.tau >= low) & (other.tau <= high))))
     return float(np.mean(inside)), float(np.mean(consistent))
+
+
+def ranks_of_draws(
+    lib: Library, designs: tuple[Trajectory, ...], robots: int, draws: int, gains: float
+) -> dict[str, Array]:
+    """Shares of the draws below the truth, per quantity, of robots of the prior about the URDF.
+
+    Links are of its law, Wishart with 2 κ + 5 degrees of freedom about P0; torque gains are
+    N(1, `gains`²), which the identification assumes too. Friction has a flat prior, so that its
+    truth may be the same. Source: Talts et al. 2018.
+    """
+    inverse, ranks = np.linalg.inv(lib.pseudo_inertia(lib.pi0)), dict[str, list[float]]()
+    root = np.linalg.cholesky(np.linalg.inv(inverse) / (2 * CAD))
+    for robot in range(robots):
+        rng = np.random.default_rng([8, robot])
+        normal = root @ rng.normal(size=(len(root), 4, int(2 * CAD) + 5))
+        pi = pi_from_pseudo(lib, normal @ np.swapaxes(normal, 1, 2))
+        plant = Plant(pi, viscous=VISCOUS, coulomb=COULOMB, torque_noise=NOISE)
+        log = ideal(lib, designs[robot % len(designs)], plant, rng=rng)
+        log = log.replace(tau=log.tau * (1 + gains * rng.normal(size=lib.n_joints)))
+        known = known_of(lib, log, TERMS, gain_sigma=gains)
+        drawn = draw_models(lib, known.saved, known.posterior, draws, rng)
+        phi = np.array([VISCOUS, COULOMB]), drawn.phi[:, :, :2].mean(axis=1)
+        true = np.concatenate([_sizes(pi[None])[0], phi[0]])
+        below = np.mean(np.column_stack([_sizes(drawn.pi), phi[1]]) < true, axis=0)
+        for name, share in zip(_size_names(lib), below, strict=True):
+            ranks.setdefault(name, []).append(float(share))
+    return {name: np.array(each) for name, each in ranks.items()}
+
+
+def _size_names(lib: Library) -> list[str]:
+    """Quantities of `ranks_of_draws`: of 7 links 31."""
+    each = [f"{what} of {name}" for name in lib.link_names for what in ("mass", *"xyz")]
+    return [*each, "total mass", "viscous", "coulomb"]
+
+
+def _sizes(pi: Array) -> Array:
+    """Masses and centres of mass of every link, and the total mass, of models (N, 10 n)."""
+    bodies = pi.reshape(len(pi), -1, 10)
+    centres = bodies[..., 1:4] / bodies[..., :1]
+    each = np.concatenate([bodies[..., :1], centres], axis=2).reshape(len(pi), -1)
+    return np.column_stack([each, bodies[..., 0].sum(axis=1)])
 
 
 def stated(per_hour: float) -> AlarmRate:
@@ -216,7 +259,7 @@ def _watched(
         motion = designs[1] if k == 1 else drawn_motion(lib, designs, FIRST_SEED + k)
         log = joined(log, record(lib, motion, seed=FIRST_SEED + k).recording, 0.5)
     known = known_of(lib, log)
-    model, root = known.model, known.posterior.root(lib)
+    model, root = known.model, known.posterior.of_readings().root(lib)
 
     def free(k: int) -> Recording:
         return prepared_for(record(lib, drawn_motion(lib, designs, k), seed=k + 1).recording, model)
@@ -288,7 +331,7 @@ def weeks(
     known = {tuple(line[:3]): line[3:] for line in lines_of(done)}
     one, two = (record(lib, each, seed=WEEKS_SEED + k).recording for k, each in enumerate(designs))
     model = known_of(lib, joined(one, two, PAUSE_S))
-    root, sigma = model.posterior.root(lib), model.held_out.rest.std(axis=0)
+    root, sigma = model.posterior.of_readings().root(lib), model.held_out.rest.std(axis=0)
     healthy = [
         prepare(
             changed_log(lib, designs, "", 1.0, week)[0], FILTERED, model.saved.friction, lib=lib

@@ -8,7 +8,10 @@ White residuals of density S have V = S 1. Few blocks determine the mean varianc
 directions, and each direction alone only from five blocks per column on. In the coordinates of the
 rows, V takes the place of S, so that the posterior of any prior has the covariance A⁻¹ V A⁻ᵀ of
 least squares and the prior stays what it is. What repeats with the posture does so in every block:
-it is the torque of nuisance shapes (`nuisance`), and is taken out of r before.
+it is the torque of nuisance shapes (`nuisance`), and is taken out of r before. Torque gains are
+1 + s with s ~ N(0, σ²): N_j = τ̂_j is a shape of the rows of joint j. With N' = N − Q Qᵀ N, what the
+residual shows of s leaves s | r ~ N(s̄, C_s), C_s⁻¹ = N'ᵀN'/c + 1/σ², s̄ = C_s N'ᵀ r / c, and the
+estimate, which keeps its value, the error X⁺ N [C_s^½, s̄]. A common factor is in none of r.
 Source: Cameron & Miller 2015 for blocks, Ledoit & Wolf 2004 for the shrinkage.
 """
 
@@ -39,12 +42,20 @@ class ModelError:
     # Σ Xᵀ W N λ over all samples, whose product with (XᵀWX)⁻¹ is a root of the covariance of
     # nuisance torque, (n_b + n k, m)
     slopes: Array
+    gains: int = 0  # number of the last of them, those of torque gains
 
 
 def model_error_of(
-    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics
+    lib: Library,
+    fit: FreeFit | None,
+    pi: Array,
+    statistics: Statistics,
+    gain_sigma: float = 0.0,
 ) -> ModelError:
-    """Error of the model in the information of a fit, from a free fit to some of its samples."""
+    """Error of the model in the information of a fit, from a free fit to some of its samples.
+
+    gain_sigma: relative σ of every torque gain.
+    """
     size = len(statistics.target)
     none = ModelError(statistics, np.zeros((size, 0)))
     if fit is None or len(fit.root) != size:
@@ -55,7 +66,11 @@ def model_error_of(
     if not density > 0:
         return none
     torque = nuisance_of(lib, fit, pi, density)
-    spread = scatter(fit.samples, fit.basis, rest - torque.mean.reshape(count, n), density)
+    rest = rest - torque.mean.reshape(count, n)
+    spread = scatter(fit.samples, fit.basis, rest, density)
+    gains = np.zeros((p, 0))
+    if gain_sigma and fit.samples.base is None and fit.samples.equations == lib.n_joints:
+        gains = _gains(fit, rest, float(np.trace(spread)) / p, gain_sigma)
     # From the coordinates of Q to those of the rows A: A R = U is orthonormal, X R_Q = Q.
     whole = posterior_of(statistics.factor, rank=APART)
     u = statistics.factor @ whole.root
@@ -69,8 +84,20 @@ def model_error_of(
     rows = np.column_stack([statistics.factor, statistics.target])
     rows = rows + u @ (smaller @ (axes.T @ (u.T @ rows)))
     changed = replace(statistics, factor=rows[:, :-1], target=rows[:, -1])
-    slopes = changed.factor.T @ (changed.factor @ (fit.root @ torque.scores))
-    return ModelError(changed, slopes)
+    scores = fit.root @ np.hstack([torque.error, gains])
+    return ModelError(changed, changed.factor.T @ (changed.factor @ scores), gains.shape[1])
+
+
+def _gains(fit: FreeFit, rest: Array, level: float, sigma: float) -> Array:
+    """Scores Qᵀ N [C_s^½, s̄] of torque gains, (p, n + 1), in residuals (N, n) of variance level."""
+    count, n = rest.shape
+    predicted = fit.predicted.reshape(count, n)
+    taken = np.einsum("ijk,ij->kj", fit.basis.reshape(count, n, -1), predicted)
+    shown = np.diag(np.sum(predicted**2, axis=0)) - taken.T @ taken
+    sizes, axes = np.linalg.eigh(shown / level + np.eye(n) / sigma**2)
+    root = axes / np.sqrt(np.maximum(sizes, 1 / sigma**2))
+    mean = root @ (root.T @ np.sum(predicted * rest, axis=0)) / level
+    return taken @ np.column_stack([root, mean])
 
 
 def scatter(samples: Samples, basis: Array, rest: Array, density: float) -> Array:

@@ -5,7 +5,8 @@
 N are shapes of one joint each, with one λ for those of the posture and one for those of friction.
 They maximise the marginal likelihood of what least squares over X leaves: with N' = N − X X⁺ N and
 G = N'ᵀ N', the scores z = N'ᵀ r have the covariance S G + G Λ G. s is integrated out and not
-exported: the estimate x̂ keeps its value, and its covariance gains that of X⁺ N s.
+exported: the estimate x̂ keeps its value, and its error gains X⁺ N s with s | r ~ N(s̄, C_s),
+C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z / S.
 Source: Kennedy & O'Hagan 2001 for the discrepancy of a model; empirical Bayes for its size.
 """
 
@@ -23,6 +24,9 @@ SLOW = 0.06
 KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
 friction (load, root of the speed, peak at low speed)."""
+MOST = 0.02
+"""Largest λ over the range of the joint: a root of the speed hardly differs from viscous and dry
+friction, or q from sin q where a joint moves little, and would leave all of them open."""
 SHAPES = len(KINDS)
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
@@ -42,11 +46,20 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     return np.stack(each, axis=2)
 
 
+def torque_ranges(lib: Library, tau: Array) -> Array:
+    """Largest torque of every joint, by the model, else of rows (N, n), (n,)."""
+    effort = np.asarray(lib.limits()["effort"], float)
+    largest = np.maximum(np.abs(tau).max(axis=0), 1e-9)
+    return np.where(np.isfinite(effort) & (effort > 0), effort, largest)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NuisanceTorque:
     """Nuisance torque of a free fit."""
 
     scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m); no column without nuisance torque
+    # Qᵀ N [C_s^½, s̄] of s | r ~ N(s̄, C_s), which the error of the fit has, (p, m + joints)
+    error: Array
     mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
 
 
@@ -55,22 +68,27 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
     samples, n = fit.samples, fit.scale.size
     rest = fit.rest.reshape(len(samples), n)
     mean, kept = np.zeros_like(rest), [np.zeros((fit.basis.shape[1], 0))]
+    errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
-        return NuisanceTorque(kept[0], mean)
+        return NuisanceTorque(kept[0], kept[0], mean)
     shapes = nuisance_columns(lib, pi, samples) * fit.scale[:, None]
+    ranges = torque_ranges(lib, samples.tau)
     basis = fit.basis.reshape(len(samples), n, -1)
     for j in range(n):
         taken, inner = basis[:, j].T @ shapes[:, j], shapes[:, j].T @ shapes[:, j]
         gram, z = inner - taken.T @ taken, shapes[:, j].T @ rest[:, j]
         sizes = likely_sizes(gram, z, density, float(np.trace(inner)))
+        sizes = np.minimum(sizes, MOST * ranges[j])
         if sizes.any():
             kept.append(taken * sizes)
             # s | z is normal with the information G / S + Λ⁻¹.
             within = sizes[:, None] * gram * sizes / density + np.eye(len(sizes))
-            s = sizes * np.linalg.solve(within, sizes * z / density)
+            root = sizes[:, None] * np.linalg.inv(np.linalg.cholesky(within)).T
+            s = root @ (root.T @ z) / density
+            errors.append(taken @ np.column_stack([root, s]))
             mean[:, j] += shapes[:, j] @ s
             mean -= np.einsum("ijk,k->ij", basis, taken @ s)
-    return NuisanceTorque(np.hstack(kept), mean)
+    return NuisanceTorque(np.hstack(kept), np.hstack(errors), mean)
 
 
 def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:

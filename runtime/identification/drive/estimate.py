@@ -276,8 +276,6 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         delay_sigma=step.sigma[:delays],
         bias=bias if request.bias else empty,
         bias_sigma=step.sigma[delays:] if request.bias else empty,
-        phi_sigma=step.phi_sigma,
-        phi_covariance=step.phi_covariance,
     )
     uncertainty = result.uncertainty
     if uncertainty is not None and uncertainty.information is not None and step.pi_moved.size:

@@ -34,6 +34,9 @@ from scipy.linalg import block_diag
 
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.model_error import scatter
+from runtime.estimators.regression.nuisance import nuisance_of
+from runtime.estimators.regression.omitted_columns import FreeFit
 from runtime.estimators.regression.posterior import (
     basis_of_joints,
     posterior_of,
@@ -74,8 +77,7 @@ class LinearisedDrive:
     Attributes:
         step: of x, (m,) [s, then rad, m].
         sigma: of x, (m,).
-        phi_sigma: (n, k); NaN where a coefficient is not determined.
-        phi_covariance: of the coefficients of every joint, (n, k, k).
+        phi_sigma: of φ by noise alone, (n, k); NaN where a coefficient is not determined.
         pi_moved: what a root of the covariance of x moves π, (10 n, m).
         phi_moved: the same of φ, (n k, m).
     """
@@ -83,7 +85,6 @@ class LinearisedDrive:
     step: Array
     sigma: Array
     phi_sigma: Array
-    phi_covariance: Array
     pi_moved: Array
     phi_moved: Array
 
@@ -173,18 +174,36 @@ def linearised(
         prior[-n:] = 1.0 / BIAS_PRIOR
         slope[-n:] -= bias / BIAS_PRIOR**2
     posterior = posterior_of(np.vstack([data * (more / noise), np.diag(prior)]))
-    sigma, root = posterior.sigma, posterior.root[len(pi) : first].reshape(n, k, -1)
+    sigma = posterior.sigma
     # Of all unknowns, E[y | x] moves with a root L_x of the covariance of x by cov(y, x) L_x⁻ᵀ.
     lower = np.asarray(np.linalg.qr(posterior.root[first:].T, mode="r")).T
     moved = np.linalg.lstsq(lower, posterior.root[first:] @ posterior.root[:first].T, rcond=None)[0]
+    wider = np.ones(further.shape[2])
+    if density > 0 and wider.size and not rough:
+        basis, left = rows.reshape(rest.size, -1) @ known.root, left.ravel()
+        fit = FreeFit(part, scale, known.root, basis, rest.ravel() - left, left, ())
+        wider = _widening(lib, fit, pi, known.root[-wider.size :], density)
+    moved = moved * wider[:, None]
     return LinearisedDrive(
         step=posterior.step(slope)[first:],
-        sigma=sigma[first:],
+        sigma=sigma[first:] * wider,
         phi_sigma=sigma[len(pi) : first].reshape(n, k),
-        phi_covariance=root @ np.swapaxes(root, 1, 2),
         pi_moved=shrink @ moved[:, : len(pi)].T,
         phi_moved=moved[:, len(pi) :].T,
     )
+
+
+def _widening(lib: Library, fit: FreeFit, pi: Array, of_x: Array, density: float) -> Array:
+    """Factor on the σ of x̂ = X Qᵀ r by the scatter of blocks and by nuisance torque, (m,).
+
+    of_x X (m, p), of noise of the density S.
+    """
+    nuisance, lengths = nuisance_of(lib, fit, pi, density), np.linalg.norm(of_x, axis=1)
+    along = of_x / np.maximum(lengths, 1e-300)[:, None]
+    rest = (fit.rest - nuisance.mean.ravel()).reshape(nuisance.mean.shape)
+    spread = np.diag(scatter(fit.samples, fit.basis @ along.T, rest, density))
+    among = np.sum((along @ nuisance.error) ** 2, axis=1)
+    return np.sqrt((np.maximum(spread, density) + among) / density)
 
 
 def _taken(count: int, rough: bool) -> NDArray[np.int64]:

@@ -57,17 +57,12 @@ class DriveFit:
         delay_sigma: of the same shape [s].
         bias: b of q_true = q + b, (n,) [rad, m]; NaN where it was not estimated.
         bias_sigma: (n,) [rad, m].
-        phi_sigma: standard deviations of φ, (n, k); None where the posterior of the links, to which
-            delay and biases are known, has them.
-        phi_covariance: of the coefficients of every joint, (n, k, k).
     """
 
     delay: Array
     delay_sigma: Array
     bias: Array
     bias_sigma: Array
-    phi_sigma: Array | None = None
-    phi_covariance: Array | None = None
 
     @classmethod
     def unknown(cls, joints: int) -> "DriveFit":

@@ -23,6 +23,7 @@ from runtime.estimators.uncertainty import (
     IDENTIFIED,
     PRIOR_DOMINATED,
     LogInformation,
+    nuisance_of_slopes,
     vague_posterior,
 )
 from runtime.identification.free_base.drives import COLUMNS, LATEST_S, drives_of, problem_of
@@ -44,6 +45,7 @@ from runtime.identification.free_base.plausibility import (
 )
 from runtime.identification.free_base.rows import (
     DELAY,
+    OFFSET_SIGMA,
     Drives,
     FreeBaseRows,
     error_names,
@@ -195,7 +197,10 @@ def identify_free_base(
     else:
         problem = problem_of(lib, trained, tested, drives, sensed, sensor_columns)
     fit = fit_by(problem, "map", None, prior)
-    information, root, shares, deviations = _posterior(problem, fit, prior)
+    offsets = trained.offsets
+    if noise is not None:
+        offsets = offsets * np.sqrt(noise.weights)[:, None, None]
+    information, root, shares, deviations = _posterior(problem, fit, prior, offsets)
     names, shown = tested.shown(drives is not None)
     measured = tested.samples.tau
     level = rms(shown(measured))
@@ -314,7 +319,7 @@ def _notes(
     lib: Library, recording: FreeBaseRecording, data: _Prepared, noise: RowNoise | None
 ) -> tuple[str, ...]:
     """Sentences on the equations and the contacts."""
-    motion, trained, notes = data.motion, data.trained, list(data.notes)
+    trained, notes = data.trained, list(data.notes)
     if noise is not None:
         independent = trained.samples.tau.size / noise.floor.inflation
         notes.append(
@@ -322,15 +327,12 @@ def _notes(
             "most of the result is the prior, and the residual of the URDF counts as noise, "
             "without its mean and errors of sensors"
         )
-    if (
-        motion.contacts.offset_sigma is None
-        and motion.tau is None
-        and np.isnan(motion.contacts.wrench).any()
-    ):
+    if trained.offsets.size:
+        force, moment = OFFSET_SIGMA[[0, -1]]
         notes.append(
-            "contact forces are taken as free of offsets: an offset of a force sensor changes the "
-            "total mass by as much, and its interval does not contain it; state their standard "
-            "deviation in N by contact_force_z_sigma"
+            f"intervals contain constant offsets of the contact sensors of {force:g} N and "
+            f"{1e3 * moment:g} mN·m (σ): an offset of a force changes the total mass by as much; "
+            "state the standard deviation of those of vertical forces in N by contact_force_z_sigma"
         )
     fewest, left = np.sort(trained.left)[[0, -1]]
     if fewest < len(trained.names):
@@ -369,13 +371,14 @@ def _drives(
 
 
 def _posterior(
-    problem: Problem, fit: Fit, prior: PriorFile | None
+    problem: Problem, fit: Fit, prior: PriorFile | None, offsets: Array
 ) -> tuple[LogInformation, Array, Array, Array]:
     """What the posterior is computed from, root of the covariance, share of the prior, σ of φ.
 
     With U φ = t − O π of the elimination, φ has the covariance of its own rows, and that of π.
+    offsets (N, m, o) of the rows move both.
     """
-    lib, (_, noise) = problem.lib, fit.noise()
+    lib, (weights, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
         raise IdentificationError("expected statistics of the fit; use the method map")
     level = max(noise.density, float(np.finfo(float).tiny))
@@ -388,12 +391,19 @@ def _posterior(
     kappa = prior.kappa if prior and prior.kappa else CAD
     spread = spread_of(bodies_of(lib), fit.pi, rows, kappa)
     reference, _ = vague_posterior(lib, prior_of(lib, lib.pi0), rows, target)
-    root = np.column_stack([spread.root, fit.pi - reference])
+    samples = problem.train
+    columns = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
+    slopes = np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True)
+    moved, phi_moved = nuisance_of_slopes(lib, statistics, slopes, level, spread.root)
+    root = np.column_stack([spread.root, moved, fit.pi - reference])
     rank = len(eliminated.matrix)
     sigma = np.full(eliminated.lengths.size, np.inf)  # of a column that the data do not determine
     if rank:
-        parts = np.column_stack([np.sqrt(level) * np.eye(rank), eliminated.over_pi @ root])
-        lengths = np.linalg.norm(solve_triangular(eliminated.matrix, parts), axis=1)
-        sigma[eliminated.order[:rank]] = lengths / eliminated.lengths[eliminated.order[:rank]]
+        chosen = eliminated.order[:rank]
+        parts = np.column_stack([np.sqrt(level) * np.eye(rank), -eliminated.over_pi @ root])
+        parts = solve_triangular(eliminated.matrix, parts) / eliminated.lengths[chosen, None]
+        first = rank + len(spread.root)
+        parts[:, first : first + moved.shape[1]] += phi_moved[chosen]
+        sigma[chosen] = np.linalg.norm(parts, axis=1)
     information = LogInformation(statistics, level, kappa, lib.pi0)
     return information, root, spread.share, sigma

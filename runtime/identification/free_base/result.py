@@ -25,7 +25,7 @@ from runtime.identification.free_base.rows import (
     rows_of,
     with_contact_states,
 )
-from runtime.identification.posterior_file import store_posterior
+from runtime.identification.posterior_file import SavedPosterior, write_posterior
 from runtime.identification.result_file import (
     require_size,
     versions,
@@ -144,7 +144,9 @@ def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) 
     columns = 0 if friction is None else len(friction.columns) * len(record.joints)
     first = len(result.sensors)
     statistics = marginal(known.statistics, slice(first, first + columns))
-    store_posterior(folder, replace(known, statistics=statistics), result.pi, result.root)
+    known = replace(known, statistics=statistics)
+    posterior = SavedPosterior(known, result.pi, result.root, result.lib.n_joints, 0)
+    write_posterior(folder, posterior)
     with replacing(folder / "predictions.npz") as file:
         np.savez(file, **result.predictions)  # type: ignore[arg-type]
     write_record(record, folder)

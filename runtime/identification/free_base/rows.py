@@ -22,6 +22,9 @@ that those that the null space mixes are independent and of equal noise:
 
     N(t)ᵀ L⁻¹ (Y π + [0; F φ + δ τ̇] − [0; τ]) = e,   N(t)ᵀ L⁻¹ Jᵀ = 0
 
+Other components of a measured wrench have constant offsets, too, by default of `OFFSET_SIGMA`. They
+are integrated out: N_o(t) = N(t)ᵀ L⁻¹ Jᵀ σ per component, and the estimate keeps its value.
+
 f and m are force and moment on the base about its origin p, predicted by the URDF from the motion.
 Forces, and the moment that remains, are shared by the contacts like the vertical forces. Where one
 contact carries the robot this is exact; the sum over contacts of equal axes always is.
@@ -51,6 +54,8 @@ VERTICAL = 2
 """Place of the vertical force within a wrench."""
 SMALLEST_OFFSET = 1e-6
 """Smallest standard deviation of an offset of a force sensor [N]."""
+OFFSET_SIGMA = np.repeat([1.0, 0.05], 3)
+"""Standard deviation of the offsets of a wrench sensor, where the log states none [N, N·m]."""
 SMALLEST_SHARING = 1e-9
 """Smallest standard deviation of γ."""
 CROSSTALK = ("crosstalk_x", "crosstalk_y")
@@ -180,6 +185,7 @@ class FreeBaseRows:
         known: (N, k) right side before the multiplication; contact wrenches that were measured
             and torques, over `root`.
         root: (k, k) L, what the rows were divided by.
+        offsets: (N, m, o) N_o, columns of constant offsets of σ that the intervals contain.
     """
 
     samples: Samples
@@ -187,6 +193,7 @@ class FreeBaseRows:
     names: tuple[str, ...]
     known: Array
     root: Array
+    offsets: Array
 
     def over_rows(self, values: Array) -> Array:
         """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""
@@ -244,9 +251,10 @@ def rows_of(
             root = np.asarray(np.linalg.cholesky(drives.covariance[np.ix_(kept, kept)]))
         over = np.linalg.inv(root)  # of some tens of rows, whose σ are within a few decades
         jacobian, known, y, errors = jacobian @ over.T, known @ over.T, over @ y, over @ errors
+    offsets = _offsets(jacobian, motion.contacts)
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
-        return FreeBaseRows(_samples(y, known, errors), basis, names, known, root)
+        return FreeBaseRows(_samples(y, known, errors), basis, names, known, root, offsets)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
         more = ", or torques and --settings rows=all" if choice == "base" else ""
@@ -263,7 +271,20 @@ def rows_of(
             "scale of the masses; give contact_wrench or contact_force_z, or torques and "
             "--settings rows=all"
         )
-    return FreeBaseRows(_samples(back @ y, left, back @ errors), basis, names, known, root)
+    samples = _samples(back @ y, left, back @ errors)
+    return FreeBaseRows(samples, basis, names, known, root, back @ offsets)
+
+
+def _offsets(jacobian: Array, contacts: Contacts) -> Array:
+    """Jᵀ σ of the components that a sensor reads and whose offset has no column, (N, k, o)."""
+    count, size = contacts.wrench.shape[:2]
+    wrench = contacts.wrench.reshape(count, -1)
+    is_read = np.asarray(~np.isnan(wrench).any(axis=0) & wrench.any(axis=0))
+    if contacts.offset_sigma is not None:
+        is_read[VERTICAL::FREEDOM] = False
+    sensed = np.ones((count, size)) if contacts.sensed is None else contacts.sensed
+    each = np.repeat(sensed, FREEDOM, axis=1) * np.tile(OFFSET_SIGMA, size)
+    return np.swapaxes(jacobian * each[:, :, None], 1, 2)[:, :, is_read]
 
 
 def contact_poses(lib: Library, q: Array, contacts: Contacts) -> list[Array]:

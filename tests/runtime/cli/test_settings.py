@@ -79,6 +79,7 @@ def _plain(value: Any) -> Any:
 PRIOR = "[friction.fr3_joint1]\ncoulomb = [0.3, 0.1]\n"
 OBSTACLES = '[[obstacle]]\nname = "cup"\ncenter = [0.6, 0.3, 0.2]\nradius = 0.1\n'
 OF_IDENTIFY = {
+    "gain_sigma": 0.005,
     "method": "map", "prior": "prior.toml", "friction": "viscous",
     "coulomb_speed": 0.1, "cutoff": 7, "rate": 50, "regressor": "momentum", "delay": 0.01,
     "encoder_bias": True, "symmetric": ["a:b"], "tie": True, "split": [0.5, 0.6],

@@ -14,7 +14,12 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.noise import _student
-from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, rows_of
+from runtime.identification.free_base.rows import (
+    OFFSET_SIGMA,
+    FreeBaseRows,
+    contact_jacobian,
+    rows_of,
+)
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -113,12 +118,16 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     result = identified(lib, arrays, "base")
     assert len(result.row_names) == 1
     assert any("1 of 6 equations per instant" in note for note in result.notes)
-    total, sigma = result.mass
+    total, whole = result.mass
+    n_pi = lib.pi0.size
+    sigma = np.linalg.norm(np.delete(result.root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0))
     assert abs(total - true_pi(lib, log)[::10].sum()) < 4 * sigma < 0.5
+    # An offset of 1 N of either sensor is √2 N / g of mass where the robot only stands.
+    assert whole == pytest.approx(np.hypot(sigma, np.sqrt(2) / 9.81), rel=0.1)
     assert result.vertical is not None
     assert result.vertical.after < 0.5 < result.vertical.before  # noise is 0.3 √2
     assert "prior-dominated" in result.verdicts
-    assert any("free of offsets" in note for note in result.notes)
+    assert any("constant offsets of the contact sensors of 1 N" in note for note in result.notes)
     # A sensor that reads 5 N too much: where the log states such offsets, they are estimated with
     # that prior. This motion tells m a from the offset, so that the mass comes out right.
     arrays["contact_force_z"] = force + np.array([5.0, 0.0])
@@ -134,6 +143,34 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     arrays["contact_force_z_sigma"] = np.array([0.5, 0.5])
     notes = identified(lib, arrays, "base").notes
     assert any("the error of left_foot is" in note for note in notes)
+
+
+def test_intervals_contain_constant_offsets_of_wrench_sensors(
+    lib: Library, log: VirtualLog
+) -> None:
+    """Oracle: a wrench that reads σ more in one component moves β by the column of its offset.
+
+    Noise of 0.2 N and 0.01 N·m leaves the prior a share of some percent. Without the columns a
+    force of 1 N is far outside of the interval of the total mass.
+    """
+    wrench = log.arrays["contact_wrench"]
+    noise = np.random.default_rng(2).normal(size=wrench.shape) * np.repeat([0.2, 0.01], 3)
+    arrays = log.arrays | {"contact_wrench": wrench + noise}
+    first = identified(lib, arrays, "base")
+    columns, n_pi = first.root[:, lib.pi0.size : -1], lib.pi0.size
+    assert columns.shape == (n_pi, 12)
+    for component in (2, 4):
+        changed = arrays["contact_wrench"].copy()
+        changed[:, 1, component] += OFFSET_SIGMA[component]
+        second = identified(lib, arrays | {"contact_wrench": changed}, "base")
+        moved = lib.base_matrix @ (second.pi - first.pi)
+        column = lib.base_matrix @ columns[:, 6 + component]
+        assert np.abs(column - moved).max() < 0.1 * np.abs(moved).max()
+        error = abs(second.mass[0] - true_pi(lib, log)[::10].sum())
+        assert error < 2 * second.mass[1]
+        if component == 2:
+            bare = np.delete(second.root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0)
+            assert error > 3 * np.linalg.norm(bare)
 
 
 def test_offsets_count_only_while_the_sensor_is_read(lib: Library, log: VirtualLog) -> None:

@@ -15,6 +15,7 @@ from runtime.estimators.regression.nuisance import SHAPES
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.identified import torque_of
+from runtime.identification.posterior_file import read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
 from runtime.identification.single_log import identify_recording
@@ -28,6 +29,8 @@ from runtime.monitoring.drift import (
     hypotheses,
     verdict_of,
 )
+from runtime.monitoring.model import model_of
+from runtime.monitoring.noise import read_held_out, read_test_rows
 from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
@@ -359,3 +362,36 @@ def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
     found, spread = expected(changes, usual, scores)
     np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
     np.testing.assert_array_equal(spread, np.eye(2))
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_delay_that_no_result_estimated_is_no_change(
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+    stated: bool,
+) -> None:
+    """Property: torques that are late by 15 ms in all logs of an arm are not news of one of them.
+
+    The result states no delay, so that it is unknown; one that is stated to be 0 is known, and the
+    same log of another motion has a changed clock.
+    """
+    motions, logs = trajectories[:2], []
+    for seed, motion in enumerate(motions):
+        plant = Plant(pi_true, **FRICTION, torque_noise=NOISE)
+        log = ideal(lib, motion, plant, rng=np.random.default_rng(seed))
+        late = [np.interp(log.t - 0.015, log.t, row) for row in log.tau.T]
+        logs.append(log.replace(tau=np.column_stack(late)))
+    terms = Friction(("viscous", "coulomb", "offset"), 0.03)
+    steps = Preparation(torque_delay_s=1e-9 if stated else None)
+    result = identify_recording(logs[0], lib, friction=terms, preparation=steps)
+    write_result(result, tmp_path, "test")
+    saved = read_result(tmp_path)
+    model = model_of(saved, lib)
+    sigma = np.sqrt(np.mean(read_held_out(tmp_path, model).rest ** 2, axis=0))
+    root = read_posterior(tmp_path, saved, lib).of_readings().root(lib)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(tmp_path, model))
+    verdict = verdict_of(lib, baseline, prepare(logs[1], saved.preparation, terms, lib=lib))
+    assert verdict.changed == stated
+    assert not stated or verdict.best.group == "clock"

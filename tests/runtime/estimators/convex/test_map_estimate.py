@@ -100,7 +100,8 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
 
 def test_centre_of_mass_moves_with_its_mass(estimated):
     """Oracle: samples from the covariance, c = (m c)/m of each."""
-    u, draws = estimated.uncertainty, np.random.default_rng(0).normal(size=(20000, 71))
+    u, rng = estimated.uncertainty, np.random.default_rng(0)
+    draws = rng.normal(size=(20000, u.root.shape[1]))
     pi = (estimated.pi + 1e-3 * draws @ u.root.T).reshape(-1, 7, 10)
     spread = (pi[:, :, 1:4] / pi[:, :, :1]).std(axis=0) / 1e-3
     # σ of 20000 draws: 0.5 %, three sigma and the curvature of 1/m.

@@ -6,12 +6,14 @@ from runtime.estimators.regression.nuisance import SHAPES
 from runtime.excitation import Trajectory
 from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import posterior_of_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 
 NOISE = 0.05
+TERMS = Friction(("viscous", "coulomb", "offset"))
 
 
 def identified(
@@ -21,9 +23,7 @@ def identified(
     plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=NOISE)
     log = ideal(lib, trajectory, plant, rng=np.random.default_rng(1))
     pull = cable * np.where(np.arange(lib.n_joints) % 2, 1, -1) * (log.q + np.sin(2 * log.q))
-    return identify_recording(
-        log.replace(tau=log.tau + pull), lib, friction=Friction(("viscous", "coulomb", "offset"))
-    )
+    return identify_recording(log.replace(tau=log.tau + pull), lib, friction=TERMS, gain_sigma=0)
 
 
 def test_intervals_hold_under_torque_that_no_column_describes(
@@ -53,5 +53,47 @@ def test_an_arm_without_nuisance_torque_has_none(
     """Property: white noise of a complete model widens nothing, but in one joint of 20."""
     posterior = identified(lib, trajectories[0], pi_true, 0.0).uncertainty
     assert posterior is not None
-    assert posterior.root.shape[1] - lib.pi0.size - 1 <= SHAPES
+    assert posterior.root.shape[1] - lib.pi0.size - 1 <= SHAPES + 1
     assert posterior.phi_nuisance.shape[1] == posterior.root.shape[1] - lib.pi0.size - 1
+
+
+def test_intervals_contain_errors_of_torque_gains(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracles: a common factor of all torques scales β; single gains are seen in the residual.
+
+    Of gains N(0, σ²) each, the factor in common has σ/√7, and is all that a log of little noise
+    leaves open: the largest β have it to 20 %, and the friction of a joint, whose columns are of
+    that joint alone, at least that. Where gains differ by σ, the intervals hold, and without the
+    gains they do not. What predicts readings of the same sensors has no columns of gains.
+    """
+    sigma, steps = 0.02, {"friction": TERMS, "refit": False}
+    rng = np.random.default_rng(1)
+    log = ideal(lib, trajectories[0], Plant(pi_true, viscous=0.5, coulomb=0.3, torque_noise=1e-3))
+    exact = identify_recording(log, lib, gain_sigma=sigma, **steps)
+    known, size = exact.uncertainty, np.abs(exact.beta)
+    gains = lib.base_matrix @ known.root[:, -1 - known.gains : -1]
+    large = size > 0.1 * size.max()
+    common = np.linalg.norm(gains, axis=1)[large] / (sigma / np.sqrt(lib.n_joints) * size[large])
+    assert np.abs(common - 1).max() < 0.2
+    bare = identify_recording(log, lib, gain_sigma=0, **steps)
+    rounding = {"rtol": 1e-9, "atol": 1e-12}
+    np.testing.assert_allclose(known.readings_root, bare.uncertainty.root, **rounding)
+    posterior = posterior_of_result(exact)
+    assert posterior is not None
+    phi = posterior.phi_over(posterior.reduced(lib)[1])[:, -1 - known.gains : -1]
+    viscous = np.linalg.norm(phi, axis=1).reshape(exact.phi.shape)[:, 0]
+    assert np.all(viscous > 0.99 * 0.5 * sigma / np.sqrt(lib.n_joints))
+    assert np.all(viscous < 0.5 * sigma)
+    assert posterior.of_readings().pi_root.shape == bare.uncertainty.root.shape
+
+    true, scores = lib.base_matrix @ pi_true, {0.0: [], sigma: []}
+    for _ in range(4):
+        wrong = log.replace(tau=log.tau * (1 + sigma * rng.normal(size=lib.n_joints)))
+        for assumed, errors in scores.items():
+            result = identify_recording(wrong, lib, gain_sigma=assumed, **steps)
+            is_known = np.array(result.uncertainty.beta_verdicts) == "identified"
+            errors.append(((result.beta - true) / result.uncertainty.beta_sigma)[is_known])
+    held = {each: np.mean(np.abs(np.concatenate(e)) < 1.96) for each, e in scores.items()}
+    assert held[sigma] > 0.9
+    assert held[0.0] < 0.8

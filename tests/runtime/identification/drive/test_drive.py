@@ -14,6 +14,7 @@ from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import bias_columns
 from runtime.identification.drive.result import DriveRequest
+from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
@@ -37,13 +38,15 @@ def recorded(arrays: dict[str, np.ndarray], folder: Path) -> Recording:
 def deviations(result: Identification, servo: Servo) -> dict[str, np.ndarray]:
     """(estimate − truth)/σ of every value of the drives."""
     drive = result.drive
+    sigma = friction_sigma(result)
     assert drive is not None
+    assert sigma is not None
     every = {
         "delay": (drive.delay - servo.delay) / drive.delay_sigma,
         "bias": (drive.bias - servo.bias) / drive.bias_sigma,
     }
     for k, name in enumerate(DRIVE):
-        every[name] = (result.phi[:, k] - servo.phi[:, k]) / drive.phi_sigma[:, k]
+        every[name] = (result.phi[:, k] - servo.phi[:, k]) / sigma[:, k]
     return every
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
+from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
@@ -23,15 +24,14 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
 
 def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
     """The result with the delay as an unknown."""
-    settings = Settings(preparation=PREPARATION, friction=terms)
+    settings = Settings(preparation=PREPARATION, friction=terms, gain_sigma=0)
     return identify_drive(log, lib, settings, DriveRequest(delay=True))
 
 
 def is_within(result: Identification, column: str, truth: Array | float) -> bool:
     """Whether a coefficient is within four standard deviations, left with probability 6e-5."""
     k = result.friction.columns.index(column)
-    assert result.drive is not None
-    return bool((abs(result.phi[:, k] - truth) < 4 * result.drive.phi_sigma[:, k]).all())
+    return bool((abs(result.phi[:, k] - truth) < 4 * friction_sigma(result)[:, k]).all())
 
 
 @pytest.mark.parametrize("varies", [True, False])
@@ -62,12 +62,13 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     assert np.sqrt(0.5) < result.friction.dahl_stroke / STROKE < np.sqrt(2.0)
     assert any("has a memory of" in note for note in result.notes)
     assert is_within(result, "dahl", servo.phi[:, 1])
-    drive = result.drive
+    drive, sigma = result.drive, friction_sigma(result)
     assert drive is not None
+    assert sigma is not None
     assert abs(drive.delay[0]) < 5e-4
-    facts = drive.parts(lib.joint_names, result.phi, drive.phi_sigma, result.friction.columns)
+    facts = drive.parts(lib.joint_names, result.phi, sigma, result.friction.columns)
     assert facts[0].coulomb == result.phi[0, 1]
-    assert facts[0].sigma.coulomb == drive.phi_sigma[0, 1]
+    assert facts[0].sigma.coulomb == sigma[0, 1]
 
 
 def test_position_runs_from_one_limit_to_the_other(tiny_built: Path):

@@ -168,6 +168,20 @@ def test_every_module_has_a_user(imports: Imports) -> None:
     assert unused == []
 
 
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_a_module_states_each_name_once(path: Path) -> None:
+    """Property: no constant, function or class replaces one of the same name above it."""
+    names: list[str] = []
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.append(node.name)
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        targets += [node.target] if isinstance(node, ast.AnnAssign) else []
+        names += [each.id for t in targets for each in ast.walk(t) if isinstance(each, ast.Name)]
+    twice = {name for name in names if names.count(name) > 1}
+    assert not twice
+
+
 def test_the_packages_are_independent(imports: Imports) -> None:
     """Property: symgen writes files, runtime reads them; `runtime.common` is all they share."""
     crossing = [

@@ -387,6 +387,12 @@ def require_model(
     then, now = saved.model, model_part(lib)
     if then is None or then.model_hash == now.model_hash:
         return ()
+    if len(then.joints) != len(now.joints):
+        raise RecordingError(
+            f"'{folder}' was identified with a model of {len(then.joints)} joints, "
+            f"'{lib.name}' has {len(now.joints)}; name the library that it was identified with by "
+            "--robot"
+        )
     places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
     if moved := next((name for name, old, new in places if not _same_place(old, new)), None):
         raise RecordingError(

@@ -191,8 +191,6 @@ def _pointer(array: Array) -> object:
 NOT_POSITIVE, RAN_AWAY = 1, 2
 """Reasons of an early stop: M + J is not positive definite; the motion diverged."""
 
-_POINTER = ctypes.POINTER(ctypes.c_double)
-
 
 class _LoopJob(ctypes.Structure):
     """Field by field the struct of the generated header."""

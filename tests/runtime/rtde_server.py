@@ -25,6 +25,8 @@ from runtime.library import Library, load
 Door = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 PERIOD = 0.002
+SILENCE = 150
+"""Periods; ur_rtde waits for minutes where data cease for good."""
 HELD = "URSoftware 5.11.0.108249 (Dec 08 2022)"
 READY, DONE = 1, 2
 """Register 0: ready for a command, done with one."""
@@ -80,8 +82,8 @@ class Controller:
         q, dq: of the arm.
         calls: commands of the program that are not set-points, and the end of the program.
         points: set-points in the order of arrival.
-        silent_at, protective_at: number of the set-point from which no data are sent, or at which
-            the arm stops for safety.
+        silent_at, protective_at: number of the set-point from which `SILENCE` periods have no data,
+            or at which the arm stops for safety.
     """
 
     def __init__(
@@ -93,6 +95,7 @@ class Controller:
         protective_at: int = 1 << 30,
     ) -> None:
         self.silent_at, self.protective_at = silent_at, protective_at
+        self.silence = SILENCE
         self.lib, self.address, self.gains = lib, address, gains
         self.q, self.dq = lib.home.copy(), np.zeros(lib.n_joints)
         self.points: list[np.ndarray] = []
@@ -119,7 +122,8 @@ class Controller:
     def step(self) -> None:
         self.steps += 1
         self.dq, self.q = (self.target - self.q) / PERIOD, self.target
-        if len(self.points) >= self.silent_at:
+        if len(self.points) >= self.silent_at and self.silence > 0:
+            self.silence -= 1
             return
         values = self.values()
         for client in self.clients:

@@ -60,7 +60,7 @@ ALIKE = 1.3
 """Residual of another sign over the best one, below which the data do not decide."""
 FEW = 250
 """Rows of the consistent fits; more do not change the decision."""
-UNEXPLAINED = 0.02
+TURNED = 0.02
 """Residual over torque from which on another direction is considered: a tilt of 2°."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 
@@ -155,7 +155,7 @@ def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding
     }
     if best is not present and best.consistent < MUCH * present.consistent:
         return _reversed(torque_rows.lib, plan, present, best, trials, evidence)
-    if present.consistent > UNEXPLAINED:
+    if present.consistent > TURNED:
         return plan, other_direction(torque_rows, evidence)
     return plan, []
 

@@ -229,12 +229,17 @@ def _source(is_of_type: bool) -> str:
     return "the prior of the fleet" if is_of_type else "the URDF"
 
 
+def _is_certain(before: float, after: float, sigma: float) -> bool:
+    """Whether the data determine a mass; near the base a release leaves it to the logarithm."""
+    return abs(after - before) > CERTAIN * sigma
+
+
 def _bodies(test: PriorTest, is_of_type: bool) -> str:
     """Links whose release explains the contradiction, with the masses that the data determine."""
     return " or ".join(
         f"{name} ({before:.3g} kg in {_source(is_of_type)}, {after:.3g} ± {2 * sigma:.1g} kg from "
         "the data)"
-        if abs(after - before) > CERTAIN * sigma
+        if _is_certain(before, after, sigma)
         else name
         for name, (before, after, sigma) in zip(test.links, test.masses, strict=True)
     )
@@ -250,8 +255,7 @@ def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
             "joints agree with each other; the result follows the data"
         )
     before, after, sigma = test.masses[0]
-    # A release leaves the mass of a link near the base to the logarithm of its volume: tens of kg.
-    if abs(after - before) > CERTAIN * sigma:
+    if _is_certain(before, after, sigma):
         missed = f"{missed}, {after - before:+.2g} kg at {test.links[0]}"
     return (
         f"{source} is off by {missed}: the data contradict the inertia of "

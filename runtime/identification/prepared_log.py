@@ -15,7 +15,11 @@ from runtime.errors import IdentificationError
 from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
-from runtime.estimators.choice.regressor_choice import choose_regressor, ddq_noise
+from runtime.estimators.choice.regressor_choice import (
+    Differentiation,
+    choose_regressor,
+    differentiation_of,
+)
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs import head_of
@@ -87,19 +91,19 @@ def prepared_log(
         recording = independent_joints(recording, lib)
     parts = settings.split if settings.test is None else EVERYTHING
     terms = friction_of(recording, settings)
-    prepared, notes = settings.preparation, tuple[str, ...]()
+    prepared, notes, quality = settings.preparation, tuple[str, ...](), None
     is_read = prepared is None and recording.columns is None  # and no step is stated
     if is_read:
         at_rest = None if streamed else _at_rest(recording, settings, parts)
         if at_rest is not None:
             return at_rest
-        prepared, notes = _filtered(recording, lib, settings, terms, progress)
+        prepared, notes, quality = _filtered(recording, lib, settings, terms, progress)
     if recording.has_unknown_gains:
         recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
     if is_read:
         progress.step("checking the accelerations")
         seen, chooses = before_test(recording, settings.split), settings.regressor == AUTO
-        prepared, sentences = choose_regressor(seen, lib, prepared, chooses)
+        prepared, sentences = choose_regressor(seen, lib, prepared, chooses, quality)
         notes = (*notes, *sentences)
     if streamed is not None:
         streamed = replace(streamed, gains=recording.gains)  # those of the first rows
@@ -140,21 +144,23 @@ def _filtered(
     settings: Settings,
     terms: Friction | None,
     progress: Progress,
-) -> tuple[Preparation | None, tuple[str, ...]]:
+) -> tuple[Preparation | None, tuple[str, ...], Differentiation | None]:
     """The preparation of the log, and a sentence on its cut-off where that was chosen.
 
     It is chosen where it is asked for, and where neither settings nor recipe state a filter and
-    differentiation without one fails.
+    differentiation without one fails; its quality is returned where it was computed for that.
     """
-    is_free = settings.cutoff == AUTO
-    stated, reason = (settings.cutoff, settings.rate, settings.regressor), ""
+    is_free, quality = settings.cutoff == AUTO, None
+    stated = settings.cutoff, settings.rate, settings.regressor
     if recording.preparation.filter == "none" and all(each is None for each in stated):
-        reason = ddq_noise(before_test(recording, settings.split), lib, recording.preparation)
+        seen = before_test(recording, settings.split)
+        quality = differentiation_of(seen, lib, recording.preparation)
+    is_noisy = quality is not None and quality.is_noisy
     cutoff = _ANY_HZ if is_free else cutoff_of(settings.cutoff)
     regressor = None if settings.regressor == AUTO else settings.regressor
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
-    if not (is_free or reason):
-        return prepared, ()
+    if not (is_free or is_noisy):
+        return prepared, (), quality
     progress.step("choosing a cut-off")
     known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
     wanted = prepared if is_free else preparation_of(recording, _ANY_HZ, None)
@@ -163,11 +169,15 @@ def _filtered(
     except IdentificationError:  # too few rows or too slow: choose_regressor states the noise
         if is_free:
             raise
-        return prepared, ()
+        return prepared, (), quality
     progress.choice(choice)
-    if reason:
-        reason = f"; without one {reason}, and --settings regressor=acceleration keeps it so"
-    return choice.preparation, (f"{choice.sentence.rstrip('.')}{reason}",)
+    sentence = choice.sentence.rstrip(".")
+    if quality is not None:
+        sentence += (
+            f"; without one {quality.noise_in(lib)}, and --settings regressor=acceleration keeps "
+            "it so"
+        )
+    return choice.preparation, (sentence,), None
 
 
 def _default_terms(

@@ -49,7 +49,12 @@ class Differentiation:
     @property
     def fails(self) -> bool:
         """Whether ν of a joint or δ exceeds its bound."""
-        return bool(self.noise.max() > NOISY or self.distortion > BENT)
+        return self.is_noisy or self.distortion > BENT
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether ν of a joint exceeds its bound."""
+        return bool(self.noise.max() > NOISY)
 
     @property
     def harmless_hz(self) -> float:
@@ -108,7 +113,7 @@ def noisy_accelerations(
 ) -> tuple[str, ...]:
     """Sentence where noise of the accelerations biases a fit that has no other regressor."""
     quality = differentiation_of(recording, lib, preparation or recording.preparation)
-    if quality is None or quality.noise.max() <= NOISY:
+    if quality is None or not quality.is_noisy:
         return ()
     return (
         f"{quality.noise_in(lib)}, by which the values are biased beyond their intervals; give "
@@ -116,22 +121,23 @@ def noisy_accelerations(
     )
 
 
-def ddq_noise(recording: Recording, lib: Library, preparation: Preparation) -> str:
-    """Words on the noise of the accelerations where it exceeds its bound, else ""."""
-    quality = differentiation_of(recording, lib, preparation)
-    return "" if quality is None or quality.noise.max() <= NOISY else quality.noise_in(lib)
-
-
 def choose_regressor(
-    recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation | None,
+    replaces: bool = False,
+    quality: Differentiation | None = None,
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """Choose between the regressors of accelerations and of momentum."""
+    """Choose between the regressors of accelerations and of momentum.
+
+    quality: that of the preparation, where it is known.
+    """
     usual = preparation or recording.preparation
-    quality = differentiation_of(recording, lib, usual)
+    quality = quality or differentiation_of(recording, lib, usual)
     if quality is None or not quality.fails:
         return preparation, ()
     reasons = []
-    if quality.noise.max() > NOISY:
+    if quality.is_noisy:
         reasons.append(
             f"{quality.noise_in(lib)}, which reduces its identified inertia by about the same share"
         )

@@ -105,7 +105,7 @@ def prior_test(
     missed = float(np.sqrt(_misfit(data, prior.centre) / size))
     if statistic <= min(threshold, single):  # no release can lower T by more
         return PriorTest(statistic, threshold, 0.0, single, (), (), scale, missed)
-    decrease, released, sigma = (np.zeros(lib.n_links) for _ in range(3))
+    decrease, released, ends = np.zeros(lib.n_links), np.zeros(lib.n_links), []
     for k in range(lib.n_links):
         counted = everyone - np.eye(lib.n_links)[k]
         moved = pi
@@ -117,20 +117,24 @@ def prior_test(
             moved = minimum.pi
         decrease[k] = max(statistic - cost(moved, counted), 0.0)
         released[k] = mass(links(moved))[k]
-        # The cost is T S / 2 N, so that the covariance is S/N H⁻¹.
-        inverse = np.linalg.pinv(minimum.hessian(), hermitian=True)
-        sigma[k] = np.sqrt(level / data.count * inverse[N_PARAMETERS * k, N_PARAMETERS * k])
+        ends.append(minimum)
     named = [int(k) for k in np.argsort(-decrease) if decrease[k] > NEXT * decrease.max()]
     if decrease.max() < EXPLAINS * (statistic - threshold):
         named = []
     centres = mass(links(prior.centre))
+
+    def sigma(k: int) -> float:
+        """σ of the released mass: the cost is T S / 2 N, so that the covariance is S/N H⁻¹."""
+        inverse = np.linalg.pinv(ends[k].hessian(), hermitian=True)
+        return float(np.sqrt(level / data.count * inverse[N_PARAMETERS * k, N_PARAMETERS * k]))
+
     return PriorTest(
         statistic,
         threshold,
         float(decrease.max()),
         single,
         tuple(lib.link_names[k] for k in named),
-        tuple((float(centres[k]), float(released[k]), float(sigma[k])) for k in named),
+        tuple((float(centres[k]), float(released[k]), sigma(k)) for k in named),
         scale,
         missed,
     )

@@ -12,6 +12,7 @@ from runtime.cli.common import (
     keep_earlier,
     listed,
     open_robot,
+    require_page,
     require_result_folder,
     state,
 )
@@ -22,9 +23,10 @@ from runtime.cli.log_options import (
     split_of,
 )
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.settings import FILE, model_option, output_option
+from runtime.common.settings import FILE, choices_of, model_option, output_option
 from runtime.common.tables import Table
-from runtime.common.terminal import command_line, completing, say, show
+from runtime.common.terminal import VERBOSE, command_line, completing, say, show
+from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.run import (
@@ -36,10 +38,14 @@ from runtime.identification.comparison.run import (
     compare,
     read_truth,
 )
+from runtime.identification.comparison.two_results import compare_results
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.saved_result import read_result
 from runtime.identification.settings import AUTO, Settings
+from runtime.outputs.report.comparison import results_page
+from runtime.outputs.report.page import write_page
 from runtime.outputs.report.report import write_report
 from runtime.recording import open_log
 
@@ -53,6 +59,13 @@ class CompareSettings(FitChoices):
     command = "compare"
     options = "robot methods out recipe run friction cutoff overwrite"
     log: Log
+    other: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="Folder of a second result. LOG is then the folder of the first one.",
+        ),
+    ] = None
     methods: Annotated[
         str | None,
         typer.Option(
@@ -75,12 +88,13 @@ class CompareSettings(FitChoices):
 
 
 def compare_command(given: CompareSettings) -> None:
-    r"""Compare all identification methods on one log.
+    r"""Compare all identification methods on one log, or two results with each other.
 
     \b
     symgen compare fr3_simulated
     symgen compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
     symgen compare log.csv --settings controller=log.loop.toml --friction viscous,coulomb
+    symgen compare results/monday-map results/friday-map
 
     All methods have the same training, validation and test parts, the same weights and the same
     cut-off. The table shows their errors, consistency and time, and sentences by rule say which
@@ -89,7 +103,14 @@ def compare_command(given: CompareSettings) -> None:
 
     Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
     that are complete.
+
+    Of two results of one robot, report.html and the terminal show settings and torque errors side
+    by side, and every mass, base parameter and friction coefficient with its difference in standard
+    deviations; --verbose prints all tables.
     """
+    if given.other is not None:
+        _compare_results(given, given.other)
+        return
     lib = open_robot(given.robot, given.yes)
     folder = given.out or Path("results") / f"{Path(given.log).stem}-compare"
     require_result_folder(folder, _WRITTEN, given.overwrite)
@@ -152,6 +173,33 @@ def compare_command(given: CompareSettings) -> None:
     keep_earlier(folder, _WRITTEN)
     given.write(folder)
     _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
+
+
+def _compare_results(given: CompareSettings, other: Path) -> None:
+    """Two results side by side."""
+    taken = {"log", "other", "out", "overwrite"}
+    choices = (each for each in choices_of(CompareSettings) if each.name not in taken)
+    if wrong := [c.written() for c in choices if getattr(given, c.name) != c.default]:
+        raise IdentificationError(
+            f"two results are compared as they are, and {', '.join(wrong)} would change a fit; "
+            "leave it out, or give a log in place of the results"
+        )
+    places = Path(given.log), other
+    names = places[0].resolve().name, other.resolve().name
+    names = names if names[0] != names[1] else (str(places[0]), str(other))
+    first, second = (read_result(place, with_learned=True) for place in places)
+    both = compare_results(first, second, names)
+    folder = given.out or Path("results") / f"{places[0].resolve().name}-{names[1]}-compare"
+    page = folder / "report.html"
+    require_page(page, given.overwrite)
+    write_page(results_page(both, first.robot, names), page)
+    for table in (both.setup, both.errors, *(both.values if VERBOSE.get() else both.values[:1])):
+        show(table)
+    for sentence in both.sentences:
+        say(sentence)
+    for note in both.notes:
+        say(f"note: {note}")
+    say(f"report: {page}")
 
 
 def _streams(

@@ -1,5 +1,6 @@
 """`symgen report`."""
 
+import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +21,7 @@ class ReportSettings(Choices):
     """Settings of `symgen report`."""
 
     command = "report"
-    options = "out markdown overwrite"
+    options = "out open overwrite"
     results: Annotated[
         Path,
         typer.Argument(
@@ -51,6 +52,7 @@ class ReportSettings(Choices):
     readme: Annotated[
         bool, output_option("--readme", help="The same as --settings into=README.md.")
     ] = False
+    open: Annotated[bool, output_option("--open", help="Show the page in the web browser.")] = False
     overwrite: Overwrite = False
 
 
@@ -58,8 +60,8 @@ def report_command(given: ReportSettings) -> None:
     r"""Write the results of a folder as one HTML page.
 
     \b
-    symgen report results/fr3_simulated-map
-    symgen report results/experiments --markdown tables.md --settings figures=figures
+    symgen report results/fr3_simulated-map --open
+    symgen report results/experiments --settings markdown=tables.md --settings figures=figures
     symgen report results/history.jsonl
 
     The page needs no network: its tables sort and its figures zoom. identify and compare write it
@@ -78,7 +80,9 @@ def report_command(given: ReportSettings) -> None:
         written: tuple[Path, ...] = (write_trends(given.results, page),)
     elif kind is not None:
         place = Path("README.md") if given.readme else given.into
-        require_unused([given.markdown] if given.markdown else [], given.overwrite, "--markdown")
+        require_unused(
+            [given.markdown] if given.markdown else [], given.overwrite, "the setting markdown"
+        )
         if given.figures is not None:
             require_unused(
                 kind.pictures(given.results, given.figures), given.overwrite, "the setting figures"
@@ -93,11 +97,12 @@ def report_command(given: ReportSettings) -> None:
         )
     elif given.markdown or given.figures or given.into or given.readme:
         raise IdentificationError(
-            "--markdown and the settings figures, into and readme need a folder written by "
-            "reproduce, got "
-            f"'{given.results}'; leave these options out"
+            "the settings markdown, figures, into and readme need a folder written by reproduce, "
+            f"got '{given.results}'; leave them out"
         )
     else:
         written = (write_report(given.results, page),)
     for path in written:
         say(f"report: {path}" if path == page else f"wrote:  {path}")
+    if given.open:
+        webbrowser.open(page.resolve().as_uri())

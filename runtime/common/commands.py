@@ -111,7 +111,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("payload", "Identify mass, centre of mass and inertia of a payload."),
         _run("gains", "Identify gain and bias of every torque sensor or drive."),
         _run("fleet", "Compute the prior of a type of robot from many units of it."),
-        _run("compare", "Compare all identification methods on one log."),
+        _run(
+            "compare",
+            "Compare all identification methods on one log, or two results with each other.",
+        ),
     ),
     "Use a result": (
         _run("evaluate", "Evaluate an identified model on another log."),

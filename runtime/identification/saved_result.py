@@ -394,7 +394,7 @@ def require_model(
             "--robot"
         )
     places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
-    if moved := next((name for name, old, new in places if not _same_place(old, new)), None):
+    if moved := next((name for name, old, new in places if not same_place(old, new)), None):
         raise RecordingError(
             f"'{folder}' was identified with a model whose joint '{moved}' sits or turns "
             f"differently than that of '{lib.name}', so that its parameters belong to other "
@@ -424,7 +424,7 @@ def require_model(
     )
 
 
-def _same_place(a: JointPlace, b: JointPlace) -> bool:
+def same_place(a: JointPlace, b: JointPlace) -> bool:
     """Whether two joints are of one kind and differ by rounding only."""
     pairs = ((a.rotation, b.rotation), (a.translation, b.translation), (a.axis, b.axis))
     near = all(np.allclose(x, y, rtol=0, atol=ALIKE) for x, y in pairs)  # NaN counts as moved

@@ -353,7 +353,7 @@ CASES: dict[str, tuple[str, ...]] = {
     # The Python interface, tables, and input that is refused.
     "python": ("python identify {fr3}", "python payload {fr3} {inputs}/fr3"),
     "reproduce": ("reproduce list", "reproduce tables-B --settings robot={fr3} --out results",
-                  "report results --out report.html --markdown tables.md"),
+                  "report results --out report.html --settings markdown=tables.md"),
     "refused": (
         "identify nothing.csv --robot {fr3}",
         "identify fr3_simulated --robot {tx40}",

@@ -1,8 +1,8 @@
-"""`compare.json` → a page, or sections of a page, that compare the methods."""
+"""`compare.json` → a page, or sections of a page, that compare the methods; and two results."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from runtime.common.files import json_of
 from runtime.common.tables import Table, significant
 from runtime.errors import RuntimeFault
+from runtime.identification.comparison.two_results import TwoResults
 from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.page import Page, Section, Tile
 
@@ -220,6 +221,27 @@ def _cells(entry: MethodEntry) -> tuple[str, ...]:
         f"{entry.eigenvalue:.1e}",
         _percent(100 * entry.gap),
         "boundary" if entry.boundary else verdict,
+    )
+
+
+def results_page(both: TwoResults, robot: str, names: tuple[str, str]) -> Page:
+    """Page that compares two results."""
+    tables = (both.setup, both.errors, *both.values)
+    return Page(
+        title=f"{robot}: {names[0]} and {names[1]}",
+        subtitle=f"{robot} · two results side by side",
+        headline="; ".join(": ".join(each.split(": ")[:2]) for each in both.sentences) + ".",
+        status="",
+        notes=both.notes,
+        tiles=(),
+        sections=(
+            Section("Differences", items=both.sentences),
+            *(Section(t.title, table=replace(t, title="")) for t in tables),
+        ),
+        glossary=(
+            ("in σ", "(second − first) / √(σ₁² + σ₂²)"),
+            ("differs", "beyond the normal quantile of 1 − 0.05/(2 m), m rows of the table"),
+        ),
     )
 
 

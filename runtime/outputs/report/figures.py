@@ -50,11 +50,14 @@ def torques(
         axes = figure.subplots(n, 2, squeeze=False, sharex=True, width_ratios=(3, 2))
         # Fixed margins: the layout engine would draw every panel once more.
         top, bottom = 1 - 0.6 / height, 0.45 / height
-        figure.subplots_adjust(0.06, bottom, 0.99, top, wspace=0.12, hspace=0.35)
+        figure.subplots_adjust(0.06, bottom, 0.98, top, wspace=0.12, hspace=0.35)
         for j, (left, right) in enumerate(axes):
             values = [a[:, j] for a in (measured, before, after)]
-            for value, (label, colour) in zip(values, CURVES, strict=True):
-                left.plot(*thinned(t, value, PANEL_POINTS, gaps), color=colour, label=label)
+            # The measured torque is a thin line above the predictions, which it nearly covers.
+            for value, (label, colour), width in zip(values, CURVES, (0.6, 1.2, 2.0), strict=True):
+                points = thinned(t, value, PANEL_POINTS, gaps)
+                line = {"linewidth": width, "zorder": 3 if value is values[0] else 2}
+                left.plot(*points, color=colour, label=label, **line)
             for value, (_, colour) in zip(values[1:], CURVES[1:], strict=True):
                 right.plot(*thinned(t, values[0] - value, PANEL_POINTS, gaps), color=colour)
             left.set_title(f"{joints[j]}  [{units[j]}]")

@@ -65,7 +65,7 @@ def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     eigenvalues = (_value(link.min_relative_eigenvalue) for link in result.links)
     smallest = min(eigenvalues, default=math.nan)
     gap = result.gap_to_convex_optimum
-    shown = "not computed" if gap is None else f"{100 * gap:.3g}\N{NO-BREAK SPACE}%"
+    shown = "not computed" if gap is None else f"{significant(100 * gap, 3)}\N{NO-BREAK SPACE}%"
     effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
     counted = "computing time" if result.iterations is None else f"{result.iterations} iterations"
     return (

@@ -251,7 +251,7 @@ def test_an_unfinished_study_is_listed_and_omitted(tmp_path: Path) -> None:
 
 def test_the_command_says_one_sentence_and_writes_nothing(tmp_path: Path, command: Command) -> None:
     folder = study(tmp_path / "results", lambda raw: raw["summary"].pop())
-    ran = command("report", folder, "--markdown", "tables.md")
+    ran = command("report", folder, "--settings", "markdown=tables.md")
     assert (ran.code, ran.err.count("\n")) == (2, 1)
     assert "differs from its trials" in ran.err
     assert not list(tmp_path.rglob("report.html")) + list(tmp_path.rglob("tables.md"))

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from markupsafe import Markup
 
 from runtime.common.user_builds import records_folder
 from runtime.library import Library, load
@@ -57,6 +58,10 @@ FIRST = (
     ),
 )
 """Files of a dozen seconds and more, roughly from the longest on."""
+
+
+PAGES = "report"
+"""Folder of the tests of pages."""
 
 
 def pytest_collection(session: pytest.Session) -> None:
@@ -222,3 +227,20 @@ def tiny_built(root: Path, tiny_request: BuildRequest) -> Path:
 def tiny(tiny_built: Path, tmp_path: Path) -> Path:
     """A fresh copy of the built pendulum in tmp_path/out/tiny, free to be damaged."""
     return Path(shutil.copytree(tiny_built, tmp_path / "out" / "tiny"))
+
+
+@pytest.fixture(autouse=True)
+def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages of results without curves, outside the tests of pages: drawing takes most of a command.
+
+    A test that looks at a picture asks for `drawn`.
+    """
+    if "drawn" in request.fixturenames or PAGES in request.path.parts:
+        return
+    for name in ("torques", "mass_change"):
+        monkeypatch.setattr(f"runtime.outputs.report.sections.{name}", lambda *_: Markup("<svg/>"))
+
+
+@pytest.fixture
+def drawn() -> None:
+    """Pages of results with their curves."""

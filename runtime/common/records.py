@@ -18,7 +18,6 @@ import difflib
 import math
 import re
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
@@ -87,8 +86,10 @@ def record_from_table(
         raise error(f"{where}{_sentence(kind, table, str(fault))}") from None
     except RecursionError:
         raise error(f"{where} is nested too deeply; write it flat") from None
-    if not allows_infinite and (place := _infinite(table, "")):
-        raise error(f"{where}: {place} expects a finite number, got inf or nan; correct it")
+    if not allows_infinite and (place := _infinite(table)) is not None:
+        raise error(
+            f"{where}: {place.lstrip('.')} expects a finite number, got inf or nan; correct it"
+        )
     return record
 
 
@@ -250,13 +251,14 @@ def _value_at(table: Any, steps: list[Any]) -> Any:
     return table
 
 
-def _infinite(value: Any, place: str) -> str:
-    """Place of the first number that is not finite; "" without one."""
+def _infinite(value: Any) -> str | None:
+    """Place of the first number that is not finite, seen from `value`."""
     if isinstance(value, float):
-        return "" if math.isfinite(value) else place
-    inner: Any = ()
-    if isinstance(value, Mapping):
-        inner = ((f"{place}.{key}".lstrip("."), item) for key, item in value.items())
-    elif isinstance(value, list | tuple):
-        inner = ((f"{place}[{k}]", item) for k, item in enumerate(value))
-    return next((inner_place for name, item in inner if (inner_place := _infinite(item, name))), "")
+        return None if math.isfinite(value) else ""
+    is_table = isinstance(value, dict)
+    if not is_table and not isinstance(value, list | tuple):
+        return None
+    for key, item in value.items() if is_table else enumerate(value):
+        if (place := _infinite(item)) is not None:
+            return (f".{key}" if is_table else f"[{key}]") + place
+    return None

@@ -14,22 +14,11 @@ if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
 
 from scripts.site import api, commands, result_keys  # noqa: E402
 
-API = "Python API"
 PICTURE, BOTH = (
     re.compile(r"(!\[.*?\]\(.*?)-light(\.\w+)\)"),
     r"\1-light\2#only-light) \1-dark\2#only-dark)",
 )
 """A picture of a tutorial, which a terminal names once, and its two schemes on the site."""
-
-
-def on_config(config: Any) -> Any:
-    """List the rooms of the Python API in the navigation."""
-    for section in config.nav:
-        for entry in section.get("Reference", []) if isinstance(section, dict) else []:
-            if API in entry:
-                rooms = [{room: api.page(room)} for room in api.rooms()]
-                entry[API] = ["reference/api/index.md", *rooms]
-    return config
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -53,9 +42,7 @@ def generated_pages() -> Iterator[tuple[str, str]]:
     yield "reference/commands.md", commands.markdown()
     yield "reference/c.md", _c_api()
     yield "reference/result.schema.json", result_keys.json_schema()
-    yield "reference/api/index.md", api.index()
-    for room in api.rooms():
-        yield api.page(room), api.room_page(room)
+    yield api.PAGE, api.markdown()
 
 
 C_API = """# C API

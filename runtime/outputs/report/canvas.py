@@ -100,6 +100,7 @@ def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, An
         "axes.axisbelow": True,
         "axes.titlesize": 8,
         "axes.titlelocation": "left",
+        "axes.titley": 1.0,  # else each draw measures every tick label for it
         "axes.formatter.useoffset": False,
         "grid.color": grid,
         "grid.linewidth": 0.5,
@@ -192,14 +193,10 @@ def svg(figure: "Figure", name: str) -> Markup:
         text = text.replace(f": {colour.lower()}", f": var(--{variable})")
     text = re.sub(rf'\bid="{OWNER}([^"]*)"', r'data-m="\1"', text)
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", text)
-    text = re.sub(r'\sd="[^"]*"', lambda m: re.sub(r"\d+\.\d{3,}", _short, m.group()), text)
+    text = re.sub(r'\sd="[^"]*"', lambda m: re.sub(r"(?<=\.\d\d)\d+", "", m.group()), text)
     width, height = figure.get_size_inches() * 72
     head = f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{name}">'
     return Markup(re.sub(r"<svg[^>]*>", head, text, count=1))  # noqa: S704  matplotlib escapes text
-
-
-def _short(match: re.Match[str]) -> str:
-    return f"{float(match.group()):.2f}"
 
 
 def pauses(t: Array) -> NDArray[np.intp]:

@@ -8,6 +8,7 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import i0
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording
@@ -294,7 +295,7 @@ def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray
     offsets = np.arange(1 - HALF, HALF + 1)
     distance = (row - first)[:, None] - offsets
     inside = np.clip(1.0 - (distance / HALF) ** 2, 0.0, None)
-    weights = np.sinc(distance) * np.i0(SHAPE * np.sqrt(inside))
+    weights = np.sinc(distance) * i0(SHAPE * np.sqrt(inside))
     weights /= weights.sum(axis=1, keepdims=True)
     rows = np.clip(first[:, None] + offsets, 0, len(t) - 1)
     return np.asarray(np.einsum("mk,mkn->mn", weights, values[rows]))

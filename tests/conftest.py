@@ -62,6 +62,8 @@ FIRST = (
 
 PAGES = "report"
 """Folder of the tests of pages."""
+PICTURES = ("sections.torques", "sections.mass_change", "comparison.method_bars")
+"""Pictures of pages of results that are drawn in the tests of pages alone."""
 
 
 def pytest_collection(session: pytest.Session) -> None:
@@ -237,8 +239,8 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     """
     if "drawn" in request.fixturenames or PAGES in request.path.parts:
         return
-    for name in ("torques", "mass_change"):
-        monkeypatch.setattr(f"runtime.outputs.report.sections.{name}", lambda *_: Markup("<svg/>"))
+    for name in PICTURES:
+        monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_: Markup("<svg/>"))
 
 
 @pytest.fixture

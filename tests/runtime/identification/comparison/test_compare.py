@@ -228,6 +228,7 @@ def test_methods_are_given_the_same_fresh_problem(
     assert seen[0] is not seen[1]
 
 
+@pytest.mark.usefixtures("drawn")
 def test_the_page(
     facts_of_all: dict[str, Any], lib: Library, command: Command, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ from runtime.cli.common import (
 from runtime.cli.log_options import Log, OfResult, Recipe, Run
 from runtime.common.files import replacing
 from runtime.common.settings import FILE, data_option, model_option, output_option
-from runtime.common.tables import Table
+from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -324,19 +324,20 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
     show(Table(head, rows, title=f"{facts['robot']}: thresholds at {stated['stated']}"))
     say(
         f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
-        f"{stated['expected_in_log']:.2g} false alarms are expected in this time"
+        f"{significant(stated['expected_in_log'])} false alarms are expected in this time"
     )
     likely = stated["by_stretches_per_hour"]
     if likely is not None and likely > OFTEN * stated["per_hour"]:
         say(
-            f"the noise differs between stretches of motion: about {likely:.2g} false alarms per "
-            "hour are to be expected; the setting calibrate with free motion gives the stated rate"
+            f"the noise differs between stretches of motion: about {significant(likely)} "
+            "false alarms per hour are to be expected; the setting calibrate with free motion "
+            "gives the stated rate"
         )
     if facts["calibration"] is not None:
         low, high = facts["calibration"]["per_hour_95"]
         say(
             f"thresholds are fitted to {facts['calibration']['seconds'] / 60:.2g} min of free "
-            f"motion: {stated['stated']} means {low:.2g} to {high:.2g} per hour"
+            f"motion: {stated['stated']} means {significant(low)} to {significant(high)} per hour"
         )
     for contact in facts["contacts"][:SHOWN]:
         say(f"contact: {contact['time_s']:.3f} s, {contact['joint']}, {contact['torque']:+.3g}")
@@ -345,8 +346,8 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
     check = facts["free_motion"]
     if check is not None:
         say(
-            f"free motion: {check['alarms']} alarms, {check['expected']:.2g} expected; so many or "
-            f"more have a probability of {check['probability']:.2g} at the stated rate"
+            f"free motion: {check['alarms']} alarms, {significant(check['expected'])} expected; "
+            f"so many or more have a probability of {check['probability']:.2g} at the stated rate"
         )
     for note in facts["notes"]:
         say(f"note: {note}")

@@ -71,9 +71,7 @@ class UrDriver(Driver):
     def state(self) -> Sample:
         """Newest sample of the robot at rest."""
         if not self._receive.isConnected():
-            raise NoSampleError(
-                "the connection by RTDE was lost; check the network, then repeat the command"
-            )
+            raise _lost()
         read, t = self._receive, None
         values: Any = ()
         # Each call reads the newest package; between two equal time stamps they read one package.
@@ -90,9 +88,7 @@ class UrDriver(Driver):
         try:
             accepted = self._control.servoJ(q, 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
         except RuntimeError as error:  # ur_rtde could not connect again
-            raise NoSampleError(
-                f"the connection by RTDE was lost ({error}); check the network"
-            ) from None
+            raise _lost(f" ({error})") from None
         if not accepted or self._receive.isProtectiveStopped():
             raise NoSampleError("the robot stopped following; see the message on its teach pendant")
         self._control.waitPeriod(begin)
@@ -120,6 +116,13 @@ class UrDriver(Driver):
         self._control.stopScript()
         self._control.disconnect()
         self._receive.disconnect()
+
+
+def _lost(reason: str = "") -> NoSampleError:
+    """Fault of a connection that ended during a motion."""
+    return NoSampleError(
+        f"the connection by RTDE was lost{reason}; check the network, then repeat the command"
+    )
 
 
 def _open(lib: Library, settings: DriverSettings) -> Driver:

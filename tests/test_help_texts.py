@@ -1,12 +1,18 @@
 """Texts of `--help`: what the console takes for markup is printed."""
 
+import shlex
+import sys
+from pathlib import Path
+
 import pytest
 import typer
 from rich.text import Text
 
 import runtime.cli
 import symgen.cli
+import symgen.cli.console
 from runtime.common.commands import GROUPS, Command, imported
+from runtime.library.library import find
 
 
 @pytest.mark.parametrize("module", [symgen.cli, runtime.cli], ids=lambda m: m.__name__)
@@ -26,6 +32,50 @@ def test_brackets_are_printed(module: object) -> None:
 COMMANDS = [each for group in GROUPS.values() for each in group]
 
 
+NOT_RUN = {
+    **dict.fromkeys(("build", "check", "proxies", "clean", "undo"), "needs or changes a build"),
+    **dict.fromkeys(("excite", "approach", "campaign", "compare", "reproduce"), "takes long"),
+    **dict.fromkeys(
+        ("rerun", "export", "report", "inspect", "friction", "fleet"), "other tests do"
+    ),
+    "locate": "may download",
+    "view": "serves until it is interrupted",
+}
+"""Pages whose first example no test runs, each with the reason."""
+
+
+def examples(command: Command) -> list[str]:
+    """Lines of the examples of a page."""
+    _, example, *_ = (imported(command).help or "").split("\n\n")
+    return example.strip().split("\n")
+
+
+def test_first_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: what a page shows first runs as it is printed, in an empty folder, page by page."""
+    monkeypatch.chdir(tmp_path)
+    ran, ends = set(), {}
+    for command in COMMANDS:
+        if command.name not in NOT_RUN:
+            for line in examples(command):
+                if line not in ran:
+                    ends[line] = _exit_code(line, monkeypatch)
+                    ran.add(line)
+                if f" {command.name} " in f"{line} ":
+                    break
+    # Findings about a log or a model are no failure.
+    assert {line: end for line, end in ends.items() if end > (" inspect " in line)} == {}
+
+
+def _exit_code(line: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    words = shlex.split(line.replace("$(symgen locate fr3)", str(find("fr3").folder)))
+    monkeypatch.setattr(sys, "argv", ["symgen", *words[words.index("symgen") + 1 :]])
+    try:
+        symgen.cli.console.main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: f"{c.name}-{c.argument}")
 def test_pages_begin_with_an_example(command: Command) -> None:
     """Property: behind the sentence stands a command, of the page itself or one that leads to it.
@@ -33,9 +83,7 @@ def test_pages_begin_with_an_example(command: Command) -> None:
     Examples of a result that exists already name the folder that the first run of `identify` with
     the bundled log writes.
     """
-    made = imported(command)
-    _, example, *_ = (made.help or "").split("\n\n")
-    lines = example.strip().split("\n")
+    lines = examples(command)
     starts = ("symgen ", "python -m symgen ", "python -m runtime ")
     assert lines[0].startswith(starts)
     assert any(f" {command.name} " in f"{line} " for line in lines)

@@ -132,6 +132,8 @@ def approach_command(given: ApproachSettings) -> None:
     r"""Plan the way to the start of a motion and back.
 
     \b
+    symgen excite --duration 5 --table 0 --settings starts=1 --out results/motion.json
+    symgen approach results/motion.json --from 0.2,-0.5,0,-2,0,1.8,0.5 --return --table 0
     symgen approach motion.json --from home --return --table 0
     symgen approach motion.json --from last.npz --table 0 --obstacles cell.toml --export ros
 

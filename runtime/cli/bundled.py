@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 from rich.markdown import Markdown
 
-from runtime.common.terminal import console, say
+from runtime.cli.common import robots
+from runtime.cli.log_options import bundled_logs
+from runtime.common.terminal import completing, console, say
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library.library import find
@@ -18,7 +20,11 @@ FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 def tutorial_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="Name of a tutorial; default a list of all."),
+        typer.Argument(
+            metavar="NAME",
+            autocompletion=completing([path.stem for path in FOLDER.glob("*.md")]),
+            help="Name of a tutorial; default a list of all.",
+        ),
     ] = None,
 ) -> None:
     r"""Show a tutorial.
@@ -44,11 +50,18 @@ def tutorial_command(
         print(texts[name], end="")
 
 
+def _places(incomplete: str) -> list[str]:
+    """Names of known data sets and of robots."""
+    return [*bundled_logs(incomplete), *robots(incomplete)]
+
+
 def locate_command(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", help="Known data set, such as panda_gaz, or robot, such as fr3."
+            metavar="NAME",
+            autocompletion=_places,
+            help="Known data set, such as panda_gaz, or robot, such as fr3.",
         ),
     ],
 ) -> None:

@@ -50,7 +50,7 @@ Yes = Annotated[
 ]
 
 
-def _robots(incomplete: str) -> list[str]:
+def robots(incomplete: str) -> list[str]:
     """Names of generated robots: of the package, the working directory and all builds."""
     package = Path(__file__).parents[1]
     roots = [folder / "generated" for folder in (package, package.parent, Path())]
@@ -62,7 +62,7 @@ Robot = Annotated[
     str,
     data_option(
         "--robot",
-        autocompletion=_robots,
+        autocompletion=robots,
         help="Name or folder of a generated robot.",
     ),
 ]

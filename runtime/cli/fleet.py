@@ -64,6 +64,8 @@ def fleet_command(given: FleetSettings) -> None:
 
     \b
     symgen identify fr3_simulated --settings save_statistics=true --out units/u01
+    symgen identify fr3_simulated --settings save_statistics=true --out units/u02
+    symgen identify fr3_simulated --settings save_statistics=true --out units/u03
     symgen fleet units --out fleet.toml
     symgen identify new.csv --prior fleet.toml
 

@@ -89,6 +89,7 @@ def gains_command(given: GainsSettings) -> None:
     r"""Identify gain and bias of every torque sensor or drive.
 
     \b
+    symgen gains fr3_simulated --total-mass 17.4
     symgen gains empty.csv loaded.csv --robot fr3 --payload 3.021,0,0,0.045
     symgen gains empty.csv loaded.csv --payload payload.json --recipe-out recipe.toml
     symgen gains log.csv --recipe currents.toml --total-mass 17.4

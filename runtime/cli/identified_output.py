@@ -46,7 +46,11 @@ def command_after(doubt: str, inspect: str) -> str:
     if option := re.search(r"--(?:delay|friction|cutoff) auto", doubt):
         again = f"{command_line()} {option[0]}"
         return again if "--overwrite" in again else f"{again} --overwrite"
-    return inspect if re.search(r"\binspect\b|in a recipe", doubt) and inspect not in doubt else ""
+    return (
+        inspect
+        if re.search(r"\binspect\b|(in|of) a recipe", doubt) and inspect not in doubt
+        else ""
+    )
 
 
 def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iterator[str]:

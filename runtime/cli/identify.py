@@ -1,5 +1,6 @@
 """`symgen identify` of one log, in memory or streamed, or of several."""
 
+import re
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -105,9 +106,12 @@ def _naming(inspect: str) -> Iterator[None]:
     try:
         yield
     except (IdentificationError, RecordingError) as error:
-        if "in a recipe" not in str(error) or " inspect " in str(error):
-            raise
-        raise type(error)(f"{error}; one is proposed by: {inspect}") from None
+        text = re.sub(
+            r"python -m runtime inspect LOG( --recipe-out \S+)?", lambda _: inspect, f"{error}"
+        )
+        if "in a recipe" in text and " inspect " not in text:
+            text = f"{text}; one is proposed by: {inspect}"
+        raise type(error)(text) from None
 
 
 def _most_iterations(method: str, preset: str | None) -> int | None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import numbers_option
-from runtime.cli.log_options import FitChoices, inputs_of, prior_of, split_of
+from runtime.cli.log_options import FitChoices, bundled_logs, inputs_of, prior_of, split_of
 from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
@@ -31,6 +31,7 @@ class IdentifySettings(FitChoices):
         list[str],
         typer.Argument(
             metavar="LOG...",
+            autocompletion=bundled_logs,
             help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
             "recipe, or names of known data sets such as panda_gaz.",
         ),

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option
+from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option, robots
 from runtime.common.settings import Choices, data_option, model_option
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
@@ -16,12 +16,15 @@ from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
+from runtime.recording.datasets import known_names
 from runtime.recording.friction import COLUMNS
 
+bundled_logs = completing(known_names())
 Log = Annotated[
     str,
     typer.Argument(
         metavar="LOG",
+        autocompletion=bundled_logs,
         help="A log as CSV, NPZ, Parquet, HDF5, MCAP or ROS bag, a folder with a recipe, or the "
         "name of a known data set such as panda_gaz.",
     ),
@@ -34,7 +37,10 @@ Recipe = Annotated[
         "default recipe.toml in the folder LOG, or the bundled recipe of a known data set.",
     ),
 ]
-Run = Annotated[str | None, data_option(help="Name of the run, where a recipe lists several.")]
+Run = Annotated[
+    str | None,
+    data_option(help="Name of the run, where a recipe lists several; default that of the recipe."),
+]
 Parts = Annotated[
     str | None,
     typer.Option(
@@ -154,7 +160,11 @@ class OfResult(Choices):
     """The robot of a result."""
 
     robot: Annotated[
-        str | None, data_option(help="Name or folder of the robot; default that of the result.")
+        str | None,
+        data_option(
+            autocompletion=robots,
+            help="Name or folder of the robot; default that of the result.",
+        ),
     ] = None
     yes: Yes = False
 
@@ -171,7 +181,12 @@ class LaterLogChoices(ResultChoices):
     """A result of identify and another log, prepared in the same way unless it is stated."""
 
     log: Annotated[
-        str, typer.Argument(metavar="LOG", help="Another log of the same robot, of any length.")
+        str,
+        typer.Argument(
+            metavar="LOG",
+            autocompletion=bundled_logs,
+            help="Another log of the same robot, of any length.",
+        ),
     ]
     recipe: Recipe = None
     run: Run = None

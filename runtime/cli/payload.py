@@ -75,6 +75,9 @@ def payload_command(given: PayloadSettings) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
+    symgen simulate --out results/empty.csv
+    symgen simulate --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out results/loaded.csv
+    symgen payload results/loaded.csv --empty results/empty.csv --settings cutoff=10
     symgen payload loaded.csv --robot fr3 --settings link=fr3_link7 --empty empty.csv
     symgen payload loaded.csv --robot fr3 --model results/first-map --settings cutoff=10
 

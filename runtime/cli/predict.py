@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from runtime.cli.common import counting, open_robot, state
-from runtime.cli.log_options import Cutoff, LogChoices, Rate
+from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
 from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,
@@ -68,6 +68,7 @@ class PredictSettings(LogChoices):
         str,
         typer.Argument(
             metavar="MOTION",
+            autocompletion=bundled_logs,
             help="A motion written by excite (.json), or a log.",
         ),
     ]

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from runtime.cli.common import open_robot
-from runtime.cli.log_options import Recipe, ResultChoices
+from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs
 from runtime.common.files import bytes_of
 from runtime.common.settings import data_option, output_option
 from runtime.common.tables import Table
@@ -43,7 +43,12 @@ class WatchSettings(ResultChoices):
 
     command = "watch"
     options = "robot recipe history references as_json"
-    logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")]
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."
+        ),
+    ]
     recipe: Recipe = None
     history: Annotated[
         Path | None,

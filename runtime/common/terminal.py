@@ -92,9 +92,12 @@ def flowing(doc: str) -> str:
 
 
 def completing(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Names that a shell offers for an option, for `autocompletion=` of Typer."""
+    """Names that a shell offers for an option, for `autocompletion=` of Typer; one per comma."""
 
     def fitting(incomplete: str) -> list[str]:
-        return sorted(name for name in names if name.startswith(incomplete))
+        before, comma, last = incomplete.rpartition(",")
+        taken = before.split(",")
+        fit = (name for name in names if name.startswith(last) and name not in taken)
+        return sorted(f"{before}{comma}{name}" for name in fit)
 
     return fitting

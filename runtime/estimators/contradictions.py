@@ -76,7 +76,7 @@ def model_tests(
     test = prior_test(lib, data, prior, kappa, density)
     rest = data.factor @ pi - data.target
     misfit = float(rest @ rest) / max(density, LEAST_DENSITY) / test.threshold
-    named = causes.named
+    named = tuple(sorted(causes.named, key=lambda cause: not cause.is_plausible))
     doubt, errors = "", []
     if test.is_contradicted or not all(each.is_plausible for each in named):
         doubt = _of_columns(lib, fit)
@@ -107,7 +107,7 @@ def model_tests(
 
 def sentence_of(lib: Library, named: tuple[Cause, ...]) -> str:
     """The cause in words, and those that explain nearly as much."""
-    others = " or ".join(_words(lib, each) for each in named[1:])
+    others = " or ".join(_words(lib, each) for each in named[1:] if each.is_plausible)
     beside = f" ({others} explains nearly as much)" if others else ""
     of = "the torques of the joints contradict each other, mostly by"
     if named[0].kind != GAIN:
@@ -140,8 +140,8 @@ def remedy_of(lib: Library, cause: Cause) -> str:
         gravity = ",".join(f"{x:.3f}" for x in lib.gravity + cause.vector)
         return f"measure its angles, or build the robot with --gravity={gravity}"
     return {
-        GAIN: f"check the torque constant of {name}, or calibrate it with a known load, as "
-        "python -m runtime gains --help explains",
+        GAIN: f"check the torque constant of {name}, or calibrate it with a known load by: "
+        "python -m runtime gains --help",
         DELAY: "correct it with --delay auto",
         ZERO: f"calibrate the zero of {name}, or state it as offset under [position] of a recipe",
         OFFSET: "add offset to the columns of --friction",

@@ -21,7 +21,13 @@ from symgen.chain.dh import robot_from_rows
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import CASES, ONE_LEVEL
-from tests.runtime.inspection.published_logs import KNOWN_GEARS, KNOWN_RATE, KNOWN_ZEROS, in_band
+from tests.runtime.inspection.published_logs import (
+    KNOWN_GEARS,
+    KNOWN_RATE,
+    KNOWN_UNIT,
+    KNOWN_ZEROS,
+    in_band,
+)
 
 EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 RAW = {".txt", ".csv", ".npz"}
@@ -62,6 +68,7 @@ LOGS = (
         facts={
             "missing_clock": "5 kHz is stated by the publication, not by the files",
             "position_range": "the files contain motor angles",
+            "current_unit": "the file curr_data.csv states no unit",
         },
     ),
     PublishedLog("LWR 4+, run 1", "kuka_lwr4", "lwr4_flobaroid", "1"),
@@ -241,7 +248,7 @@ def _tx40(shared: Path, root: Path, builds: Path) -> tuple:
     lib, raw = library_of("tx40", shared, builds), bare(shared / "data/tx40_figaroh", root / "tx40")
     first, known, recipe = (root / f"tx40-{name}.toml" for name in ("first", "known", "last"))
     _run("inspect", raw, "--robot", lib.folder, "--recipe-out", first)
-    text = first.read_text(encoding="utf-8").replace("# rate_hz =", KNOWN_RATE)
+    text = first.read_text(encoding="utf-8").replace("# rate_hz =", KNOWN_RATE).replace(*KNOWN_UNIT)
     text = text.replace("\n[position]\n", f"\n[position]\n{KNOWN_ZEROS}\n")
     text = text[: text.index("# [gear]")] + KNOWN_GEARS
     known.write_text(text, encoding="utf-8")
@@ -251,7 +258,7 @@ def _tx40(shared: Path, root: Path, builds: Path) -> tuple:
     _run("identify", raw, *robot, "--recipe", recipe, "--out", out, *split, *ALONE)
     wide = in_band(out, raw, recipe, lib, 20.0, (4.6, 7.4))
     return (
-        "TX40, `tx40_figaroh`, with gear matrix, zero offsets and rate from its maker",
+        "TX40, `tx40_figaroh`, with gear matrix, zero offsets, torque unit and rate from its maker",
         "4.6–7.4 s",
         _band(recipe),
         f"{_overall(out):.1f} %",

@@ -3,7 +3,10 @@
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from runtime.common.settings import data_option, model_option, output_option
+from runtime.common.terminal import completing
 from runtime.common.user_builds import built_robots
 from symgen.errors import BuildError
 
@@ -12,11 +15,22 @@ RootOption = Annotated[
 ]
 DEFAULT_ROOT = Path("generated")
 
+
+def robots(incomplete: str) -> list[str]:
+    """Names of generated robots that begin so."""
+    return completing([folder.name for folder in generated_here(DEFAULT_ROOT)])(incomplete)
+
+
+RobotArgument = Annotated[
+    str | None,
+    typer.Argument(autocompletion=robots, help="Name of a robot. Default: all in the folder."),
+]
 BaseOption = Annotated[
     str | None, model_option(help="Link that is fixed to the world. Default: the root link.")
 ]
 TipOption = Annotated[
-    str | None, model_option(help="Last link of the chain; links beyond it are removed.")
+    str | None,
+    model_option(help="Last link of the chain; links beyond it are removed. Default: all links."),
 ]
 LockOption = Annotated[
     list[str] | None,

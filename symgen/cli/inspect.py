@@ -45,6 +45,7 @@ def inspect_command(given: InspectSettings) -> None:
     r"""Check the inertial parameters of a robot model.
 
     \b
+    python -m symgen inspect "$(symgen locate fr3)/fr3.urdf"
     python -m symgen inspect my.urdf
     python -m symgen inspect my.urdf --strict --json    (in a pipeline)
     python -m symgen inspect my.urdf --repair better.urdf

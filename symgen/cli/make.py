@@ -23,6 +23,7 @@ from symgen.cli.common import (
     ModelOption,
     OverwriteOption,
     PackageOption,
+    RobotArgument,
     RootOption,
     TipOption,
     folders_of,
@@ -263,9 +264,7 @@ class CheckSettings(Choices):
 
     command = "check"
     options = "out"
-    robot: Annotated[
-        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
-    ] = None
+    robot: RobotArgument = None
     out: RootOption = DEFAULT_ROOT
 
 

@@ -13,7 +13,14 @@ from runtime.common.settings import Choices, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.common.user_builds import built_robots
-from symgen.cli.common import DEFAULT_ROOT, RootOption, folders_of, generated_here
+from symgen.cli.common import (
+    DEFAULT_ROOT,
+    RobotArgument,
+    RootOption,
+    folders_of,
+    generated_here,
+    robots,
+)
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination
@@ -86,7 +93,9 @@ class DescribeSettings(Choices):
 
     command = "describe"
     options = "as_json out"
-    robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3"
+    robot: Annotated[
+        str, typer.Argument(autocompletion=robots, help="Name of a generated robot.")
+    ] = "fr3"
     as_json: Annotated[bool, output_option("--json", help="Print JSON.")] = False
     out: RootOption = DEFAULT_ROOT
 
@@ -195,9 +204,7 @@ class CleanSettings(Choices):
 
     command = "clean"
     options = "out"
-    robot: Annotated[
-        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
-    ] = None
+    robot: RobotArgument = None
     out: RootOption = DEFAULT_ROOT
 
 

@@ -117,7 +117,7 @@ def noisy_accelerations(
         return ()
     return (
         f"{quality.noise_in(lib)}, by which the values are biased beyond their intervals; give "
-        f"--cutoff {float(f'{quality.harmless_hz:.2g}'):g} or less",
+        f"--settings cutoff={float(f'{quality.harmless_hz:.2g}'):g} or less",
     )
 
 

@@ -46,6 +46,8 @@ USUAL_GAIN = 0.003
 """Usual error of a torque gain: sessions of one arm differ by as much."""
 SCALE = 3.0
 """Factor beyond which, or below its inverse, a gain is not that of a torque constant."""
+LARGEST = {ZERO: np.pi / 2, TILT: np.pi}
+"""Angles [rad] from which on the cause is another one: its column is a derivative at angle 0."""
 NOTICED = 1.645
 """95 % quantile of the normal distribution: an error so many σ above the threshold is seen in 95 of
 100 logs."""
@@ -84,8 +86,10 @@ class Cause:
 
     @property
     def is_plausible(self) -> bool:
-        """Whether a gain may be that of a wrong torque constant."""
-        return self.kind != GAIN or 1 / SCALE < 1 + self.size < SCALE
+        """Whether a gain may be that of a torque constant, and an angle that of a mount."""
+        if self.kind == GAIN:
+            return 1 / SCALE < 1 + self.size < SCALE
+        return abs(self.size) < LARGEST.get(self.kind, np.inf)
 
     @property
     def limit(self) -> float:

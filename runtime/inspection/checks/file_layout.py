@@ -32,6 +32,10 @@ from runtime.recording.recipes.recipe import JSON_CELLS, Signal, Time
 
 _NO_CLOCK = Time(rate_hz=1.0)
 _NUMBER = re.compile(r"\d+(?=\D*$)")
+_CURRENT = re.compile(
+    r"(?<![a-z])(curr|currents?|amps?|amperes?)(?![a-z])(?!.*(torque|effort|tau))"
+)
+"""Word for a motor current; current_torque is the present torque."""
 Group = dict[str, list[dict]]
 
 
@@ -128,10 +132,9 @@ def _recipe(
         if many and not run:
             findings.append(several_runs(parts, many))
         run = run or many
-        unit = parts[0]["unit"]
-        known = {"unit": "A", "gain": 1.0} if unit in {"A", "mA"} else {"unit": unit or SI[kind]}
+        known, unsure = _unit_of(kind, parts[0])
         chosen[kind] = Signal(**known, **where)
-        findings += _left_aside(kind, parts, many)
+        findings += [*unsure, *_left_aside(kind, parts, many)]
     time = _NO_CLOCK
     if signals.get("time"):
         where, _ = run_of(signals["time"])
@@ -150,6 +153,23 @@ def _recipe(
         )
     recipe = Recipe(run=run, time=time, **chosen)  # type: ignore[arg-type]
     return recipe, findings
+
+
+def _unit_of(kind: str, part: dict) -> tuple[dict[str, Any], list[Finding]]:
+    """Unit of a signal, with a finding where the name says current and nothing states the unit."""
+    unit = part["unit"]
+    if unit in {"A", "mA"}:
+        return {"unit": "A", "gain": 1.0}, []
+    names = (part["where"]["file"], part["title"])
+    name = next((name for name in names if _CURRENT.search(name.lower())), "")
+    if kind != "torque" or unit or not name:
+        return {"unit": unit or SI[kind]}, []
+    sentence = (
+        f"'{name}' is named like a motor current and states no unit: A with unknown gains is "
+        "proposed, which identify estimates; where the values are torques, write "
+        'unit = "N*m" under [torque] of the recipe'
+    )
+    return {"unit": "A"}, [Finding("current_unit", WARNING, sentence, {"title": name})]
 
 
 def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:

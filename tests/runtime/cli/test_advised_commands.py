@@ -52,3 +52,16 @@ def test_a_command_of_an_advice_removes_the_doubt(
     assert again.code == 0, again.err
     said = " ".join(again.out.split())
     assert not any(word in said for word in ("too late", "against the model", "exchanged")), said
+
+
+def test_a_file_without_header_is_inspected_as_printed(
+    clean: Recording, lib: Library, command: Command, tmp_path: Path
+) -> None:
+    """Property: the refusal names the log and the robot, and its command writes the recipe."""
+    rows = np.column_stack([clean.t, clean.q, clean.required("tau")])[:300]
+    np.savetxt(tmp_path / "bare.csv", rows, delimiter=",")
+    ran = command("identify", "bare.csv", "--robot", lib.folder)
+    assert ran.code == 2
+    again = command(*shlex.split(ran.err.split("proposed: python -m runtime ")[1]))
+    assert again.code in {0, 1}, again.err
+    assert (tmp_path / "proposed.toml").is_file()

@@ -11,6 +11,7 @@ from runtime.estimators import uncertainty
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.regression.causes import ZERO, Cause
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
@@ -235,6 +236,12 @@ def test_a_contradiction_that_no_gain_explains_is_no_gain(lib, trajectories):
     assert "a torque gain of" not in words
     assert "no torque gain explains it" in words
     assert "the torques of fr3_joint2, fr3_joint4 are exchanged" in words
+
+
+def test_an_angle_of_several_turns_is_no_encoder_zero():
+    """Property: the column is a derivative at angle 0; residuals of friction gave −3600°."""
+    assert Cause(ZERO, 0, 0.6, 0.1, 0.5, 100.0, 10.0).is_plausible
+    assert not Cause(ZERO, 0, -63.0, 14.0, 0.5, 100.0, 10.0).is_plausible
 
 
 def test_a_tilt_of_the_base_is_named_with_its_gravity(lib, trajectories):

@@ -11,6 +11,7 @@ from runtime.recording.preprocessing import prepare
 
 KNOWN_RATE = "rate_hz = 5000"
 KNOWN_ZEROS = "offset = [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]"
+KNOWN_UNIT = ('unit = "A"', 'unit = "N*m"')  # of curr_data.csv, whose name says otherwise
 KNOWN_GEARS = """[gear]
 matrix = [
     [32.0, 0.0, 0.0, 0.0, 0.0, 0.0],

@@ -12,7 +12,13 @@ import pytest
 
 from runtime.library import Library
 from tests.runtime.conftest import Command
-from tests.runtime.inspection.published_logs import KNOWN_GEARS, KNOWN_RATE, KNOWN_ZEROS, in_band
+from tests.runtime.inspection.published_logs import (
+    KNOWN_GEARS,
+    KNOWN_RATE,
+    KNOWN_UNIT,
+    KNOWN_ZEROS,
+    in_band,
+)
 
 
 @pytest.fixture
@@ -65,7 +71,7 @@ def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
     text = (tmp_path / "first.toml").read_text()
     # Which friction to propose hangs on the gears, which are not known yet.
     assert "[friction]" not in text
-    text = text.replace("# rate_hz =", KNOWN_RATE)
+    text = text.replace("# rate_hz =", KNOWN_RATE).replace(*KNOWN_UNIT)
     text = text.replace("\n[position]\n", f"\n[position]\n{KNOWN_ZEROS}\n")
     text = text[: text.index("# [gear]")] + KNOWN_GEARS
     (tmp_path / "known.toml").write_text(text)

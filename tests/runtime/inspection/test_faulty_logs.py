@@ -29,10 +29,10 @@ def inspected(arm: Arm, log: Log, folder: Path) -> Inspection:
 
 
 def test_the_clean_log(arm: Arm, tmp_path: Path) -> None:
-    """Property: with its recipe no warning; without it the clock and the unit of the currents."""
+    """Property: with its recipe no warning; without it the clock and the unknown unit."""
     assert sentences(inspected(arm, arm.log, tmp_path)) == {}
     bare = inspect_log(tmp_path / "log.npz", arm.lib)
-    assert set(sentences(bare)) == {"jitter", "torque_unit"}
+    assert set(sentences(bare)) == {"jitter", "current_unit"}
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])

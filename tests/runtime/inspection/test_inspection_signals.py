@@ -179,7 +179,7 @@ def test_6_coupled_gears(robot, shared_data: Path) -> None:
 def test_6_motor_angles(robot, shared_data: Path) -> None:
     """Real data: what only the manufacturer knows is asked for, as a block to fill in."""
     result = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), bare=True)
-    assert set(sentences(result)) == {"missing_clock", "position_range"}
+    assert set(sentences(result)) == {"missing_clock", "position_range", "current_unit"}
     assert "# [gear]" in recipe_text(result)
 
 

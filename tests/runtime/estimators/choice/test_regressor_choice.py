@@ -88,7 +88,7 @@ def test_a_fit_without_another_regressor_is_given_a_cutoff(lib: Library, clean: 
     usual = replace(QUIET, filter="none", cutoff_hz=None, derivative="measured")
     assert noisy_accelerations(clean, lib, usual) == ()
     (sentence,) = noisy_accelerations(loud, lib, usual)
-    cutoff = float(sentence.rpartition("--cutoff ")[2].split()[0])
+    cutoff = float(sentence.rpartition("--settings cutoff=")[2].split()[0])
     assert noisy_accelerations(loud, lib, replace(QUIET, cutoff_hz=cutoff)) == ()
 
 

@@ -1,0 +1,135 @@
+"""Commands that `inspect` and `identify` print as advice, each run as it is printed.
+
+Logs: every fault of the tests in the logs of two virtual robots, and the published logs. A command
+works where it ends with 0, and `inspect` also with 1 if it wrote the recipe that it announces; such
+a recipe is then given to `identify`.
+"""
+
+import contextlib
+import io
+import re
+import shlex
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.faults import on_a_wall
+from bench.front import Sheet
+from bench.real_logs import LOGS, bare, library_of
+from runtime.library import load
+from runtime.recording.recipes.recipe_file import recipe_text
+from symgen.cli.console import main
+from tests.runtime.faults import FAULTS
+from tests.runtime.virtual_arms import Arm, cobot, wall_arm
+
+PROGRAM = "symgen"
+_COMMAND = re.compile(rf"\b{PROGRAM} [a-z]+ (?=-|[A-Z]+\b|\S*[./])[^;\n]*")
+_OTHERS = ("--settings", "report=false", "--settings", "yes=true")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One printed command."""
+
+    log: str
+    source: str  # command that printed it
+    doubt: str  # sentence that it followed
+    command: str
+    code: int
+    works: bool
+    after: str  # doubt or refusal that is left, "" for none
+
+
+def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterator[Row]:
+    """Run what the advice of every log names."""
+    with tempfile.TemporaryDirectory() as scratch:
+        root = Path(scratch)
+        for log, folder, words in _logs(shared, builds or root, root):
+            if only is None or only in log:
+                with contextlib.chdir(folder):
+                    yield from _followed(log, words)
+
+
+def _logs(shared: Path, builds: Path, root: Path) -> Iterator[tuple[str, Path, list[str]]]:
+    """Name, folder and words of every log."""
+    for log in LOGS:
+        folder = root / log.name.replace(" ", "")
+        folder.mkdir()
+        place = bare(shared / "data" / log.place, folder / "raw")
+        run = () if log.run is None else ("--run", log.run)
+        robot = library_of(log.robot, shared, builds).folder
+        yield log.name, folder, [str(place), "--robot", str(robot), *run]
+    models = shared / "models"
+    arms = {
+        "cobot": lambda: cobot(load("ur5e"), models / "universal_robots/ur10_robot.urdf"),
+        "wall": lambda: wall_arm(on_a_wall(models, builds), models / "xarm7/xarm7.urdf"),
+    }
+    for name, make in arms.items():
+        arm = make()
+        for k, fault in enumerate(FAULTS):
+            yield (f"{name}: {fault.name}", *_written(arm, fault.put(arm), root / f"{name}{k}"))
+
+
+def _written(arm: Arm, log, folder: Path) -> tuple[Path, list[str]]:
+    """Folder with a log and its recipe, and the words that name both."""
+    folder.mkdir()
+    np.savez(folder / "log.npz", **log.arrays)
+    words = ["log.npz", "--robot", str(arm.lib.folder)]
+    if log.recipe is None:
+        return folder, words
+    (folder / "recipe.toml").write_text(recipe_text(log.recipe), encoding="utf-8")
+    return folder, [*words, "--recipe", "recipe.toml"]
+
+
+def _followed(log: str, words: Sequence[str]) -> Iterator[Row]:
+    """Both commands of a user, then each command that they print."""
+    for source in (("inspect", *words), ("identify", *words, "--out", "out", *_OTHERS)):
+        _, text = run(*source)
+        for printed in dict.fromkeys(_COMMAND.findall(text)):
+            command = re.split(r" \(|[.,]$", printed.strip())[0]
+            for file in Path().glob("proposed*.toml"):
+                file.unlink()
+            said = shlex.split(command)[1:]
+            code, after = run(*said)
+            works = code == 0
+            if said[0] == "inspect" and "--recipe-out" in said:
+                recipe = said[said.index("--recipe-out") + 1]
+                works = code in {0, 1} and Path(recipe).is_file()
+                again = ("--recipe", recipe, "--out", "again", *_OTHERS, "--overwrite")
+                after = run("identify", *words, *again)[1] if works else after
+            yield Row(log, source[0], doubt(text), command, code, works, doubt(after))
+
+
+def run(*words: str) -> tuple[int, str]:
+    """Exit code and output of a command in this process."""
+    before, sys.argv = sys.argv, [PROGRAM, *words]
+    out, code = io.StringIO(), 0
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+            main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        sys.argv = before
+    return code, out.getvalue()
+
+
+def doubt(text: str) -> str:
+    """First warning or refusal of an output."""
+    lines = [
+        line for line in text.splitlines() if line.startswith(("warning", f"{PROGRAM}: ", "error"))
+    ]
+    lines = [line for line in lines if "will be replaced" not in line]
+    return lines[0] if lines else ""
+
+
+def sheet(rows: list[Row]) -> Sheet:
+    """One line per command that failed, then the counts."""
+    failed = [row for row in rows if not row.works]
+    lines = [(row.log, row.command, str(row.code), row.after) for row in failed]
+    lines.append(("**all**", f"{len(rows)} commands", f"{len(failed)} failed", ""))
+    return Sheet("advice", ("log", "command", "exit code", "what it said"), lines, rows)

@@ -8,6 +8,7 @@ from pathlib import Path
 from runtime.cli.drive import delay_lines, drive_table
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.common.terminal import VERBOSE, command_line, say, show
+from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.optimizers import Status
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
@@ -58,7 +59,7 @@ def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iter
     known, shares = result.uncertainty, record.torque_error_percent
     if record.doubts:
         doubt = record.doubts[0].replace("python -m runtime inspect LOG", inspect)
-        yield f"warning: {doubt}"
+        yield f"{'note' if doubt.endswith(FOLLOWS) else 'warning'}: {doubt}"
         if command := command_after(doubt, inspect):
             yield f"run: {command}"
     if result.status in UNFINISHED:

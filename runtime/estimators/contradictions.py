@@ -39,6 +39,8 @@ LARGEST = np.radians(10.0)
 """Limit of an encoder zero or tilt from which on a log is said not to show it."""
 CERTAIN = 3.0
 """Change of the mass of a released link over its σ from which on it is stated."""
+FOLLOWS = "; the result follows the data"
+"""End of a sentence on a URDF or prior that is off, which is no reason to doubt the result."""
 UNFITTED = 2.0
 """Misfit of a result over the threshold of the test of the prior above which the method, and not
 the prior, is the cause."""
@@ -252,7 +254,7 @@ def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
     if not test.links:
         return (
             f"{source} is off by {missed}: the data contradict its inertias ({size}), while the "
-            "joints agree with each other; the result follows the data"
+            f"joints agree with each other{FOLLOWS}"
         )
     before, after, sigma = test.masses[0]
     if _is_certain(before, after, sigma):
@@ -260,7 +262,7 @@ def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
     return (
         f"{source} is off by {missed}: the data contradict the inertia of "
         f"{_bodies(test, is_of_type)}, or of what it carries ({size}), while the joints agree with "
-        f"each other: {_wrong(is_of_type)}; the result follows the data"
+        f"each other: {_wrong(is_of_type)}{FOLLOWS}"
     )
 
 

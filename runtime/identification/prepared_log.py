@@ -171,7 +171,7 @@ def _filtered(
             raise
         return prepared, (), quality
     progress.choice(choice)
-    sentence = choice.sentence.rstrip(".")
+    sentence = choice.sentence
     if quality is not None:
         sentence += (
             f"; without one {quality.noise_in(lib)}, and --settings regressor=acceleration keeps "

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from runtime.common.tables import significant
+from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
@@ -127,7 +128,8 @@ def doubts_of(result: Identification, warnings: Iterable[str]) -> list[str]:
         r"worse than the URDF|is unexplained|not physically consistent|fewer than|log once"
     )
     stated = [warning for warning in warnings if strong.search(warning)]
-    return [*still_joints(result), *contradicted, *stated]
+    doubts = [*still_joints(result), *contradicted, *stated]
+    return sorted(doubts, key=lambda doubt: doubt.endswith(FOLLOWS))
 
 
 def of_the_log(history: Iterable[str]) -> list[str]:

@@ -118,15 +118,11 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
     alike = [c for c in candidates if c.excess <= LEAST_GAIN * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.white)
-    other = {
-        c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in candidates
-    }
-    listed = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in candidates)
-    aside = " Velocities from q predict better than the measured ones, which are not used."
+    aside = "; velocities from q predict better than the measured ones, which are not used"
     sentence = (
         f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks: of the "
         "candidates that predict the unfiltered torque as well as the best one, it has the largest "
-        f"share of independent rows ({100 * chosen.white:.0f} %); scores: {listed}."
+        f"share of independent rows ({100 * chosen.white:.0f} %)"
         f"{aside * (chosen.derivative != base.derivative)}"
     )
     ready = replace(

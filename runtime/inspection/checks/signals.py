@@ -229,9 +229,9 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
         Finding(
             "little_torque",
             INFO,
-            f"{joint_list(lib.joint_names, few)} carries little torque (RMS {listed} N·m or N, the "
-            f"most loaded joint {rms.max():.3g}): use its RMS error, not the error in percent; a "
-            "wrong gain there may not be reported",
+            f"the torque of {joint_list(lib.joint_names, few)} is small (RMS {listed} N·m or N, of "
+            f"the most loaded joint {rms.max():.3g}): use the RMS error there, not the error in "
+            "percent; a wrong gain there may not be reported",
             {"joints": few, "rms": [float(x) for x in rms]},
         )
     ]

@@ -93,7 +93,7 @@ def _velocity_and_time(
         # s contains the units in use: t and dq too large by c and v give s = c v.
         if abs(seen / (clock * speed) - 1.0) < SLOPE and USUAL_RATES[0] <= rate <= USUAL_RATES[1]:
             return _in_units(seen, clock, speed, plan, findings, rate)
-    if plan.time is not None and plan.time.rate_hz is not None:
+    if plan.time is not None and plan.time.rate_hz is not None and seen > 0:
         rate = recording.rate_hz / seen
         time = replace(plan.time, rate_hz=float(f"{rate:.3g}"))
         plan = plan.replace(leave_out=_scaled(plan, recording.rate_hz / (time.rate_hz or rate)))

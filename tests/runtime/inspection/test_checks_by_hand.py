@@ -73,6 +73,7 @@ def test_order_of_the_joints_by_gravity(lib: Library) -> None:
         (Time(unit="s"), 1e3, 1.0, ["time_unit"]),
         (Time(unit="s"), 1e3, 180 / np.pi, ["time_unit", "velocity_unit"]),
         (Time(unit="s"), 1.0, 3.0, ["velocity_scale"]),
+        (Time(rate_hz=1000.0), 1.0, -3.0, ["velocity_scale"]),
     ],
 )
 def test_units_of_time_and_velocity(lib, clean, time, clock, speed, kinds) -> None:

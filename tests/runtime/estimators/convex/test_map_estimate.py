@@ -10,7 +10,7 @@ from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.eliminate_friction import reduce
-from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, bodies_of, prior_of, spread_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.convex.newton import convex_problem, minimise
 from runtime.estimators.descent.fit import fit_levenberg
@@ -305,3 +305,18 @@ def test_residual_noise_corrects_for_unknowns(lib, noisy, pi_true):
     rest = residuals(lib, samples, pi_true, np.zeros((7, 0)))
     expected = np.sqrt(np.sum(rest**2, axis=0) / (len(samples) - 43 / 7))
     np.testing.assert_allclose(noise(rest, lib, 0), expected)
+
+
+@pytest.mark.parametrize("kappa", [0.5, 4.0])
+def test_the_curvature_of_the_prior(lib, kappa: float) -> None:
+    """Oracle: inverse of XᵀX + κ ∇²(−log det P), whose entries are tr(P⁻¹ B_i P⁻¹ B_j)."""
+    bodies = bodies_of(lib)
+    rows = np.random.default_rng(0).normal(size=(3, lib.pi0.size))
+    wanted = rows.T @ rows
+    for k, body in enumerate(bodies.pseudo_inertia(lib.pi0)):
+        turned = np.linalg.solve(body, bodies.basis)
+        block = slice(10 * k, 10 * k + 10)
+        wanted[block, block] += kappa * np.einsum("iab,jba->ij", turned, turned)
+    root = spread_of(bodies, lib.pi0, rows, kappa).root
+    # In the coordinates of the root, where the condition of the inertias has no part.
+    np.testing.assert_allclose(root.T @ wanted @ root, np.eye(len(wanted)), atol=1e-6)

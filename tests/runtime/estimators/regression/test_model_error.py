@@ -1,12 +1,13 @@
 """Scatter of scores between blocks, and its part of a posterior."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter
+from runtime.estimators.regression.model_error import BLOCK_S, _gains, model_error_of, scatter
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
@@ -74,3 +75,16 @@ def test_a_posterior_is_widened_where_blocks_scatter(fr3: Library) -> None:
         sigmas.append(np.linalg.norm(np.linalg.pinv(widened.factor), axis=1))
     offsets = slice(len(fr3.base_matrix), None)
     assert np.median(sigmas[1][offsets] / sigmas[0][offsets]) > 1.05
+
+
+@pytest.mark.parametrize("shown", [0.2, 1.0, 30.0])
+def test_the_posterior_of_one_gain(shown: float) -> None:
+    """Oracle: s | r ~ N(z / (S i), 1 / i), i = |p_rest|²/S + 1/σ², for a share of i of the data."""
+    q, p = np.linalg.qr(np.random.default_rng(0).normal(size=(400, 2)))[0].T
+    sigma, level, taken = 0.02, 0.09, 3.0
+    size = np.sqrt(shown * level) / sigma
+    fit = SimpleNamespace(predicted=taken * q + size * p, basis=q[:, None])
+    scores = _gains(fit, (0.7 * p)[:, None], level, sigma)
+    information = (1 + shown) / sigma**2
+    wanted = taken * np.array([1 / np.sqrt(information), 0.7 * size / level / information])
+    np.testing.assert_allclose(np.abs(scores[0]), wanted, rtol=1e-9)

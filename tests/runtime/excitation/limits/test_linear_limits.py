@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.distance_limits import TipSpeed
+from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
 from runtime.excitation.limits.limit_rows import Limits
 from runtime.excitation.limits.safety import RATE, unchecked
 from runtime.excitation.motion.trajectory import COSINE
@@ -54,3 +54,14 @@ def test_the_rise_of_a_tip_at_rest_is_finite() -> None:
     bounds = SimpleNamespace(tip=lambda: (None, v, dv, ddv), bend=lambda second: second)
     rise = TipSpeed.rise(SimpleNamespace(limit=2.0), bounds)
     np.testing.assert_allclose(rise, [[0.25 / 4], [3.25 / 4]], rtol=1e-9)
+
+
+def test_a_value_of_the_box_of_the_tip_as_a_coordinate(lib: Library) -> None:
+    """Oracle: the tip of the library, at each of the six sides."""
+    q = lib.home[None] + 0.3
+    tip, ends = lib.tip_motion(q, 0 * q)[0][0], np.array([0.4, 0.5, 0.6])
+    box = TipBox(lib, tip - ends, tip + 2 * ends)
+    for row, g in enumerate(box.values(np.stack([q, 0 * q]))[0]):
+        place, end, unit = box.measured(row, g)
+        assert place == pytest.approx(tip[row % 3], abs=1e-12)
+        assert (end, unit) == (np.concatenate([box.upper, box.lower])[row], "m")

@@ -4,7 +4,7 @@ from rich.progress import Progress as Bar
 from rich.progress import TaskID
 from rich.table import Table
 
-from runtime.common.terminal import console
+from runtime.common.terminal import VERBOSE, console, say
 from runtime.estimators.choice.cutoff_choice import CutoffChoice
 from runtime.estimators.choice.friction_choice import FrictionChoice
 from runtime.identification.progress import Progress
@@ -22,9 +22,13 @@ class ShownProgress(Progress):
         self._bar.update(self._task, description=sentence)
 
     def choice(self, made: CutoffChoice | FrictionChoice) -> None:
-        """Print the candidates above the bar."""
-        table = cutoff_table(made) if isinstance(made, CutoffChoice) else friction_table(made)
-        console.print(table)
+        """Print what was chosen above the bar; --verbose prints all cut-offs."""
+        if isinstance(made, FrictionChoice):
+            console.print(friction_table(made))
+        elif VERBOSE.get():
+            console.print(cutoff_table(made))
+        else:
+            say(f"cut-off: {made.chosen.cutoff_hz:g} Hz, chosen by cross-validation")
 
     def iteration(self, done: int, best: float) -> None:
         """Advance the bar."""

@@ -50,6 +50,32 @@ ROOMS = {
         ("runtime/identification/sensor_gains.py",),
         ("tests/runtime/identification/sensor_gains",),
     ),
+    "drives": _same("identification/drive"),
+    "free base": Room(
+        (
+            "runtime/identification/free_base",
+            "runtime/recording/free_base.py",
+            "runtime/recording/preprocessing/free_base_motion.py",
+        ),
+        (
+            "tests/runtime/identification/test_free_base*.py",
+            "tests/runtime/recording/preprocessing/test_free_base_motion.py",
+        ),
+    ),
+    "priors": Room(
+        (
+            "runtime/estimators/prior_file.py",
+            "runtime/estimators/type_prior.py",
+            "runtime/estimators/convex/*prior*.py",
+            "runtime/estimators/convex/map_estimate.py",
+        ),
+        (
+            "tests/runtime/estimators/convex/test_map_estimate.py",
+            "tests/runtime/estimators/test_contradictions.py",
+        ),
+    ),
+    "monitoring": _same("monitoring"),
+    "campaign": _same("campaign"),
     "export": _same("outputs/model_files"),
     "experiments": _same("experiments"),
     "mechanics": Room(("symgen/mechanics",), ("tests/symgen/mechanics",)),

@@ -1,6 +1,7 @@
 """Friction columns of geared joints: what they depend on is recovered, and σ of the arm holds."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ from runtime.campaign.gear_friction import (
     GearFriction,
     agreement_of,
     arm_model,
+    friction_columns,
     gear_of,
+    slope_columns,
     smoothed,
 )
 from runtime.campaign.target import base_covariance
@@ -168,3 +171,21 @@ def test_a_joint_without_ripple(arm: Library) -> None:
     """Property: no waves where the residual is noise."""
     log = smoothed(moved(arm, 4.0, 4, ripple=0.0), arm)
     assert not gear_of([log], arm, PREPARATION, GearFriction.usual(arm.n_joints)).waves.any()
+
+
+def test_slopes_of_the_columns() -> None:
+    """Oracle: difference quotients by waves and by ln v_s; a joint without a ripple has none."""
+    t, rng = np.arange(200) / 200.0, np.random.default_rng(0)
+    q = np.sin(np.outer(t, [3.0, 4.0]))
+    motion = Recording(t, q, dq=np.gradient(q, t, axis=0), tau=rng.normal(size=q.shape))
+    gear = replace(GearFriction.usual(2), waves=np.array([WAVES, 0.0]))
+    columns, step = friction_columns(motion, gear), 1e-6
+    slopes = slope_columns(motion, gear, columns)
+    faster = replace(gear, peak_speed=gear.peak_speed * np.exp(step))
+    finer = replace(gear, waves=gear.waves + np.array([step, 0.0]))
+    by_speed, by_waves = (
+        (friction_columns(motion, each) - columns) / step for each in (faster, finer)
+    )
+    # Second derivatives below 100 over a step of 1e-6.
+    np.testing.assert_allclose(slopes[..., 4], by_speed[..., 2], atol=1e-4)
+    np.testing.assert_allclose(slopes[..., 5:7], by_waves[..., 5:7], atol=1e-4)

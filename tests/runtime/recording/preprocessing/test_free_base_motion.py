@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.preprocessing.free_base_motion import motion_of
+from runtime.recording.preprocessing.free_base_motion import _base_rates, motion_of
 
 
 def swaying(t: np.ndarray) -> FreeBaseRecording:
@@ -110,3 +111,16 @@ def test_an_uneven_clock_needs_memory_of_the_log_only():
         assert tracemalloc.get_traced_memory()[1] < 2000 * 6000
     finally:
         tracemalloc.stop()
+
+
+def test_twist_of_a_turning_base() -> None:
+    """Oracle: Ṙ = R [ω×], R̈ = R ([ω×]² + [α×]), ṗ = R v, p̈ = R (v̇ + ω × v)."""
+    w, a, v, dv = np.random.default_rng(0).normal(size=(4, 5, 3))
+    turn = Rotation.random(5, random_state=0).as_matrix()
+    cross_w, cross_a = (np.cross(x[:, None], np.eye(3)).swapaxes(1, 2) for x in (w, a))
+    velocity = np.einsum("nij,nj->ni", turn, v)
+    acceleration = np.einsum("nij,nj->ni", turn, dv + np.cross(w, v))
+    rates = turn @ cross_w, turn @ (cross_w @ cross_w + cross_a)
+    twist, change = _base_rates(turn, *rates, velocity, acceleration)
+    np.testing.assert_allclose(twist, np.hstack([v, w]), atol=1e-13)
+    np.testing.assert_allclose(change, np.hstack([dv, a]), atol=1e-13)

@@ -155,8 +155,8 @@ class IdentifySettings(FitChoices):
     gain_sigma: Annotated[
         float,
         model_option(
-            help="Relative σ of the gain of every torque or current, that of the data sheet; "
-            "intervals of parameters contain it."
+            help="Largest relative σ of the gain of every torque or current, that of the data "
+            "sheet; intervals of parameters contain it, or a smaller one that the log shows."
         ),
     ] = 0.02
     payload_of: Annotated[

@@ -17,6 +17,7 @@ from runtime.cli.common import (
 )
 from runtime.cli.log_options import ResultChoices
 from runtime.common.settings import FILE, output_option
+from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
@@ -30,6 +31,10 @@ from runtime.outputs.model_files.randomisation import (
 )
 from runtime.outputs.model_files.sampled_models import TABLE, sample_paths, write_samples
 
+THICKENED = (
+    "the prior takes thin links thicker than the URDF, which the log does not favour by 20 to 1: "
+    "{} of the smallest second moment"
+)
 MOST = 100_000
 """Largest number of models."""
 
@@ -109,6 +114,9 @@ def sample_command(given: SampleSettings) -> None:
     )
     for kind, sentence in facts["checks"].items():
         say(f"{kind}: {sentence}")
+    thick = zip(lib.link_names, draws.thickened, strict=True)
+    if raised := [f"{name} × {significant(float(by))}" for name, by in thick if by > 1.01]:
+        notes = (*notes, THICKENED.format(", ".join(raised)))
     for note in notes:
         say(f"note: {note}")
     say(f"files: {folder / TABLE}")

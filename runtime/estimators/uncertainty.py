@@ -244,7 +244,7 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
-    gain_sigma: relative σ of the gain of every torque.
+    gain_sigma: expected relative σ of the gain of every torque.
     """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
@@ -304,7 +304,7 @@ def uncertainty_of(
         information=LogInformation(widened.statistics, float(level), kappa, prior.centre),
         tests=outcome,
         phi_nuisance=phi_nuisance,
-        gain_sigma=gain_sigma if widened.gains else 0.0,
+        gain_sigma=widened.gain_sigma if widened.gains else 0.0,
         gains=widened.gains,
     )
 

@@ -73,9 +73,9 @@ class Settings:
         robust: Huber weights on blocks of training rows, for the methods that train on all rows
             of joints; the notes of the result name the rows that count less.
         friction_prior: prior of the friction coefficients, for "map", in place of that in `prior`.
-        gain_sigma: relative standard deviation of the gain of every torque sensor or current, that
-            of its data sheet, which intervals of parameters contain; a model that predicts readings
-            of the same sensors does not need it.
+        gain_sigma: largest relative standard deviation of the gain of every torque sensor or
+            current, that of its data sheet; intervals of parameters contain it, or a smaller one
+            that the log shows. A model that predicts readings of the same sensors does not need it.
     """
 
     method: str | None = None

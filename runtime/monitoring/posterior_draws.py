@@ -5,10 +5,12 @@
 One Hamiltonian Monte Carlo chain per draw, all chains at once, in coordinates z with
 π = π* + L z, where π* is the most probable model and L the root of Laplace's covariance: there the
 density is close to a standard normal one. Chains start from normal draws, so that they only have to
-correct what Laplace's approximation leaves; draws of different chains are independent. What the
-result differs from data with hardly any prior (`estimate_error`) is added with a normal factor, so
-that the draws spread as the intervals of the result do. Friction follows from π by its conditional
-normal distribution. Source: Neal 2011, Sec. 5.
+correct what Laplace's approximation leaves; draws of different chains are independent. P0 is that
+of the URDF where the log favours it by `ODDS` to the one that identification uses, whose thin axes
+are raised, else the latter. What the
+result differs from data with hardly any prior (`estimate_error`), and nuisance torque, are added
+with normal factors, so that the draws spread as the intervals of the result do. Friction follows
+from π and from these factors by its conditional normal distribution. Source: Neal 2011, Sec. 5.
 """
 
 from dataclasses import dataclass
@@ -19,7 +21,14 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
-from runtime.estimators.convex.entropic_prior import Bodies, Prior, bodies_of, prior_of, spread_of
+from runtime.estimators.convex.entropic_prior import (
+    AS_STATED,
+    Bodies,
+    Prior,
+    log_evidence,
+    prior_of,
+    spread_of,
+)
 from runtime.estimators.convex.newton import convex_problem
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
@@ -34,6 +43,9 @@ STEP = 0.25
 """Leapfrog step in units of the standard deviation."""
 START = 0.7
 """Size of the first draws in units of Laplace's: fewer of them lie outside the cone."""
+ODDS = 20.0
+"""Bayes factor from which on thin links are drawn about the bodies of the URDF: rods and plates are
+often simplifications, and a prior about them leaves their centres of mass hardly any width."""
 REDRAWS = 50
 """Draws of friction, or of a factor, that are tried before it is set to zero."""
 
@@ -46,6 +58,8 @@ class Draws:
     phi: Array  # (N, n, k) friction coefficients
     mode: Array  # most probable π, (10 n_links,)
     acceptance: float  # share of accepted trajectories
+    # how many times thicker than in the URDF the prior takes each link, (n_links,); 1 as stated
+    thickened: Array
     # effective number of independent draws, from what a chain keeps of its state over the second
     # half of its trajectories; at most N
     effective: float
@@ -108,24 +122,40 @@ def draw_models(
             "identify a log with the noise of a measurement"
         ) from None
     z, acceptance, kept = _chains(density, count, rng)
-    pi = _with_error(density, density.pi(z), posterior.pi_root[:, lib.pi0.size :], rng)
-    # φ | π is normal around what the result states at its π.
+    errors = posterior.pi_root[:, lib.pi0.size :]
+    pi, factors = _with_error(density, density.pi(z), errors, rng)
+    # φ | π is normal around what the result states at its π, moved by the same nuisance torque.
     mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual_phi_slope(system).T
+    if posterior.phi_nuisance is not None and posterior.phi_nuisance.size:
+        moved = posterior.usual(posterior.phi_nuisance)
+        mean += factors[:, : moved.shape[1]] @ moved.T
     phi = _friction(mean, posterior.usual_phi_root(system), saved.friction.columns, rng)
     effective = count * (1 - kept) / (1 + kept)
-    return Draws(pi, phi.reshape(count, *saved.phi.shape), density.mode, acceptance, effective)
+    thickened = density.prior.thinnest() / prior_of(lib, floor=AS_STATED).thinnest()
+    phi = phi.reshape(count, *saved.phi.shape)
+    return Draws(pi, phi, density.mode, acceptance, thickened, effective)
 
 
 def _density(lib: Library, posterior: SavedPosterior, data: Reduced) -> _Density:
     known = posterior.information
-    prior, bodies = prior_of(lib, known.centre, floor=0.0), bodies_of(lib)
-    # The mode of U: γ = κ S / N in the units of the convex problem.
-    gamma = known.kappa * known.density / data.count
-    mode = solve(lib, convex_problem(data, prior, gamma)).pi
     scale = np.sqrt(known.density)
     rows, target = data.factor / scale, data.target / scale
-    root = spread_of(bodies, mode, rows, known.kappa).root
-    return _Density(bodies, prior, rows, target, known.kappa, mode, root)
+
+    def about(prior: Prior) -> _Density:
+        # The mode of U: γ = κ S / N in the units of the convex problem.
+        gamma = known.kappa * known.density / data.count
+        mode = solve(lib, convex_problem(data, prior, gamma)).pi
+        root = spread_of(prior.bodies, mode, rows, known.kappa).root
+        return _Density(prior.bodies, prior, rows, target, known.kappa, mode, root)
+
+    def evidence(density: _Density) -> float:
+        return log_evidence(density.prior, rows, target, known.kappa, density.mode)
+
+    thick = about(prior_of(lib, known.centre, floor=0.0))
+    if not np.allclose(known.centre, prior_of(lib).centre, rtol=1e-9, atol=1e-12):
+        return thick  # another first guess, or the centre of a type
+    stated = about(prior_of(lib, floor=AS_STATED))
+    return stated if evidence(stated) > evidence(thick) + np.log(ODDS) else thick
 
 
 def _chains(density: _Density, count: int, rng: np.random.Generator) -> tuple[Array, float, float]:
@@ -161,19 +191,23 @@ def _chains(density: _Density, count: int, rng: np.random.Generator) -> tuple[Ar
     return z, accepted / (TRAJECTORIES * count), min(max(kept, 0.0), 1.0)
 
 
-def _with_error(density: _Density, pi: Array, errors: Array, rng: np.random.Generator) -> Array:
-    """π + Σ ε d with normal factors ε of the errors d, (10 n, m), all links consistent."""
-    for error in errors.T:
+def _with_error(
+    density: _Density, pi: Array, errors: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """π + Σ ε d and normal factors ε, (N, m), of the errors d, (10 n, m), all links consistent."""
+    factors = np.zeros((len(pi), errors.shape[1]))
+    for k, error in enumerate(errors.T):
         pending = np.arange(len(pi))
         for _ in range(REDRAWS):
-            moved = pi[pending] + rng.standard_normal((len(pending), 1)) * error
+            factor = rng.standard_normal(len(pending))
+            moved = pi[pending] + factor[:, None] * error
             values = np.linalg.eigvalsh(density.bodies.pseudo_inertia(moved.ravel()))
             inside = (values[:, 0] > 0).reshape(len(pending), -1).all(axis=1)
-            pi[pending[inside]] = moved[inside]
+            pi[pending[inside]], factors[pending[inside], k] = moved[inside], factor[inside]
             pending = pending[~inside]
             if not pending.size:
                 break
-    return pi
+    return pi, factors
 
 
 def _friction(mean: Array, root: Array, names: tuple[str, ...], rng: np.random.Generator) -> Array:

@@ -38,6 +38,8 @@ _SYMMETRIC = np.array(
 THIN = 0.05
 """Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that
 is wrong in the URDF would otherwise outweigh the data."""
+AS_STATED = 1e-4
+"""The same of bodies that count as stated: 1 % of their size is rounding of a file."""
 CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
 """Trust κ in a model from CAD, in a gripper or payload, and in a model of unknown quality."""
 
@@ -109,6 +111,12 @@ class Prior:
     slope: Array  # tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π
     notes: tuple[str, ...] = ()  # sentences on what had to be repaired
 
+    def thinnest(self) -> Array:
+        """Smallest eigenvalue of Σ_com of every link, (n,) [kg·m²]."""
+        P = self.bodies.pseudo_inertia(self.centre)
+        at_com = P[:, :3, :3] - P[:, :3, 3:] * P[:, 3:, :3] / P[:, 3:, 3:]
+        return np.asarray(np.linalg.eigvalsh(at_com)[:, 0])
+
 
 def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Prior:
     """Entropic prior around strictly consistent bodies."""
@@ -145,6 +153,23 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
             "one is taken as prior",
         )
     return prior_from(bodies_of(lib), lib.nearest_realisable(given, floor), notes)
+
+
+def log_evidence(prior: Prior, rows: Array, target: Array, kappa: float, pi: Array) -> float:
+    """Logarithm of the probability of data A π = b + e, e ~ N(0, 1), but for a constant.
+
+        ½ log |C| − ‖A π̂ − b‖²/2 − κ Σ_k [tr(P0_k⁻¹ P̂_k) − log det P̂_k] − (κ + 5/2) Σ_k log det P0_k
+
+    at the most probable π̂: the prior is the Wishart density of 2 κ + 5 degrees of freedom about
+    P0/2κ, integrated by Laplace's method.
+    """
+    now, then = prior.bodies.log_det(pi), prior.bodies.log_det(prior.centre)
+    if now is None or then is None:
+        return -np.inf
+    rest = rows @ pi - target
+    volume = np.linalg.slogdet(spread_of(prior.bodies, pi, rows, kappa).root)[1]
+    cost = rest @ rest / 2 + kappa * (prior.slope @ pi - now.sum())
+    return float(volume - cost - (kappa + 2.5) * then.sum())
 
 
 def spread_of(

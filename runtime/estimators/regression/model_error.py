@@ -9,9 +9,10 @@ directions, and each direction alone only from five blocks per column on. In the
 rows, V takes the place of S, so that the posterior of any prior has the covariance A⁻¹ V A⁻ᵀ of
 least squares and the prior stays what it is. What repeats with the posture does so in every block:
 it is the torque of nuisance shapes (`nuisance`), and is taken out of r before. Torque gains are
-1 + s with s ~ N(0, σ²): N_j = τ̂_j is a shape of the rows of joint j. With N' = N − Q Qᵀ N, what the
-residual shows of s leaves s | r ~ N(s̄, C_s), C_s⁻¹ = N'ᵀN'/c + 1/σ², s̄ = C_s N'ᵀ r / c, and the
-estimate, which keeps its value, the error X⁺ N [C_s^½, s̄]. A common factor is in none of r.
+1 + s with s ~ N(0, σ²): N_j = τ̂_j is a shape of the rows of joint j, with the posterior of shapes
+and level c. A common factor is in none of r; σ is that of joints of one make, so that what the
+joints contradict each other by determines it: σ² is exponentially distributed about the expected
+one before, and its posterior mean after, which counts where it is smaller.
 Source: Cameron & Miller 2015 for blocks, Ledoit & Wolf 2004 for the shrinkage.
 """
 
@@ -21,7 +22,7 @@ import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.regression.nuisance import nuisance_of
+from runtime.estimators.regression.nuisance import common_size, nuisance_of, size_posterior
 from runtime.estimators.regression.omitted_columns import FreeFit
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
@@ -43,6 +44,7 @@ class ModelError:
     # nuisance torque, (n_b + n k, m)
     slopes: Array
     gains: int = 0  # number of the last of them, those of torque gains
+    gain_sigma: float = 0.0  # their relative σ by the residual
 
 
 def model_error_of(
@@ -54,7 +56,7 @@ def model_error_of(
 ) -> ModelError:
     """Error of the model in the information of a fit, from a free fit to some of its samples.
 
-    gain_sigma: relative σ of every torque gain.
+    gain_sigma: expected relative σ of every torque gain.
     """
     size = len(statistics.target)
     none = ModelError(statistics, np.zeros((size, 0)))
@@ -70,7 +72,9 @@ def model_error_of(
     spread = scatter(fit.samples, fit.basis, rest, density)
     gains = np.zeros((p, 0))
     if gain_sigma and fit.samples.base is None and fit.samples.equations == lib.n_joints:
-        gains = _gains(fit, rest, float(np.trace(spread)) / p, gain_sigma)
+        predicted, level = fit.predicted.reshape(count, n), float(np.trace(spread)) / p
+        taken = np.einsum("ijk,ij->kj", fit.basis.reshape(count, n, p), predicted)
+        gains, gain_sigma = gain_error(taken, predicted, rest, level, gain_sigma)
     # From the coordinates of Q to those of the rows A: A R = U is orthonormal, X R_Q = Q.
     whole = posterior_of(statistics.factor, rank=APART)
     u = statistics.factor @ whole.root
@@ -85,19 +89,22 @@ def model_error_of(
     rows = rows + u @ (smaller @ (axes.T @ (u.T @ rows)))
     changed = replace(statistics, factor=rows[:, :-1], target=rows[:, -1])
     scores = fit.root @ np.hstack([torque.error, gains])
-    return ModelError(changed, changed.factor.T @ (changed.factor @ scores), gains.shape[1])
+    slopes = changed.factor.T @ (changed.factor @ scores)
+    return ModelError(changed, slopes, gains.shape[1], gain_sigma)
 
 
-def _gains(fit: FreeFit, rest: Array, level: float, sigma: float) -> Array:
-    """Scores Qᵀ N [C_s^½, s̄] of torque gains, (p, n + 1), in residuals (N, n) of variance level."""
-    count, n = rest.shape
-    predicted = fit.predicted.reshape(count, n)
-    taken = np.einsum("ijk,ij->kj", fit.basis.reshape(count, n, -1), predicted)
-    shown = np.diag(np.sum(predicted**2, axis=0)) - taken.T @ taken
-    sizes, axes = np.linalg.eigh(shown / level + np.eye(n) / sigma**2)
-    root = axes / np.sqrt(np.maximum(sizes, 1 / sigma**2))
-    mean = root @ (root.T @ np.sum(predicted * rest, axis=0)) / level
-    return taken @ np.column_stack([root, mean])
+def gain_error(
+    taken: Array, torque: Array, rest: Array, level: float, expected: float
+) -> tuple[Array, float]:
+    """Errors Qᵀ N [C_s^½, s̄] of torque gains, (p, n + 1), and their σ by the residual.
+
+    taken (p, n) Qᵀ N, torque (N, n) and residuals (N, n) of variance level over their weights.
+    """
+    gram = np.diag(np.sum(torque**2, axis=0)) - taken.T @ taken
+    z, n = np.sum(torque * rest, axis=0), torque.shape[1]
+    sigma = common_size(gram, z, level, expected)
+    root, mean = size_posterior(gram, z, level, np.full(n, sigma))
+    return taken @ np.column_stack([root, mean]), sigma
 
 
 def scatter(samples: Samples, basis: Array, rest: Array, density: float) -> Array:

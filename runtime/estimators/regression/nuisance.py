@@ -30,6 +30,8 @@ friction, or q from sin q where a joint moves little, and would leave all of the
 SHAPES = len(KINDS)
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
+QUANTILES = 400
+"""Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
 SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
 """Candidates of λ² over the variance with which the noise enters a shape."""
 
@@ -81,14 +83,35 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
         sizes = np.minimum(sizes, MOST * ranges[j])
         if sizes.any():
             kept.append(taken * sizes)
-            # s | z is normal with the information G / S + Λ⁻¹.
-            within = sizes[:, None] * gram * sizes / density + np.eye(len(sizes))
-            root = sizes[:, None] * np.linalg.inv(np.linalg.cholesky(within)).T
-            s = root @ (root.T @ z) / density
+            root, s = size_posterior(gram, z, density, sizes)
             errors.append(taken @ np.column_stack([root, s]))
             mean[:, j] += shapes[:, j] @ s
             mean -= np.einsum("ijk,k->ij", basis, taken @ s)
     return NuisanceTorque(np.hstack(kept), np.hstack(errors), mean)
+
+
+def size_posterior(gram: Array, z: Array, density: float, sizes: Array) -> tuple[Array, Array]:
+    """C_s^½ and s̄ of s | r ~ N(s̄, C_s): C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z/S, λ of `sizes` (m,)."""
+    power, axes = np.linalg.eigh(sizes[:, None] * gram * sizes / density + np.eye(len(sizes)))
+    root = sizes[:, None] * axes / np.sqrt(np.maximum(power, 1.0))
+    return root, root @ (root.T @ z) / density
+
+
+def common_size(gram: Array, z: Array, density: float, expected: float) -> float:
+    """√E[λ² | z] of shapes of one λ, at most `expected`; λ² is exponential about its square before.
+
+    Scores z ~ N(0, S G + λ² G²); without information the size is the expected one.
+    """
+    power, axes = np.linalg.eigh(gram)
+    is_known = power > ROUNDING * max(float(power[-1]), 1e-300)
+    ratio, along = power[is_known] / density, axes[:, is_known].T @ z
+    # Midpoints of equal probability, of mean 1.
+    squares = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)
+    squares /= squares.mean()
+    variance = 1 + expected**2 * squares[:, None] * ratio
+    misfit = np.sum(along**2 / (density * power[is_known]) / variance + np.log(variance), axis=1)
+    weights = np.exp((misfit.min() - misfit) / 2)
+    return float(expected * np.sqrt(min(weights @ squares / weights.sum(), 1.0)))
 
 
 def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:

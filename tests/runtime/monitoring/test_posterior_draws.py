@@ -15,6 +15,7 @@ from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.monitoring import posterior_draws
 from runtime.monitoring.posterior_draws import draw_models
+from runtime.simulation.box_payload import pi_from_pseudo
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
 
@@ -42,6 +43,7 @@ def test_without_data_the_draws_are_those_of_wishart(
         monitored.posterior,
         information=dataclasses.replace(known, statistics=statistics),
         pi_root=np.zeros((lib.pi0.size, lib.pi0.size)),
+        phi_nuisance=None,
     )
     draws = draw_models(lib, monitored.saved, blind, COUNT, np.random.default_rng(0))
     inverse = np.linalg.inv(lib.pseudo_inertia(known.centre))
@@ -56,7 +58,8 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
     """Oracle: information 10⁴ times that of the prior leaves a normal law of known covariance.
 
     The first friction coefficient depends on the first base parameter, to which an error of
-    the estimate of twice its σ is added: friction follows it. 400 draws determine a standard
+    the estimate of twice its σ is added: friction follows it. Nuisance torque moves the second one
+    alone, by twice its σ. 400 draws determine a standard
     deviation to 3.5 %, four of these for each of 64 values, and this correlation to 0.005.
     """
     known = monitored.posterior.information
@@ -76,7 +79,8 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
         monitored.posterior,
         information=dataclasses.replace(known, statistics=statistics, density=1.0),
         pi=known.centre,
-        pi_root=np.column_stack([np.zeros((lib.pi0.size, lib.pi0.size)), error]),
+        pi_root=np.column_stack([np.zeros((lib.pi0.size, lib.pi0.size + 1)), error]),
+        phi_nuisance=0.2 * np.eye(phi.size)[:, 1:2],
     )
     saved = dataclasses.replace(monitored.saved, pi=known.centre, phi=phi)
     draws = draw_models(lib, saved, sharp, COUNT, np.random.default_rng(1))
@@ -85,10 +89,38 @@ def test_with_many_data_the_draws_are_normal(lib: Library, monitored: Monitored)
     sigma = np.sqrt([*np.diag(covariance), *np.full(phi.size, 0.01)])
     sigma[0] *= np.sqrt(5)
     sigma[n_base] *= np.sqrt(1 + 5 * (4 / 3) ** 2)
+    sigma[n_base + 1] *= np.sqrt(5)
     correlation = np.corrcoef(values[:, 0], values[:, n_base])[0, 1]
     assert correlation == pytest.approx(-1 / np.sqrt(1 + 9 / 80), abs=0.02)
     np.testing.assert_allclose(values.std(axis=0), sigma, rtol=4 * 0.035)
     assert (np.abs(values.mean(axis=0) - truth) < 4.5 * sigma / np.sqrt(COUNT)).all()
+
+
+def test_thin_links_are_drawn_as_stated_where_the_log_favours_it(
+    lib: Library, monitored: Monitored
+) -> None:
+    """Oracle: the bodies, of the Wishart law about the URDF, or about its thickened links.
+
+    The data know β to a hundredth of the prior. Link 5 has 0.038 % of Σ_com in its thin axis.
+    """
+    known, rng = monitored.posterior.information, np.random.default_rng(3)
+    n_base = len(lib.base_matrix)
+    prior = lib.base_matrix @ block_diag(*bodies_of(lib).spread(known.centre))
+    factor = np.eye(len(known.statistics.factor))
+    factor[:n_base, :n_base] = 100 * np.linalg.cholesky(np.linalg.inv(prior @ prior.T)).T
+    for centre in (lib.pi0, known.centre):
+        root = np.linalg.cholesky(lib.pseudo_inertia(centre) / (2 * known.kappa))
+        normal = root @ rng.normal(size=(lib.n_links, 4, int(2 * known.kappa) + 5))
+        pi = pi_from_pseudo(lib, normal @ np.swapaxes(normal, 1, 2))
+        target = factor @ np.concatenate([lib.base_matrix @ pi, monitored.saved.phi.ravel()])
+        statistics = dataclasses.replace(known.statistics, factor=factor, target=target)
+        information = dataclasses.replace(known, statistics=statistics, density=1.0)
+        seen = dataclasses.replace(monitored.posterior, information=information)
+        raised = draw_models(lib, monitored.saved, seen, 2, rng).thickened
+        if centre is lib.pi0:
+            np.testing.assert_allclose(raised, 1.0, rtol=1e-9)
+        else:
+            assert raised[4] == pytest.approx(0.05 / 0.00038, rel=0.02)
 
 
 def test_files_are_those_of_the_draws(

@@ -1,8 +1,10 @@
 """Nuisance torque: intervals hold under cables that no column describes, and stay without them."""
 
 import numpy as np
+import pytest
 
-from runtime.estimators.regression.nuisance import SHAPES
+from runtime.estimators.regression import model_error
+from runtime.estimators.regression.nuisance import SHAPES, common_size
 from runtime.excitation import Trajectory
 from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
@@ -58,19 +60,28 @@ def test_an_arm_without_nuisance_torque_has_none(
 
 
 def test_intervals_contain_errors_of_torque_gains(
-    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Oracles: a common factor of all torques scales β; single gains are seen in the residual.
 
     Of gains N(0, σ²) each, the factor in common has σ/√7, and is all that a log of little noise
     leaves open: the largest β have it to 20 %, and the friction of a joint, whose columns are of
     that joint alone, at least that. Where gains differ by σ, the intervals hold, and without the
-    gains they do not. What predicts readings of the same sensors has no columns of gains.
+    gains they do not. Joints that agree show that σ is smaller than stated: a quarter of it or less
+    at 6 degrees of freedom and hardly any noise. What predicts readings of the same sensors has no
+    columns of gains.
     """
     sigma, steps = 0.02, {"friction": TERMS, "refit": False}
     rng = np.random.default_rng(1)
     log = ideal(lib, trajectories[0], Plant(pi_true, viscous=0.5, coulomb=0.3, torque_noise=1e-3))
-    exact = identify_recording(log, lib, gain_sigma=sigma, **steps)
+    shown = identify_recording(log, lib, gain_sigma=sigma, **steps).uncertainty
+    assert 0 < shown.gain_sigma < sigma / 4
+    with monkeypatch.context() as as_stated:
+        as_stated.setattr(model_error, "common_size", lambda *given: given[-1])
+        exact = identify_recording(log, lib, gain_sigma=sigma, **steps)
     known, size = exact.uncertainty, np.abs(exact.beta)
     gains = lib.base_matrix @ known.root[:, -1 - known.gains : -1]
     large = size > 0.1 * size.max()
@@ -97,3 +108,16 @@ def test_intervals_contain_errors_of_torque_gains(
     held = {each: np.mean(np.abs(np.concatenate(e)) < 1.96) for each, e in scores.items()}
     assert held[sigma] > 0.9
     assert held[0.0] < 0.8
+
+
+def test_the_size_in_common_is_that_of_the_scores() -> None:
+    """Oracles: known shapes s of 40 directions, seen nearly without noise; no data, and large s."""
+    rng, zero = np.random.default_rng(4), np.zeros((3, 3))
+    assert common_size(zero, zero[0], 1.0, 0.02) == pytest.approx(0.02, rel=1e-12)
+    shapes = rng.normal(size=(60, 40))
+    gram = shapes.T @ shapes
+    for true, stated in ((0.005, 0.005), (0.02, 0.02), (0.1, 0.02)):
+        s = true * rng.normal(size=40)
+        z = gram @ s + shapes.T @ (1e-4 * rng.normal(size=60))
+        # σ of 40 directions: 1/√80 of it, three times.
+        assert common_size(gram, z, 1e-8, 0.02) == pytest.approx(stated, rel=3 / 80**0.5)

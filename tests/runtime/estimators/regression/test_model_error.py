@@ -1,13 +1,13 @@
 """Scatter of scores between blocks, and its part of a posterior."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from runtime.estimators.regression import model_error
 from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.model_error import BLOCK_S, _gains, model_error_of, scatter
+from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
@@ -78,13 +78,14 @@ def test_a_posterior_is_widened_where_blocks_scatter(fr3: Library) -> None:
 
 
 @pytest.mark.parametrize("shown", [0.2, 1.0, 30.0])
-def test_the_posterior_of_one_gain(shown: float) -> None:
+def test_the_posterior_of_one_gain(shown: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: s | r ~ N(z / (S i), 1 / i), i = |p_rest|²/S + 1/σ², for a share of i of the data."""
+    monkeypatch.setattr(model_error, "common_size", lambda *given: given[-1])
     q, p = np.linalg.qr(np.random.default_rng(0).normal(size=(400, 2)))[0].T
     sigma, level, taken = 0.02, 0.09, 3.0
     size = np.sqrt(shown * level) / sigma
-    fit = SimpleNamespace(predicted=taken * q + size * p, basis=q[:, None])
-    scores = _gains(fit, (0.7 * p)[:, None], level, sigma)
+    torque, rest = (taken * q + size * p)[:, None], (0.7 * p)[:, None]
+    scores, _ = model_error.gain_error(np.array([[taken]]), torque, rest, level, sigma)
     information = (1 + shown) / sigma**2
     wanted = taken * np.array([1 / np.sqrt(information), 0.7 * size / level / information])
     np.testing.assert_allclose(np.abs(scores[0]), wanted, rtol=1e-9)

@@ -25,6 +25,8 @@ TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
 """Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
 its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""
 DEGREE = 180.0 / np.pi
+FEWEST_SIGNED = 3
+"""Joints with a varying torque, from which on one sign of all is none of gravity."""
 UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
 """Slopes by unit of the time."""
 
@@ -192,6 +194,25 @@ def require_joints(recording: Recording, lib: Library) -> None:
         )
 
 
+def unsigned_sentence(recording: Recording) -> str:
+    """Sentence on torques or currents that are never negative at any joint; "" for others.
+
+    Friction takes the sign of dq, and noise about zero both signs, so that a few joints of one sign
+    may be loaded by gravity, all not.
+    """
+    tau = recording.required("tau")
+    count = np.count_nonzero(np.ptp(tau, axis=0))
+    if count < FEWEST_SIGNED or not np.ptp(recording.q) or tau.min() * tau.max() < 0:
+        return ""
+    side = "negative" if tau.min() >= 0 else "positive"
+    return (
+        f"no torque or current of {count} joints is ever {side}: the register or the "
+        "logger has dropped the sign, without which friction and gravity cannot be "
+        "separated; log the signed value (with the sign bit of the register), or describe the "
+        "control law in the recipe, whose commanded torque has a sign"
+    )
+
+
 def _require_sign(recording: Recording, lib: Library) -> None:
     """Refuse a measured torque that correlates with minus the gravity torque of the model."""
     tau = recording.required("tau")
@@ -202,6 +223,8 @@ def _require_sign(recording: Recording, lib: Library) -> None:
         return
     alike = float(np.sum(gravity * tau) / size)
     if alike < -0.5:
+        if sentence := unsigned_sentence(recording):
+            raise IdentificationError(sentence)
         raise IdentificationError(
             f"the measured torque runs against the model's gravity torque (correlation "
             f"{alike:.2f}): either the log counts torque with the opposite sign (set sign = -1 "

@@ -5,6 +5,7 @@ import numpy as np
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
+from runtime.recording.consistency import unsigned_sentence
 from runtime.recording.preprocessing.segments import runs
 from runtime.recording.rest_speeds import (
     as_rest_speed,
@@ -25,8 +26,6 @@ STOP_SHARE = 0.01
 """Share of the rows at a stop above which it is reported."""
 MOVING_ROWS = 20
 """Rows of a moving joint that a torque must vary over."""
-FEWEST_SIGNED = 3
-"""Joints with a varying torque, from which on one sign of all is none of gravity."""
 REST_SHARE, MOSTLY = 0.05, 0.9
 """Share of resting rows above which rest is reported."""
 LITTLE = 0.1
@@ -144,29 +143,13 @@ def constant_torque(recording: Recording, lib: Library) -> list[Finding]:
 
 
 def unsigned_torque(recording: Recording) -> list[Finding]:
-    """Torques or currents that are never negative at any joint.
-
-    Measured: sign of all values of the joints whose τ varies. Friction takes the sign of dq, and
-    noise about zero both signs, so that a few joints of one sign may be loaded by gravity, all not.
-    """
+    """Torques or currents that are never negative at any joint."""
     tau = recording.tau
-    if tau is None:
+    if tau is None or not (sentence := unsigned_sentence(recording)):
         return []
-    varying = np.flatnonzero(np.ptp(tau, axis=0) > 0)
-    if len(varying) < FEWEST_SIGNED or not np.ptp(recording.q) or tau.min() * tau.max() < 0:
-        return []
-    side = "negative" if tau.min() >= 0 else "positive"
-    return [
-        Finding(
-            "unsigned_torque",
-            ERROR,
-            f"no torque or current of {len(varying)} joints is ever {side}: the register or the "
-            "logger has dropped the sign, without which friction and gravity cannot be "
-            "separated; log the signed value (with the sign bit of the register), or describe the "
-            "control law in the recipe, whose commanded torque has a sign",
-            {"joints": [int(j) for j in varying], "range": [float(tau.min()), float(tau.max())]},
-        )
-    ]
+    joints = np.flatnonzero(np.ptp(tau, axis=0) > 0).tolist()
+    evidence = {"joints": joints, "range": [float(tau.min()), float(tau.max())]}
+    return [Finding("unsigned_torque", ERROR, sentence, evidence)]
 
 
 def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:

@@ -62,6 +62,12 @@ def test_negated_torque(lib: Library, noisy: Recording, panda: Recording) -> Non
             require_plausible(changed(recording, tau=-1.0), lib)
 
 
+def test_a_torque_without_sign(lib: Library, noisy: Recording) -> None:
+    """Property: a torque against gravity that is never positive has lost its sign."""
+    with pytest.raises(IdentificationError, match="7 joints is ever positive: the register or"):
+        require_plausible(noisy.replace(tau=np.minimum(-noisy.required("tau"), 0.0)), lib)
+
+
 def test_other_joints_and_no_torque(lib: Library, noisy: Recording) -> None:
     """Property: joint count, missing torque and silent torque are one sentence each."""
     q = noisy.q[:, :6]

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from runtime.outputs.model_files.in_memory import export, to_mujoco, to_pinocchio
     from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
-    from runtime.tapes.doors import jax, torch
+    from runtime.tapes.functions import jax, torch
 
 __version__ = "0.1.0"
 """Version of the package, that of symgen."""
@@ -92,52 +92,40 @@ __all__ = [
 ]
 
 _MODULES = {
-    "BaseMotion": "runtime.library",
-    "Design": "runtime.excitation.search.design",
-    "DesignSettings": "runtime.excitation.search.design_settings",
-    "Evaluation": "runtime.identification.evaluation",
-    "Gains": "runtime.identification.sensor_gains",
-    "Identification": "runtime.identification.identified",
-    "Inspection": "runtime.inspection.inspection",
-    "Library": "runtime.library",
-    "METHODS": "runtime.estimators.methods",
-    "Observer": "runtime.monitoring.observer",
-    "OnlineEstimate": "runtime.identification.online",
-    "OnlineEstimator": "runtime.identification.online",
-    "PRESETS": "runtime.estimators.descent.fit",
-    "Payload": "runtime.identification.payload.body",
-    "Preset": "runtime.estimators.descent.adam",
-    "Recording": "runtime.recording",
-    "SavedResult": "runtime.identification.saved_result",
-    "Settings": "runtime.identification.settings",
-    "choose_default_friction": "runtime.estimators.choice.default_friction",
-    "choose_friction": "runtime.estimators.choice.friction_choice",
-    "evaluate": "runtime.identification.evaluation",
-    "excite": "runtime.excitation.search.design",
-    "export": "runtime.outputs.model_files.in_memory",
-    "identify": "runtime.identification.identify",
-    "identify_gains": "runtime.identification.sensor_gains",
-    "identify_payload": "runtime.identification.payload.estimate",
-    "inspect": "runtime.inspection.inspection:inspect_log",
-    "jax": "runtime.tapes.doors",
-    "load": "runtime.library",
-    "read_recording": "runtime.recording",
-    "read_result": "runtime.identification.saved_result",
-    "report": "runtime.outputs.report.report:write_report",
-    "to_mujoco": "runtime.outputs.model_files.in_memory",
-    "to_pinocchio": "runtime.outputs.model_files.in_memory",
-    "to_pinocchio_order": "runtime.library",
-    "torch": "runtime.tapes.doors",
-    "write_recording": "runtime.recording",
+    "runtime.estimators.choice.default_friction": ("choose_default_friction",),
+    "runtime.estimators.choice.friction_choice": ("choose_friction",),
+    "runtime.estimators.descent.adam": ("Preset",),
+    "runtime.estimators.descent.fit": ("PRESETS",),
+    "runtime.estimators.methods": ("METHODS",),
+    "runtime.excitation.search.design": ("Design", "excite"),
+    "runtime.excitation.search.design_settings": ("DesignSettings",),
+    "runtime.identification.evaluation": ("Evaluation", "evaluate"),
+    "runtime.identification.identified": ("Identification",),
+    "runtime.identification.identify": ("identify",),
+    "runtime.identification.online": ("OnlineEstimate", "OnlineEstimator"),
+    "runtime.identification.payload.body": ("Payload",),
+    "runtime.identification.payload.estimate": ("identify_payload",),
+    "runtime.identification.saved_result": ("SavedResult", "read_result"),
+    "runtime.identification.sensor_gains": ("Gains", "identify_gains"),
+    "runtime.identification.settings": ("Settings",),
+    "runtime.inspection.inspection": ("Inspection",),
+    "runtime.inspection.inspection:inspect_log": ("inspect",),
+    "runtime.library": ("BaseMotion", "Library", "load", "to_pinocchio_order"),
+    "runtime.monitoring.observer": ("Observer",),
+    "runtime.outputs.model_files.in_memory": ("export", "to_mujoco", "to_pinocchio"),
+    "runtime.outputs.report.report:write_report": ("report",),
+    "runtime.recording": ("Recording", "read_recording", "write_recording"),
+    "runtime.tapes.functions": ("jax", "torch"),
 }
-"""Module of every name, and its name there; imported at the first use: scipy takes 0.5 s."""
+"""Names of every module, and another name there; imported at the first use: scipy takes 0.5 s."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a name of `__all__` at its first use."""
-    if name not in _MODULES:
+    place = next((place for place, names in _MODULES.items() if name in names), None)
+    if place is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, there = _MODULES[name].partition(":")
+    module, _, there = place.partition(":")
     value = getattr(import_module(module), there or name)
     globals()[name] = value
     return value

@@ -10,7 +10,7 @@ from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import LaterLogChoices
 from runtime.common.settings import output_option
 from runtime.common.terminal import say, show
-from runtime.identification.evaluation import evaluation_of
+from runtime.identification.evaluation import evaluate
 from runtime.identification.free_base.result import free_base_errors
 from runtime.identification.result_tables import error_table
 from runtime.identification.saved_result import SavedResult, read_result, require_model
@@ -43,12 +43,18 @@ def evaluate_command(given: EvaluateSettings) -> None:
     """
     saved = read_result(given.result, with_learned=True)
     lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, given.result)
     if saved.is_free:
+        notes = require_model(saved, lib, given.result)
         _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
         return
-    done = evaluation_of(
-        saved, lib, given.log, notes, given.recipe, given.run, given.cutoff, given.rate
+    done = evaluate(
+        given.result,
+        given.log,
+        lib,
+        recipe=given.recipe,
+        run=given.run,
+        cutoff=given.cutoff,
+        rate=given.rate,
     )
     if given.as_json:
         print(json.dumps(done.to_facts(), indent=1))

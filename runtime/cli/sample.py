@@ -119,4 +119,5 @@ def sample_command(given: SampleSettings) -> None:
         notes = (*notes, THICKENED.format(", ".join(raised)))
     for note in notes:
         say(f"note: {note}")
-    say(f"files: {folder / TABLE}")
+    names = [path.name for path in randomiser_paths(folder, randomisers)]
+    say(f"files: {', '.join([str(folder / TABLE), *names])}")

@@ -21,12 +21,12 @@ from scipy.optimize import minimize
 from runtime.errors import RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
-from runtime.identification.identified import Identification, torque_of
+from runtime.identification.identified import torque_of
 from runtime.identification.prepared_log import preparation_of
-from runtime.identification.result_file import saved_of
+from runtime.identification.result_file import AnyResult, opened
 from runtime.identification.result_record import ErrorPercent, ErrorRms, error_parts
-from runtime.identification.saved_result import SavedResult, require_model
-from runtime.library import Array, Library, load, require_library
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.friction import COLUMNS
@@ -169,30 +169,18 @@ _FILTER = ("filter", "cutoff_hz", "window_s", "order")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """Torque errors of an identified model on a log.
-
-    Attributes:
-        robot: name of the robot.
-        method: that identified the model.
-        joints: names of the joints.
-        units: of their torques.
-        torque_error_percent: of the URDF (`before`) and of the model (`after`) in percent of the
-            RMS torque, per joint and overall.
-        torque_rms: the same in N·m or N.
-        mass_matrix: whether M(q) with the rotors is positive definite over the joint limits.
-        fitted_share: share of the rows that the model was fitted to.
-        notes: what to know about the comparison, sentences.
-    """
+    """Torque errors of an identified model on a log."""
 
     robot: str
-    method: str
+    method: str  # that identified the model
     joints: tuple[str, ...]
-    units: tuple[str, ...]
+    units: tuple[str, ...]  # of the torques of the joints
+    # of the URDF (`before`) and of the model (`after`), per joint and overall: % of the RMS torque
     torque_error_percent: ErrorPercent
-    torque_rms: ErrorRms
-    mass_matrix: MassAudit
-    fitted_share: float
-    notes: tuple[str, ...]
+    torque_rms: ErrorRms  # the same [N·m, N]
+    mass_matrix: MassAudit  # whether M(q) with the rotors is positive definite over the limits
+    fitted_share: float  # share of the rows that the model was fitted to
+    notes: tuple[str, ...]  # what to know about the comparison, sentences
 
     @property
     def is_test(self) -> bool:
@@ -205,7 +193,7 @@ class Evaluation:
 
 
 def evaluate(
-    result: SavedResult | Identification | str | PathLike[str],
+    result: AnyResult,
     log: Recording | str | PathLike[str],
     lib: Library | None = None,
     *,
@@ -232,12 +220,7 @@ def evaluate(
         RuntimeFault: an argument of another kind, a log or result that cannot be read, another
             robot, or one with a free base.
     """
-    saved = saved_of(result)
-    if lib is None:
-        lib = result.lib if isinstance(result, Identification) else load(saved.robot)
-    require_library(lib)
-    place = result if isinstance(result, str | PathLike) else f"the result of {saved.robot}"
-    notes = require_model(saved, lib, str(place))
+    saved, lib, known = opened(result, lib)
     if saved.is_free:
         raise RecordingError(
             f"expected a robot whose base is fixed, got '{saved.robot}', whose base is free; run: "
@@ -245,20 +228,6 @@ def evaluate(
         )
     if not isinstance(log, Recording | str | PathLike):
         raise RecordingError(f"expected a log or its file, got {log!r:.60}")
-    return evaluation_of(saved, lib, log, notes, recipe, run, cutoff, rate)
-
-
-def evaluation_of(
-    saved: SavedResult,
-    lib: Library,
-    log: Recording | str | PathLike[str],
-    known: tuple[str, ...],
-    recipe: str | None,
-    run: str | None,
-    cutoff: float | None,
-    rate: float | None,
-) -> Evaluation:
-    """Evaluation of a saved model of a robot with a fixed base."""
     notes = list(known)
     recording = saved.log_of(log, lib, recipe, run)
     require_plausible(recording, lib)

@@ -27,9 +27,10 @@ from runtime.identification.saved_result import (
     SavedResult,
     model_part,
     read_result,
+    require_model,
     saved_from,
 )
-from runtime.library import Array
+from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation
 from runtime.recording.recipes.recipe import NUMBERS, Recipe
@@ -37,6 +38,8 @@ from runtime.recording.recipes.recipe_file import recipe_text
 
 __all__ = ["versions"]
 
+AnyResult = SavedResult | Identification | str | PathLike[str]
+"""What functions on results take; a path is read by `read_result`."""
 GAINS = tuple[schema.CurrentGain, ...]
 
 
@@ -102,20 +105,27 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     )
 
 
-def saved_of(result: SavedResult | Identification | str | PathLike[str]) -> SavedResult:
-    """Result of any kind, as `read_result` gives it."""
-    if isinstance(result, SavedResult):
-        return result
+def opened(
+    result: AnyResult, lib: Library | None, same_bodies: bool = False
+) -> tuple[SavedResult, Library, tuple[str, ...]]:
+    """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
         place = f"the result of {result.lib.name}"
         fitted = result.row_marks, _of_further_logs(result)
-        return saved_from(record_of(result, ""), place, fitted, with_learned=True)
-    if isinstance(result, str | PathLike):
-        return read_result(result, with_learned=True)
-    raise IdentificationError(
-        "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
-        f"got {result!r:.60}"
-    )
+        saved = saved_from(record_of(result, ""), place, fitted, with_learned=True)
+        lib = result.lib if lib is None else lib
+    elif isinstance(result, str | PathLike):
+        saved, place = read_result(result, with_learned=True), str(result)
+    elif isinstance(result, SavedResult):
+        saved, place = result, f"the result of {result.robot}"
+    else:
+        raise IdentificationError(
+            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
+            f"got {result!r:.60}"
+        )
+    lib = load(saved.robot) if lib is None else lib
+    require_library(lib)
+    return saved, lib, require_model(saved, lib, place, same_bodies)
 
 
 def write_record(record: schema.ResultRecord, folder: Path) -> None:

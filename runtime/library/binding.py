@@ -244,7 +244,11 @@ class Binding:
         steps: Sequence[int],
         results: Sequence[int],
     ) -> None:
-        """Call a kernel on memory: see `Library.run_kernel`."""
+        """Call a kernel over n samples on memory that the caller holds, without a copy.
+
+        places and results are addresses of contiguous doubles; steps the doubles from one sample of
+        an input to the next, 0: one value for all.
+        """
         kernel = self.kernel(name)
         function = self._functions[name]
         if n <= PART:
@@ -272,7 +276,7 @@ class Binding:
             ctypes.memmove(results[index], total.ctypes.data, total.nbytes)
 
     def address(self, name: str) -> int:
-        """Address of the batch function of a kernel."""
+        """Address of `void f(long n, const double *, long step, …, double *, …)` of a kernel."""
         self.kernel(name)
         return int(ctypes.cast(self._functions[name], ctypes.c_void_p).value or 0)  # type: ignore[arg-type]
 

@@ -12,8 +12,8 @@ wait for its end.
 """
 
 import ctypes
-import importlib.util
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +28,7 @@ TYPES = {"float": 4, "double": 8}
 THREADS = 128
 """Threads per block: kernels of arms need up to 255 registers, of which a block has 65,536."""
 _NVRTC = ("libnvrtc.so.12", "libnvrtc.so.13", "libnvrtc.so", "/usr/local/cuda/lib64/libnvrtc.so")
-_LISTED = re.compile(r"Compiling entry function '(\w+)'|(\d+) bytes spill stores|Used (\d+) reg")
+_LISTED = re.compile(r"(\d+) bytes spill stores.*?Used (\d+) reg", re.DOTALL)
 
 
 class DeviceArray(ctypes.Structure):
@@ -43,18 +43,12 @@ class DeviceArray(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True)
 class DeviceCode:
-    """Machine code of some kernels.
+    """Machine code of some kernels."""
 
-    Attributes:
-        cubin: code for one architecture.
-        symbols: name such as "mass_matrix" → name of its function in the code.
-        registers, spilled: per kernel, registers of a thread and bytes that it stores beside them.
-    """
-
-    cubin: bytes
-    symbols: dict[str, str]
-    registers: dict[str, int]
-    spilled: dict[str, int]
+    cubin: bytes  # code for one architecture
+    symbols: dict[str, str]  # name such as "mass_matrix" → name of its function in the code
+    registers: dict[str, int]  # of a thread, per kernel
+    spilled: dict[str, int]  # bytes that a thread stores beside its registers
 
 
 def device_code(
@@ -110,17 +104,9 @@ def device_code(
 
 def _use(log: str, symbols: dict[str, str]) -> tuple[dict[str, int], dict[str, int]]:
     """Registers and spilled bytes per kernel from the assembler's log."""
-    names = {symbol: name for name, symbol in symbols.items()}
-    registers: dict[str, int] = {}
-    spilled: dict[str, int] = {}
-    at = ""
-    for symbol, bytes_, count in _LISTED.findall(log):
-        at = names.get(symbol, at)
-        if bytes_:
-            spilled.setdefault(at, int(bytes_))
-        if count:
-            registers.setdefault(at, int(count))
-    return registers, spilled
+    blocks = {k: _LISTED.search(log.partition(f"'{symbol}'")[2]) for k, symbol in symbols.items()}
+    found = [(k, block.groups()) for k, block in blocks.items() if block is not None]
+    return {k: int(used) for k, (_, used) in found}, {k: int(spilt) for k, (spilt, _) in found}
 
 
 def _bytes(nvrtc: Any, what: str, program: ctypes.c_void_p) -> bytes:
@@ -132,14 +118,9 @@ def _bytes(nvrtc: Any, what: str, program: ctypes.c_void_p) -> bytes:
 
 
 def _nvrtc() -> Any:
-    places: list[str] = []
-    for package in ("nvidia.cuda_nvrtc", "nvidia.cu13"):
-        try:
-            spec = importlib.util.find_spec(package)
-        except ModuleNotFoundError:
-            continue
-        for folder in (spec.submodule_search_locations or ()) if spec else ():
-            places += sorted(str(path) for path in Path(folder).glob("lib/libnvrtc.so.*"))
+    # of the wheels nvidia-cuda-nvrtc-cu12 and nvidia-cuda-nvrtc
+    folders = (Path(root, "nvidia") for root in sys.path)
+    places = [str(p) for each in folders for p in sorted(each.glob("c*/lib/libnvrtc.so.*"))[::-1]]
     for place in (*places, *_NVRTC):
         try:
             return ctypes.CDLL(place)
@@ -219,10 +200,15 @@ class Gpu:
         if n == 0:
             return
         self.call("cuCtxSetCurrent", self.context)
-        values: list[Any] = [ctypes.c_longlong(n)]
+        values: list[Any] = [n]
         for each in arguments:
-            is_array = isinstance(each, tuple)
-            values.append(DeviceArray(*each) if is_array else _plain(each))  # type: ignore[misc]
+            if isinstance(each, tuple):
+                values.append(DeviceArray(*each))
+            else:
+                values.append(
+                    each if isinstance(each, ctypes.c_void_p) else ctypes.c_longlong(each)
+                )
+        values = [ctypes.c_longlong(x) if isinstance(x, int) else x for x in values]
         pointers = (ctypes.c_void_p * len(values))(*(ctypes.addressof(value) for value in values))
         grid = (-(-n // THREADS), slices, 1, THREADS, 1, 1)
         function = self._function(kernel, dtype)
@@ -255,7 +241,3 @@ class Gpu:
                 f"the CUDA driver refuses {name} with status {status}; expected a GPU with room "
                 "for the arrays, see the page of the driver's error codes"
             )
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, ctypes.c_void_p) else ctypes.c_longlong(value)

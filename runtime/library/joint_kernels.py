@@ -21,7 +21,7 @@ class JointKernels:
     n_links: int
     joint_names: tuple[str, ...]
     manifest: Manifest
-    _binding: Binding
+    binding: Binding
 
     def all_positions(self, q: ArrayLike) -> Array:
         """Positions of all joints, in the order of `all_joint_names`: A q + b, or g(q) with loops.
@@ -41,7 +41,7 @@ class JointKernels:
             return q.copy() if coupling is None else q @ coupling.matrix.T + coupling.offset
         self.require_closed(q)
         zero = np.zeros(self.n_joints)
-        return self._binding.call("all_joints", q, zero, zero)[0]
+        return self.binding.call("all_joints", q, zero, zero)[0]
 
     def all_velocities(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
         """Velocities of all joints: A dq, or G(q) dq with loops.
@@ -98,7 +98,7 @@ class JointKernels:
         if not self.manifest.loops:
             return self.all_motion(q, dq, ddq)
         motion = (self._of_joints(values) for values in (q, dq, ddq))
-        positions, velocities, accelerations = self._binding.call("all_joints", *motion)
+        positions, velocities, accelerations = self.binding.call("all_joints", *motion)
         return positions, velocities, accelerations
 
     def next_positions(self, q: ArrayLike, last: ArrayLike) -> Array:
@@ -113,7 +113,7 @@ class JointKernels:
         """
         if not self.manifest.loops:
             return self.all_positions(q)
-        return self._binding.call("next_positions", q, last)[0]
+        return self.binding.call("next_positions", q, last)[0]
 
     def joint_jacobian(self, q: ArrayLike) -> Array:
         """G = ∂q_all/∂q: τ = Gᵀ τ_all.
@@ -132,7 +132,7 @@ class JointKernels:
             matrix = np.eye(self.n_joints) if coupling is None else coupling.matrix
             return np.broadcast_to(matrix, (*q.shape[:-1], *matrix.shape)).copy()
         self.require_closed(q)
-        return self._binding.call("joint_jacobian", q)[0]
+        return self.binding.call("joint_jacobian", q)[0]
 
     def loop_margins(self, q: ArrayLike) -> Array:
         """Distance of each loop from a singular posture: 1 in the assembly pose, 0 where singular.
@@ -146,7 +146,7 @@ class JointKernels:
         q = self._of_joints(q)
         if not self.manifest.loops:
             return np.zeros((*q.shape[:-1], 0))
-        return self._binding.call("joint_jacobian", q)[1]
+        return self.binding.call("joint_jacobian", q)[1]
 
     def require_closed(self, q: ArrayLike) -> None:
         """Check that all loops close and are not singular at finite positions.
@@ -211,32 +211,32 @@ class BodyKernels:
 
     n_links: int
     link_names: tuple[str, ...]
-    _binding: Binding
+    binding: Binding
 
     def pi_from_lam(self, lam: ArrayLike) -> Array:
         """π of every link from λ. Source: Eqs. 4.25–4.31."""
         flat = self._links("lam", lam)
-        return self._binding.call("pi_from_lam", flat)[0].reshape(np.shape(lam))
+        return self.binding.call("pi_from_lam", flat)[0].reshape(np.shape(lam))
 
     def pi_jacobian(self, lam: ArrayLike) -> Array:
         """∂π_k/∂λ_k, (L, 10, 10) or (N, L, 10, 10)."""
-        blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[1]
+        blocks = self.binding.call("pi_jacobian", self._links("lam", lam))[1]
         return blocks.reshape(*np.shape(lam)[:-1], self.n_links, N_PARAMETERS, N_PARAMETERS)
 
     def pi_from_cholesky(self, theta: ArrayLike) -> Array:
         """π of every link from log-Cholesky θ, P = U(θ) U(θ)ᵀ. Source: Rucker & Wensing 2022."""
         flat = self._links("theta", theta)
-        return self._binding.call("cholesky_jacobian", flat)[0].reshape(np.shape(theta))
+        return self.binding.call("cholesky_jacobian", flat)[0].reshape(np.shape(theta))
 
     def cholesky_jacobian(self, theta: ArrayLike) -> Array:
         """∂π_k/∂θ_k, (L, 10, 10) or (N, L, 10, 10)."""
-        blocks = self._binding.call("cholesky_jacobian", self._links("theta", theta))[1]
+        blocks = self.binding.call("cholesky_jacobian", self._links("theta", theta))[1]
         return blocks.reshape(*np.shape(theta)[:-1], self.n_links, N_PARAMETERS, N_PARAMETERS)
 
     def cholesky_from_pi(self, pi: ArrayLike) -> Array:
         """Log-Cholesky θ of every link; NaN where P is not positive definite."""
         flat = self._links("pi", pi)
-        return self._binding.call("cholesky_from_pi", flat)[0].reshape(np.shape(pi))
+        return self.binding.call("cholesky_from_pi", flat)[0].reshape(np.shape(pi))
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
         """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 L,) from ∂cost/∂π. Source: Eq. 4.32.
@@ -249,8 +249,8 @@ class BodyKernels:
             ∂cost/∂λ, shape of λ.
         """
         links, slopes = self._links("lam", lam), self._links("slope", slope)
-        frame = self._binding.call("pi_frame", links)[1]
-        return self._binding.call("pi_adjoint", links, frame, slopes)[0].reshape(np.shape(lam))
+        frame = self.binding.call("pi_frame", links)[1]
+        return self.binding.call("pi_adjoint", links, frame, slopes)[0].reshape(np.shape(lam))
 
     def lam_from_pi(self, pi: ArrayLike) -> Array:
         """λ of every link from π, with a ≥ b ≥ c. Source: Eqs. 4.18–4.23.
@@ -260,7 +260,7 @@ class BodyKernels:
                 it.
         """
         flat = self._links("pi", pi)
-        lam = self._binding.call("lam_from_pi", flat)[0]
+        lam = self.binding.call("lam_from_pi", flat)[0]
         bad = np.flatnonzero(~np.isfinite(lam).all(axis=1))
         if bad.size:
             links = ", ".join(dict.fromkeys(self.link_names[k % self.n_links] for k in bad))
@@ -284,16 +284,16 @@ class BodyKernels:
             π of the same shape.
         """
         flat = self._links("pi", pi)
-        return self._binding.call("nearest_realisable", flat, floor)[0].reshape(np.shape(pi))
+        return self.binding.call("nearest_realisable", flat, floor)[0].reshape(np.shape(pi))
 
     def inertia_matrix(self, lam: ArrayLike) -> Array:
         """M_k(λ_k), (L, 6, 6), linear part first. Source: Eq. 4.14."""
-        blocks = self._binding.call("inertia_matrix", self._links("lam", lam))[0]
+        blocks = self.binding.call("inertia_matrix", self._links("lam", lam))[0]
         return blocks.reshape(*np.shape(lam)[:-1], self.n_links, 6, 6)
 
     def pseudo_inertia(self, pi: ArrayLike) -> Array:
         """P_k(π_k), (L, 4, 4). Source: Eqs. 3.9, 3.10."""
-        blocks = self._binding.call("pseudo_inertia", self._links("pi", pi))[0]
+        blocks = self.binding.call("pseudo_inertia", self._links("pi", pi))[0]
         return blocks.reshape(*np.shape(pi)[:-1], self.n_links, 4, 4)
 
     def relative_eigenvalues(self, pi: ArrayLike) -> Array:
@@ -301,7 +301,7 @@ class BodyKernels:
 
         NaN where π is not finite.
         """
-        blocks = self._binding.call("pseudo_inertia", np.reshape(pi, (-1, N_PARAMETERS)))[0]
+        blocks = self.binding.call("pseudo_inertia", np.reshape(pi, (-1, N_PARAMETERS)))[0]
         finite = np.isfinite(blocks).all(axis=(1, 2))
         smallest = np.full(len(blocks), np.nan)
         smallest[finite] = np.linalg.eigvalsh(blocks[finite])[:, 0]

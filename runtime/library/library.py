@@ -31,7 +31,7 @@ from runtime.library.compiled_programs import (
 )
 from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_kernels import BodyKernels, JointKernels
-from runtime.library.manifest import KernelFacts, read_manifest
+from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 
@@ -53,21 +53,21 @@ class Library(
     def __init__(self, folder: Path, level: str | None = None, threads: int | None = None) -> None:
         self.folder = folder
         self.manifest = read_manifest(folder / "manifest.json")
-        self._binding = Binding(folder, self.manifest, level, threads)
-        self.level, self.levels = self._binding.level, self._binding.levels
+        self.binding = Binding(folder, self.manifest, level, threads)
+        self.level, self.levels = self.binding.level, self.binding.levels
         job = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
-        self._adam = self._binding.function("adam", *job)
-        self._levenberg = self._binding.function("levenberg", *job)
-        self._convex = self._binding.function("convex", ctypes.c_void_p, ctypes.c_long)
+        self._adam = self.binding.function("adam", *job)
+        self._levenberg = self.binding.function("levenberg", *job)
+        self._convex = self.binding.function("convex", ctypes.c_void_p, ctypes.c_long)
         m = self.manifest
         self.compiled_statistics = (
             CompiledStatistics(
-                self._binding.of_level,
-                self._binding.plain("statistics_update"),
+                self.binding.of_level,
+                self.binding.plain("statistics_update"),
                 len(m.joints) + (FREEDOM if m.floating else 0),
                 len(m.base_columns),
             )
-            if self._binding.of_level("statistics") is not None
+            if self.binding.of_level("statistics") is not None
             else None
         )
         """The statistics of this level in C; None where the library has none."""
@@ -138,52 +138,6 @@ class Library(
             return path.read_text(encoding="utf-8")
         except OSError:
             raise LibraryError(f"'{path}' is missing; run: python -m symgen build") from None
-
-    # --- kernels on memory of other libraries --------------------------------------------------
-
-    def kernel_facts(self, kernel: str) -> KernelFacts:
-        """Arguments of a kernel.
-
-        Args:
-            kernel: its name in the manifest.
-
-        Returns:
-            Inputs and outputs with their shapes and units.
-
-        Raises:
-            LibraryError: the robot has no such kernel.
-        """
-        return self._binding.kernel(kernel)
-
-    def run_kernel(
-        self,
-        kernel: str,
-        n: int,
-        places: Sequence[int],
-        steps: Sequence[int],
-        results: Sequence[int],
-    ) -> None:
-        """Call a kernel over n samples on memory that the caller holds, without a copy.
-
-        Args:
-            kernel: its name in the manifest.
-            n: samples.
-            places: addresses of its inputs, contiguous doubles.
-            steps: doubles from one sample to the next, per input; 0: one value for all.
-            results: addresses of its outputs, contiguous doubles.
-        """
-        self._binding.run(kernel, n, places, steps, results)
-
-    def batch_address(self, kernel: str) -> int:
-        """Address of the C function of a batch, for callers in C.
-
-        Args:
-            kernel: its name in the manifest.
-
-        Returns:
-            Address of `void f(long n, const double *, long step, …, double *, …)`.
-        """
-        return self._binding.address(kernel)
 
     # --- programs in C: descents, convex estimators, excitation -------------------------------
 
@@ -270,7 +224,7 @@ class Library(
         Returns:
             None where this level has none.
         """
-        functions = self._binding.excitation()
+        functions = self.binding.excitation()
         if functions is None:
             return None
         return CompiledExcitation(ExcitationFunctions(*functions), home, basis)
@@ -296,7 +250,7 @@ class Library(
         Returns:
             Simulation that `run` continues.
         """
-        function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
+        function = self.binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
         return CompiledClosedLoop(function, body, law, reference, period, **options)
 
 

@@ -22,7 +22,7 @@ class MotionKernels:
     link_names: tuple[str, ...]
     manifest: Manifest
     base_matrix: Array
-    _binding: Binding
+    binding: Binding
 
     def inverse_dynamics(
         self,
@@ -46,7 +46,7 @@ class MotionKernels:
             Shape of q [N·m, N].
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
+        return self.binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
 
     def base_inverse_dynamics(
         self,
@@ -70,7 +70,7 @@ class MotionKernels:
             Shape of q [N·m, N].
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
+        return self.binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
 
     def torque(
         self,
@@ -94,7 +94,7 @@ class MotionKernels:
             Shape of q [N·m, N].
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("torque", q, dq, ddq, lam)[0]
+        return self.binding.call("torque", q, dq, ddq, lam)[0]
 
     def torque_jacobian(
         self,
@@ -118,7 +118,7 @@ class MotionKernels:
             (N, n, 10 L).
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("torque_jacobian", q, dq, ddq, lam)[0]
+        return self.binding.call("torque_jacobian", q, dq, ddq, lam)[0]
 
     def regressor(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
@@ -135,7 +135,7 @@ class MotionKernels:
             (N, n, 10 L).
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("regressor", q, dq, ddq)[0]
+        return self.binding.call("regressor", q, dq, ddq)[0]
 
     def base_regressor(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
@@ -152,7 +152,7 @@ class MotionKernels:
             (N, n, n_b).
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self._binding.call("base_regressor", q, dq, ddq)[0]
+        return self.binding.call("base_regressor", q, dq, ddq)[0]
 
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None) -> Array:
         """Mass matrix M(q). Source: Eq. 2.34.
@@ -166,7 +166,7 @@ class MotionKernels:
             (N, n, n).
         """
         (q,) = with_base(self.manifest, base, q)
-        return self._binding.call("mass_matrix", q, pi)[0]
+        return self.binding.call("mass_matrix", q, pi)[0]
 
     def bias_forces(
         self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None
@@ -183,7 +183,7 @@ class MotionKernels:
             Shape of q [N·m, N].
         """
         q, dq = with_base(self.manifest, base, q, dq)
-        return self._binding.call("bias_forces", q, dq, pi)[0]
+        return self.binding.call("bias_forces", q, dq, pi)[0]
 
     def forward_dynamics(
         self,
@@ -214,7 +214,7 @@ class MotionKernels:
             inertia = np.full(self.n_joints, inertia)
         if self.manifest.floating and inertia.shape[-1] == self.n_joints:
             inertia = stacked(inertia, np.zeros(FREEDOM), "rotors")
-        return self._binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
+        return self.binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
 
     def end_effector(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
         """Pose of the tip in the base frame; in that of the world with a free base.
@@ -227,7 +227,7 @@ class MotionKernels:
             (N, 4, 4).
         """
         (q,) = with_base(self.manifest, base, q)
-        return self._binding.call("end_effector", q)[0]
+        return self.binding.call("end_effector", q)[0]
 
     def link_poses(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
         """Poses of the links' frames in the base frame; in that of the world with a free base.
@@ -240,7 +240,7 @@ class MotionKernels:
             (N, L, 4, 4).
         """
         (q,) = with_base(self.manifest, base, q)
-        poses = self._binding.call("link_poses", q)[0]
+        poses = self.binding.call("link_poses", q)[0]
         return poses.reshape(*np.shape(q)[:-1], self.n_links, 4, 4)
 
     def loss_gradient(
@@ -270,7 +270,7 @@ class MotionKernels:
         """
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
-        answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
+        answer = self.binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
         loss, gradient, residual = answer
         return float(loss[0]), gradient @ self.base_matrix, residual
 
@@ -287,7 +287,7 @@ class MotionKernels:
         Returns:
             (N, n, n).
         """
-        return self._binding.call("coriolis_matrix", q, dq, pi)[0]
+        return self.binding.call("coriolis_matrix", q, dq, pi)[0]
 
     def slotine_li_regressor(
         self, q: ArrayLike, dq: ArrayLike, dq_r: ArrayLike, ddq_r: ArrayLike
@@ -303,7 +303,7 @@ class MotionKernels:
         Returns:
             (N, n, 10 L).
         """
-        return self._binding.call("slotine_li_regressor", q, dq, dq_r, ddq_r)[0]
+        return self.binding.call("slotine_li_regressor", q, dq, dq_r, ddq_r)[0]
 
     def inverse_dynamics_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
@@ -319,7 +319,7 @@ class MotionKernels:
         Returns:
             (N, n, n) each.
         """
-        _, by_q, by_dq, mass = self._binding.call("torque_derivatives", q, dq, ddq, pi)
+        _, by_q, by_dq, mass = self.binding.call("torque_derivatives", q, dq, ddq, pi)
         return by_q, by_dq, mass
 
     def frame_jacobian(
@@ -347,7 +347,7 @@ class MotionKernels:
             )
         place = self.n_links if link not in self.link_names else self.link_names.index(link)
         (q,) = with_base(self.manifest, base, q)
-        jacobians = self._binding.call("frame_jacobians", q)[0]
+        jacobians = self.binding.call("frame_jacobians", q)[0]
         return jacobians[..., 6 * place : 6 * (place + 1), :]
 
     def least_inertia(self, pi: ArrayLike, rotor: ArrayLike = 0.0) -> float:
@@ -366,10 +366,10 @@ class MotionKernels:
             definite, so that nothing follows.
         """
         bodies = np.reshape(np.asarray(pi, dtype=float), (self.n_links, -1))
-        pseudo = self._binding.call("pseudo_inertia", bodies)[0]
+        pseudo = self.binding.call("pseudo_inertia", bodies)[0]
         if not (np.isfinite(bodies).all() and np.linalg.eigvalsh(pseudo).min() > 0):
             return float("nan")
-        s = self._binding.call("mobility_bound", pi)[0]
+        s = self.binding.call("mobility_bound", pi)[0]
         coupling = self.manifest.coupling
         rotors = np.broadcast_to(np.asarray(rotor, dtype=float), self.n_joints)
         if self.manifest.loops:
@@ -397,7 +397,7 @@ class MotionKernels:
         Returns:
             P_b and R_b, (N, n, n_b) each.
         """
-        momentum, force = self._binding.call("momentum_regressor", q, dq)
+        momentum, force = self.binding.call("momentum_regressor", q, dq)
         return momentum, force
 
     def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
@@ -410,7 +410,7 @@ class MotionKernels:
         Returns:
             (N, n_b).
         """
-        return self._binding.call("energy_regressor", q, dq)[0]
+        return self.binding.call("energy_regressor", q, dq)[0]
 
     def spring_columns(self, q: ArrayLike) -> Array:
         """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
@@ -423,7 +423,7 @@ class MotionKernels:
         """
         if "spring_columns" not in self.manifest.kernels:
             return np.zeros((*np.shape(q), 0))
-        return self._binding.call("spring_columns", q)[0]
+        return self.binding.call("spring_columns", q)[0]
 
     def known_torque(self, q: ArrayLike) -> Array:
         """Torques of torque curves and of springs of known stiffness, which Y π lacks.
@@ -436,7 +436,7 @@ class MotionKernels:
         """
         if "known_torque" not in self.manifest.kernels:
             return np.zeros(np.shape(q))
-        return self._binding.call("known_torque", q)[0]
+        return self.binding.call("known_torque", q)[0]
 
     def regressor_adjoint(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
@@ -452,7 +452,7 @@ class MotionKernels:
         Returns:
             (N, 3, n).
         """
-        return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
+        return self.binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
 
     # --- trajectories: one row per point ----------------------------------------------------
 
@@ -468,7 +468,7 @@ class MotionKernels:
             (N, 4).
         """
         orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
-        return self._binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
+        return self.binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
 
     def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
         """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
@@ -480,7 +480,7 @@ class MotionKernels:
         Returns:
             (N, 4).
         """
-        return self._binding.call("transfer_basis", _column(t), t_f)[0]
+        return self.binding.call("transfer_basis", _column(t), t_f)[0]
 
 
 def _column(value: ArrayLike) -> Array:

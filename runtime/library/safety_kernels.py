@@ -14,7 +14,7 @@ class SafetyKernels:
     name: str
     n_joints: int
     manifest: Manifest
-    _binding: Binding
+    binding: Binding
 
     def torque_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
@@ -30,7 +30,7 @@ class SafetyKernels:
         Returns:
             τ, shape of q [N·m, N], and the derivatives, (N, n, n) each.
         """
-        tau, dtau_dq, dtau_dv, dtau_da = self._binding.call("torque_derivatives", q, dq, ddq, pi)
+        tau, dtau_dq, dtau_dv, dtau_da = self.binding.call("torque_derivatives", q, dq, ddq, pi)
         return tau, dtau_dq, dtau_dv, dtau_da
 
     def torque_rate(
@@ -48,7 +48,7 @@ class SafetyKernels:
         Returns:
             Shape of q [N·m/s, N/s].
         """
-        return self._binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
+        return self.binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
 
     def torque_with_rates(
         self,
@@ -72,7 +72,7 @@ class SafetyKernels:
         Returns:
             τ, dτ/dt and d²τ/dt², shape of q each.
         """
-        tau, dtau, ddtau = self._binding.call("torque_course", q, dq, ddq, dddq, ddddq, pi)
+        tau, dtau, ddtau = self.binding.call("torque_course", q, dq, ddq, dddq, ddddq, pi)
         return tau, dtau, ddtau
 
     def torque_rate_adjoint(
@@ -97,7 +97,7 @@ class SafetyKernels:
         Returns:
             (N, 4, n).
         """
-        return self._binding.call("torque_rate_adjoint", q, dq, ddq, dddq, pi, seed)[0]
+        return self.binding.call("torque_rate_adjoint", q, dq, ddq, dddq, pi, seed)[0]
 
     def torque_rate_jacobian(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
@@ -134,7 +134,7 @@ class SafetyKernels:
         Returns:
             p and v, (N, 3) [m, m/s], and the two derivatives, (N, 3, n).
         """
-        p, v, dp_dq, dv_dq = self._binding.call("tip_motion", q, dq)
+        p, v, dp_dq, dv_dq = self.binding.call("tip_motion", q, dq)
         return p, v, dp_dq, dv_dq
 
     def clearance(self, q: ArrayLike) -> tuple[Array, Array]:
@@ -146,7 +146,7 @@ class SafetyKernels:
             LibraryError: the robot has no pairs of proxies.
         """
         self._need("clearance")
-        distance, jacobian = self._binding.call("clearance", q)
+        distance, jacobian = self.binding.call("clearance", q)
         return distance, jacobian
 
     def plane_clearance(self, q: ArrayLike, plane: ArrayLike) -> tuple[Array, Array]:
@@ -171,7 +171,7 @@ class SafetyKernels:
             raise ShapeError(
                 f"plane needs a unit normal and an offset, (4,), got {np.array2string(given)}"
             )
-        distance, jacobian = self._binding.call("plane_clearance", q, given)
+        distance, jacobian = self.binding.call("plane_clearance", q, given)
         return distance, jacobian
 
     def _need(self, kernel: str) -> None:
@@ -186,7 +186,7 @@ class ProofKernels:
     """Suprema over K intervals from those of the joints; units are those of SI."""
 
     manifest: Manifest
-    _binding: Binding
+    binding: Binding
 
     @property
     def bounds_motions(self) -> bool:
@@ -203,7 +203,7 @@ class ProofKernels:
         Returns:
             (K, 4, n) [N·m, N, and per s …].
         """
-        return self._binding.call("torque_bounds", motion, pi)[0]
+        return self.binding.call("torque_bounds", motion, pi)[0]
 
     def tip_bounds(self, motion: ArrayLike) -> Array:
         """Bounds of the distance of the tip from the base and three derivatives of its place.
@@ -214,7 +214,7 @@ class ProofKernels:
         Returns:
             (K, 4) [m, m/s, m/s², m/s³].
         """
-        return self._binding.call("tip_bounds", motion)[0]
+        return self.binding.call("tip_bounds", motion)[0]
 
     def speed_bounds(self, motion: ArrayLike) -> tuple[Array, Array]:
         """Bounds of the speed that joint j gives to link i: its origin, and turning about it.
@@ -227,5 +227,5 @@ class ProofKernels:
         Returns:
             (K, L, L) [m/s], 0 where joint j does not move link i, and (K, L) [rad/s].
         """
-        origin, turn = self._binding.call("speed_bounds", motion)
+        origin, turn = self.binding.call("speed_bounds", motion)
         return origin, turn

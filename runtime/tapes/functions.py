@@ -1,11 +1,18 @@
-"""Dynamics of one robot on arrays of torch or JAX: the functions, their arguments and shapes."""
+"""`runtime.torch` and `runtime.jax`: dynamics of one robot on arrays of either.
 
+Here stand the functions, their arguments and shapes; `torch_functions` and `jax_functions`, which
+import those packages, put the kernels on their tapes.
+"""
+
+import importlib.util
 from abc import ABC, abstractmethod
+from importlib import import_module
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from runtime.errors import ShapeError
+from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library, require_library
 from runtime.tapes.derivatives import Tensor
 
@@ -15,8 +22,14 @@ class TapeFunctions(ABC):
 
     Arrays have the shape (..., size); leading axes are samples and broadcast. Those of a free base
     begin with its coordinates: see `runtime.BaseMotion`. π is that of the URDF where neither `pi`
-    nor `lam` is given. Single precision is computed in double.
+    nor `lam` is given. Single precision is computed in double. An argument of another shape, or
+    that is no array of real numbers, raises ShapeError.
     """
+
+    xp: Any
+    """Module of the arrays."""
+    cast: str
+    """Method of an array that changes its type of numbers."""
 
     def __init__(self, lib: Library) -> None:
         require_library(lib)
@@ -25,8 +38,8 @@ class TapeFunctions(ABC):
         self._constants: dict[Any, Tensor] = {}
 
     @abstractmethod
-    def _array(self, name: str, value: Any, like: Tensor | None = None) -> Tensor:
-        """The value as an array, of the dtype of another if given."""
+    def _here(self, name: str, value: Any) -> Tensor:
+        """The array or the numbers on the CPU."""
 
     @abstractmethod
     def _call(self, kernel: str, *values: Tensor) -> Tensor:
@@ -46,9 +59,6 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., n) [N·m, N].
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         return self._call("inverse_dynamics", *self._motion(q=q, dq=dq, ddq=ddq, pi=pi, lam=lam))
 
@@ -62,9 +72,6 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., n, n).
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         return self._call("mass_matrix", *self._motion(q=q, pi=pi, lam=lam))
 
@@ -79,9 +86,6 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., n) [N·m, N].
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         return self._call("bias_forces", *self._motion(q=q, dq=dq, pi=pi, lam=lam))
 
@@ -95,12 +99,9 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., n) [N·m, N].
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         q, pi = self._motion(q=q, pi=pi, lam=lam)
-        return self._call("bias_forces", q, self._zeros(q), pi)
+        return self._call("bias_forces", q, self._constant("zeros", q), pi)
 
     def forward_dynamics(
         self, q: Any, dq: Any, tau: Any, pi: Any = None, rotor: Any = None, *, lam: Any = None
@@ -117,12 +118,9 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., n) [rad/s², m/s²].
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         q, dq, tau, pi = self._motion(q=q, dq=dq, tau=tau, pi=pi, lam=lam)
-        inertia = self._zeros(q) if rotor is None else self._entry("rotor", rotor, q)
+        inertia = self._constant("zeros", q) if rotor is None else self._entry("rotor", rotor, q)
         return self._call("forward_dynamics", q, dq, tau, pi, inertia)
 
     def regressor_loss(
@@ -149,14 +147,11 @@ class TapeFunctions(ABC):
 
         Returns:
             () loss.
-
-        Raises:
-            ShapeError: an argument has another shape, or is no array of real numbers.
         """
         *state, pi = self._motion(q=q, dq=dq, ddq=ddq, tau=tau, pi=pi, lam=lam)
-        diagonal = self._zeros(pi[..., : self.lib.n_rows]) + 1
-        if weight is not None:
-            diagonal = self._entry("weight", weight, pi)
+        diagonal = (
+            self._constant("ones", pi) if weight is None else self._entry("weight", weight, pi)
+        )
         for name, value in (("pi", pi), ("weight", diagonal)):
             if value.ndim != 1:
                 raise ShapeError(
@@ -165,7 +160,9 @@ class TapeFunctions(ABC):
                 )
         beta = pi @ self._constant("base_matrix", pi)
         lead = np.broadcast_shapes(*(tuple(x.shape[:-1]) for x in state))
-        rows = [self._rows(x, lead) for x in state]
+        rows = [
+            self.xp.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in state
+        ]
         return self._call("loss_gradient", *rows, diagonal, beta)[0]
 
     def pi_from_lam(self, lam: Any) -> Tensor:
@@ -176,9 +173,6 @@ class TapeFunctions(ABC):
 
         Returns:
             (..., 10 L).
-
-        Raises:
-            ShapeError: the argument has another shape, or is no array of real numbers.
         """
         value = self._entry("lam", lam)
         links = self._call("pi_from_lam", value.reshape(*value.shape[:-1], self.lib.n_links, -1))
@@ -207,20 +201,69 @@ class TapeFunctions(ABC):
             )
         return array
 
+    def _array(self, name: str, value: Any, like: Tensor | None = None) -> Tensor:
+        """The value as an array, of the dtype of another if given."""
+        try:
+            array = self._here(name, value)
+        except (TypeError, ValueError):
+            raise ShapeError(f"{name} needs an array of numbers, got {value!r:.60}") from None
+        if like is not None:
+            is_same = array.dtype == like.dtype
+            return array if is_same else getattr(array, self.cast)(like.dtype)
+        if array.dtype not in (self.xp.float64, self.xp.float32):
+            raise ShapeError(f"{name} needs float64 or float32, got {array.dtype}")
+        return array
+
     def _constant(self, name: str, like: Tensor) -> Tensor:
-        """π of the URDF or a matrix of the base parameters, kept per dtype."""
+        """π of the URDF, a matrix of the base parameters, zeros or ones of rows, per dtype."""
         key = (name, like.dtype)
         if key not in self._constants:
-            value = self.lib.pi0 if name == "pi0" else self.lib.base_matrix.T
-            self._constants[key] = self._array(name, value, like)
+            values: dict[str, NDArray[np.float64]] = {
+                "pi0": self.lib.pi0,
+                "base_matrix": self.lib.base_matrix.T,
+                "zeros": np.zeros(self.lib.n_rows),
+                "ones": np.ones(self.lib.n_rows),
+            }
+            self._constants[key] = self._array(name, values[name], like)
         return self._constants[key]
 
-    @staticmethod
-    @abstractmethod
-    def _zeros(like: Tensor) -> Tensor:
-        """Zeros of one sample, (size,), of the dtype of another array."""
 
-    @staticmethod
-    @abstractmethod
-    def _rows(value: Tensor, lead: tuple[int, ...]) -> Tensor:
-        """One row per sample: (N, size) of the leading axes."""
+def torch(lib: Library) -> TapeFunctions:
+    """Dynamics of a robot as differentiable functions of torch, on the CPU.
+
+    Args:
+        lib: library of the robot.
+
+    Returns:
+        `inverse_dynamics`, `mass_matrix`, `bias`, `gravity`, `forward_dynamics` and
+        `regressor_loss` on tensors (..., n), with autograd, vmap and torch.compile.
+
+    Raises:
+        LibraryError: torch is not installed, or the argument is no library.
+    """
+    return _functions("torch", lib)
+
+
+def jax(lib: Library) -> TapeFunctions:
+    """Dynamics of a robot as differentiable functions of JAX, on the CPU.
+
+    Args:
+        lib: library of the robot.
+
+    Returns:
+        `inverse_dynamics`, `mass_matrix`, `bias`, `gravity`, `forward_dynamics` and
+        `regressor_loss` on arrays (..., n), with grad, vmap and jit.
+
+    Raises:
+        LibraryError: JAX is not installed, or the argument is no library.
+    """
+    return _functions("jax", lib)
+
+
+def _functions(name: str, lib: Library) -> TapeFunctions:
+    if importlib.util.find_spec(name) is None:
+        raise LibraryError(
+            f"expected {name} to be installed, found none; run: pip install 'symgen[{name}]'"
+        )
+    functions: TapeFunctions = import_module(f"runtime.tapes.{name}_functions").Functions(lib)
+    return functions

@@ -16,10 +16,10 @@ import jaxlib
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
-from runtime.errors import LibraryError, ShapeError
+from runtime.errors import LibraryError
 from runtime.library import Library
 from runtime.library.compile_cache import compiled_file
-from runtime.tapes.derivatives import DIFFERENTIABLE, tangent_of
+from runtime.tapes.derivatives import DIFFERENTIABLE, KernelCall
 from runtime.tapes.functions import TapeFunctions
 
 TARGET = "symgen_kernel"
@@ -27,48 +27,34 @@ DERIVATIVES = ("torque_derivatives", "regressor", "pi_jacobian")
 """Kernels that the rules call beside `DIFFERENTIABLE`."""
 
 
-class JaxFunctions(TapeFunctions):
+class Functions(TapeFunctions):
     """Differentiable functions of a robot on arrays of JAX; see `TapeFunctions`."""
+
+    xp, cast = jnp, "astype"
 
     def __init__(self, lib: Library) -> None:
         super().__init__(lib)
         add = handler().symgen_add
         self.key = f"{lib.manifest.model_hash[:16]}.{lib.level}"
         for name in {*DIFFERENTIABLE, *DERIVATIVES} & lib.manifest.kernels.keys():
-            if add(f"{self.key}.{name}".encode(), lib.batch_address(name)):
+            if add(f"{self.key}.{name}".encode(), lib.binding.address(name)):
                 raise LibraryError(f"no memory to enter the kernel '{name}'")
         self._recorded = {
             name: jax.jit(self._with_tangents(name))
             for name in DIFFERENTIABLE & lib.manifest.kernels.keys()
         }
 
-    def _array(self, name: str, value: Any, like: jax.Array | None = None) -> jax.Array:
-        if not isinstance(value, jax.Array):
-            try:
-                value = jnp.asarray(np.asarray(value, dtype=float))
-            except (TypeError, ValueError):
-                raise ShapeError(f"{name} needs an array of numbers, got {value!r:.60}") from None
-        if like is not None:
-            return value if value.dtype == like.dtype else value.astype(like.dtype)
-        if value.dtype not in (jnp.float64, jnp.float32):
-            raise ShapeError(f"{name} needs float64 or float32, got {value.dtype}")
-        return value
+    def _here(self, _: str, value: Any) -> jax.Array:
+        given = isinstance(value, jax.Array)
+        return value if given else jnp.asarray(np.asarray(value, dtype=float))
 
     def _call(self, kernel: str, *values: jax.Array) -> jax.Array:
-        self.lib.kernel_facts(kernel)  # names what to use instead
+        self.lib.binding.kernel(kernel)  # names what to use instead
         return self._recorded[kernel](*values)
-
-    @staticmethod
-    def _zeros(like: jax.Array) -> jax.Array:
-        return jnp.zeros(like.shape[-1], like.dtype)
-
-    @staticmethod
-    def _rows(value: jax.Array, lead: tuple[int, ...]) -> jax.Array:
-        return jnp.broadcast_to(value, (*lead, value.shape[-1])).reshape(-1, value.shape[-1])
 
     def _kernel(self, name: str, *values: jax.Array) -> Sequence[jax.Array]:
         """All outputs of a kernel, (..., *shape), from inputs (..., size)."""
-        outputs = self.lib.kernel_facts(name).outputs
+        outputs = self.lib.binding.kernel(name).outputs
         lead = jnp.broadcast_shapes(*(x.shape[:-1] for x in values))
         aligned = [x.reshape(*(1,) * (len(lead) + 1 - x.ndim), *x.shape) for x in values]
         shapes = [a.shape if a.summed else (*lead, *a.shape) for a in outputs]
@@ -89,8 +75,8 @@ class JaxFunctions(TapeFunctions):
         def rule(values: Sequence[jax.Array], tangents: Sequence[Any]) -> Any:
             outputs = self._kernel(name, *values)
             known = [None if isinstance(each, SymbolicZero) else each for each in tangents]
-            change = tangent_of(jnp, self._kernel, name, values, outputs, known, self.lib)
-            return outputs[0], change
+            called = KernelCall(jnp, self._kernel, self.lib, name, values, outputs)
+            return outputs[0], called.tangent(known)
 
         return function
 

@@ -17,52 +17,39 @@ from torch.autograd.forward_ad import unpack_dual
 
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library
-from runtime.tapes.derivatives import DIFFERENTIABLE, Call, derivatives, tangent_of
+from runtime.tapes.derivatives import DIFFERENTIABLE, KernelCall
 from runtime.tapes.functions import TapeFunctions
 
 SECOND = (
     "expected first derivatives, got a second one: '{}' is a derivative already; detach it, or "
     "take differences of the first derivatives"
 )
-LIBRARIES: dict[str, "TorchFunctions"] = {}
+LIBRARIES: dict[str, "Functions"] = {}
 """Functions by the hash of the model: an operator of torch takes tensors and text only."""
 
 
-class TorchFunctions(TapeFunctions):
+class Functions(TapeFunctions):
     """Differentiable functions of a robot on tensors; see `TapeFunctions`."""
+
+    xp, cast = torch, "to"
 
     def __init__(self, lib: Library) -> None:
         super().__init__(lib)
         self.key = f"{lib.manifest.model_hash[:16]}_{lib.level}"
         LIBRARIES.setdefault(self.key, self)
 
-    def _array(self, name: str, value: Any, like: torch.Tensor | None = None) -> torch.Tensor:
+    def _here(self, name: str, value: Any) -> torch.Tensor:
         if not isinstance(value, torch.Tensor):
-            try:
-                value = torch.from_numpy(np.asarray(value, dtype=float, order="C"))
-            except (TypeError, ValueError):
-                raise ShapeError(f"{name} needs a tensor of numbers, got {value!r:.60}") from None
+            return torch.from_numpy(np.asarray(value, dtype=float, order="C"))
         if not value.is_cpu:
             raise ShapeError(
                 f"{name} is on the device '{value.device}', the kernels of '{self.lib.name}' run "
                 "on the CPU; give tensor.cpu()"
             )
-        if like is not None:
-            return value if value.dtype == like.dtype else value.to(like.dtype)
-        if value.dtype not in {torch.float64, torch.float32}:
-            raise ShapeError(f"{name} needs float64 or float32, got {value.dtype}")
         return value
 
     def _call(self, kernel: str, *values: torch.Tensor) -> torch.Tensor:
         return outputs_of(self.key, kernel, values)[0]
-
-    @staticmethod
-    def _zeros(like: torch.Tensor) -> torch.Tensor:
-        return like.new_zeros(like.shape[-1])
-
-    @staticmethod
-    def _rows(value: torch.Tensor, lead: tuple[int, ...]) -> torch.Tensor:
-        return value.expand(*lead, value.shape[-1]).reshape(-1, value.shape[-1])
 
 
 def outputs_of(robot: str, kernel: str, values: Sequence[torch.Tensor]) -> Sequence[torch.Tensor]:
@@ -99,7 +86,7 @@ def _run(values: Sequence[torch.Tensor], robot: str, kernel: str) -> list[torch.
         arrays.append(array)
     results = [values[0].new_empty(shape, dtype=torch.float64) for shape in shapes]
     places, targets = ([array.data_ptr() for array in side] for side in (arrays, results))
-    LIBRARIES[robot].lib.run_kernel(kernel, lead.numel(), places, steps, targets)
+    LIBRARIES[robot].lib.binding.run(kernel, lead.numel(), places, steps, targets)
     dtype = values[0].dtype
     return results if dtype == torch.float64 else [x.to(dtype) for x in results]
 
@@ -126,12 +113,12 @@ def _shapes(
 ) -> tuple[torch.Size, list[tuple[int, ...]]]:
     """Leading axes of the inputs, and the shapes of the outputs."""
     lead = torch.broadcast_shapes((), *(shape[:-1] for shape in inputs))
-    outputs = LIBRARIES[robot].lib.kernel_facts(kernel).outputs
+    outputs = LIBRARIES[robot].lib.binding.kernel(kernel).outputs
     return lead, [a.shape if a.summed else (*lead, *a.shape) for a in outputs]
 
 
-def _rule(ctx: Any) -> tuple[Call, Library, Sequence[torch.Tensor], Sequence[torch.Tensor]]:
-    """What the derivatives of a call need: other kernels, the library, inputs and outputs."""
+def _rule(ctx: Any) -> KernelCall:
+    """The call that a context has kept; its further outputs are derivatives."""
     if ctx.kernel not in DIFFERENTIABLE:
         raise LibraryError(SECOND.format(ctx.kernel))
     first, *others = ctx.saved_tensors[ctx.count :]
@@ -140,26 +127,25 @@ def _rule(ctx: Any) -> tuple[Call, Library, Sequence[torch.Tensor], Sequence[tor
         return outputs_of(ctx.robot, name, given)
 
     outputs = first, *(Derivative.apply(ctx.kernel, x) for x in others)
-    return call, LIBRARIES[ctx.robot].lib, ctx.saved_tensors[: ctx.count], outputs
+    values, lib = ctx.saved_tensors[: ctx.count], LIBRARIES[ctx.robot].lib
+    return KernelCall(torch, call, lib, ctx.kernel, values, outputs)
 
 
 def _slopes(ctx: Any, slope: torch.Tensor, needed: Sequence[bool]) -> list[torch.Tensor | None]:
     """Slope of a cost by the inputs of a kernel from that by its first output."""
-    call, lib, values, outputs = _rule(ctx)
-    shape = lib.kernel_facts(ctx.kernel).outputs[0].shape
+    rule = _rule(ctx)
+    axes = "ij"[: len(rule.lib.binding.kernel(ctx.kernel).outputs[0].shape)]
     with torch.device("cpu"):  # whatever the default device is
-        parts = derivatives(torch, call, ctx.kernel, values, outputs, needed, lib)
+        parts = rule.derivatives(needed)
     answer: list[torch.Tensor | None] = []
-    for value, part, use in zip(values, parts, needed, strict=True):
+    for value, part, use in zip(rule.inputs, parts, needed, strict=True):
         if part is None or not use:
             answer.append(None)
         elif ctx.kernel == "loss_gradient":
             answer.append((slope * part).reshape(value.shape))
         else:
-            row = slope.reshape(*slope.shape[: slope.ndim - len(shape)], 1, -1)
-            lead = part.shape[: part.ndim - len(shape) - 1]
-            full = row @ part.reshape(*lead, -1, part.shape[-1])
-            answer.append(full[..., 0, :].sum_to_size(value.shape))
+            full = torch.einsum(f"...{axes},...{axes}x->...x", slope, part)
+            answer.append(full.sum_to_size(value.shape))
     return answer
 
 
@@ -178,7 +164,7 @@ def _vmap(
 ) -> tuple[list[torch.Tensor], list[int]]:
     """A mapped axis is one more leading axis; a sum over samples runs once per entry of it."""
     pairs = list(zip(values, places[0], strict=True))
-    if any(a.summed for a in LIBRARIES[robot].lib.kernel_facts(kernel).outputs):
+    if any(a.summed for a in LIBRARIES[robot].lib.binding.kernel(kernel).outputs):
         each = [
             run_kernel([x if at is None else x.select(at, k) for x, at in pairs], robot, kernel)
             for k in range(info.batch_size)
@@ -223,10 +209,9 @@ class Recorded(torch.autograd.Function):
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> tuple[torch.Tensor | None, ...]:
         """Tangent of the first output, the only one that leaves this module."""
-        call, lib, values, outputs = _rule(ctx)
+        rule = _rule(ctx)
         with torch.device("cpu"):
-            first = tangent_of(torch, call, ctx.kernel, values, outputs, tangents[2:], lib)
-        return first, *map(torch.zeros_like, outputs[1:])
+            return rule.tangent(tangents[2:]), *map(torch.zeros_like, rule.outputs[1:])
 
 
 class Derivative(torch.autograd.Function):

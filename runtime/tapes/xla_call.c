@@ -12,38 +12,33 @@
 #define MOST 6 /* inputs */
 #define AXES 16
 
-typedef struct entry {
-    struct entry *next;
+#define KERNELS 8192 /* of all libraries of a process */
+
+static struct {
+    char name[96];
     void *function;
-    char name[];
-} entry;
+} entries[KERNELS];
+static int known = 0;
 
-static entry *entries = 0;
-
-static entry *entry_of(const char *name, size_t length)
+static int place_of(const char *name, size_t length)
 {
-    entry *at = entries;
-    while (at && (strlen(at->name) != length || memcmp(at->name, name, length))) {
-        at = at->next;
+    int k = 0;
+    while (k < known && (strlen(entries[k].name) != length || memcmp(entries[k].name, name, length))) {
+        ++k;
     }
-    return at;
+    return k;
 }
 
 /* Called by one thread, before any program that names the function is compiled. */
 int symgen_add(const char *name, void *function)
 {
-    const size_t length = strlen(name);
-    entry *of_name = entry_of(name, length);
-    if (!of_name) {
-        of_name = malloc(sizeof *of_name + length + 1);
-        if (!of_name) {
-            return 1;
-        }
-        memcpy(of_name->name, name, length + 1);
-        of_name->next = entries;
-        entries = of_name;
+    const int k = place_of(name, strlen(name));
+    if (k == KERNELS || strlen(name) >= sizeof entries[k].name) {
+        return 1;
     }
-    of_name->function = function;
+    strcpy(entries[k].name, name);
+    entries[k].function = function;
+    known += k == known;
     return 0;
 }
 
@@ -105,8 +100,8 @@ XLA_FFI_Error *symgen_kernel(XLA_FFI_CallFrame *frame)
     }
     const int ins = (int)frame->args.size, outs = (int)frame->rets.size;
     const XLA_FFI_ByteSpan *name = frame->attrs.size ? frame->attrs.attrs[0] : 0;
-    const entry *found = name ? entry_of(name->ptr, name->len) : 0;
-    if (!found) {
+    const int found = name ? place_of(name->ptr, name->len) : known;
+    if (found == known) {
         return fault(frame, "symgen: this program was compiled for a library that is not loaded; call runtime.jax(lib) first");
     }
     XLA_FFI_Buffer **args = (XLA_FFI_Buffer **)frame->args.args, **rets = (XLA_FFI_Buffer **)frame->rets.rets;
@@ -154,7 +149,7 @@ XLA_FFI_Error *symgen_kernel(XLA_FFI_CallFrame *frame)
         out[i] = is_single ? at : rets[i]->data;
         at += is_single ? numbers(rets[i]) : 0;
     }
-    const int wrong = call(found->function, total, in, step, out, ins, outs);
+    const int wrong = call(entries[found].function, total, in, step, out, ins, outs);
     for (int i = 0; i < outs; ++i) {
         for (long k = 0; is_single && k < numbers(rets[i]); ++k) {
             ((float *)rets[i]->data)[k] = (float)out[i][k];

@@ -77,7 +77,7 @@ def _ours(lib: Library, name: str, kernel: str, given: list[Any]) -> dict[str, C
 
     jax.config.update("jax_enable_x64", True)
     torch.set_num_threads(1)
-    n, facts = len(given[0]), lib.kernel_facts(kernel)
+    n, facts = len(given[0]), lib.binding.kernel(kernel)
     arrays = [*given, lib.pi0, *[np.zeros(a.size) for a in facts.inputs[len(given) + 1 :]]]
     steps = [x.shape[-1] if x.ndim == 2 else 0 for x in arrays]
     result = np.empty((n, facts.outputs[0].size))
@@ -86,7 +86,7 @@ def _ours(lib: Library, name: str, kernel: str, given: list[Any]) -> dict[str, C
     buffers = [jax.numpy.asarray(x) for x in given]
 
     def by_c(places: list[int], target: list[int], held: object) -> None:
-        lib.run_kernel(kernel, n, places, steps, target)
+        lib.binding.run(kernel, n, places, steps, target)
 
     held = ([x.ctypes.data for x in arrays], [result.ctypes.data], (arrays, result))
     return {

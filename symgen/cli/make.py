@@ -38,7 +38,7 @@ from symgen.make.config import RobotConfig, read_config, read_masses, reduced_co
 from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
 from symgen.make.pipeline import build, generate, write_controller
 from symgen.make.request import BuildRequest, bundled_request, request_from_folder
-from symgen.sources import Packages, Source, published_urdf, read_source, split_by_use
+from symgen.sources import Packages, Source, published_urdf, read_source, with_springs_of_file
 
 _OF_URDF = ["project", "config", "masses", "densities", "mechanism", "arg", "package", "model"]
 """Choices that belong to a robot of the user."""
@@ -347,16 +347,7 @@ def request_from_urdf(
             f"note: mass and inertia of {', '.join(links)} from their meshes by the setting "
             f"densities"
         )
-    of_file = tuple(s for s in mechanism.spring if s not in options.mechanism.spring)
-    kept, left = split_by_use(text, replace(options, mechanism=mechanism), of_file)
-    known = [(s.name, s.stiffness, s.rest) for s in kept if s.stiffness is not None]
-    if known:
-        listed = ", ".join(f"{spring} ({k:g}, rest {rest:g})" for spring, k, rest in known)
-        say(f"note: springs of the file, whose torque counts as known: {listed}")
-    if left:
-        say(f"note: springs of the file that are left out: {', '.join(s.name for s in left)}")
-    stated = tuple(s for s in mechanism.spring if s not in of_file)
-    options = replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
+    options = with_springs_of_file(text, options, mechanism, lambda note: say(f"note: {note}"))
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()

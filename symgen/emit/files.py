@@ -26,7 +26,7 @@ import hashlib
 import html
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -34,10 +34,27 @@ from typing import Any
 
 import jinja2
 
-from symgen.emit.forms import Forms, Kernels, composed_numbers, compositions, forms_of
+from symgen.emit.forms import (
+    Forms,
+    Kernels,
+    composed_body,
+    composed_numbers,
+    compositions,
+    forms_of,
+    is_composed,
+)
 from symgen.emit.programs import programs
-from symgen.emit.sample import LONG, Numbers, ReferenceCode, c_body, parts_of, reference_code
+from symgen.emit.sample import (
+    DOUBLE,
+    LONG,
+    Numbers,
+    ReferenceCode,
+    c_body,
+    parts_of,
+    reference_code,
+)
 from symgen.emit.ssa import TileProgram
+from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel
 
 NUMBER = 8
@@ -141,28 +158,64 @@ SHIPPED = (
 )
 """Kernels of the header, called functions before their callers."""
 NUMBERS = Numbers("T", "T({})", turn="symgen_turn")
+PRECISIONS = {"double": DOUBLE, "single": Numbers("float", "{}f", "f")}
+"""Numbers of a microcontroller."""
 SHARED_MEMORY = 24576
 """Bytes of rows that a block keeps in shared memory, half of what every device has."""
 WHOLE = 16
 """Rows are padded to as many bytes: four numbers in single precision load as one."""
 
 
-def cuda_context(name: str, kernels: tuple[Kernel, ...], forms: Forms) -> dict[str, Any]:
+def cuda_context(name: str, kernels: tuple[Kernel, ...]) -> dict[str, Any]:
     """Values for the template of the header."""
     by_name = {kernel.name: kernel for kernel in kernels}
     shipped = [by_name[kernel] for kernel in SHIPPED if kernel in by_name]
-    bodies = {kernel.name: _body(name, kernel, by_name, forms) for kernel in shipped}
+    bodies = {
+        kernel.name: [line.removeprefix("static ") for line in _body("", kernel, by_name, NUMBERS)]
+        for kernel in shipped
+    }
     rows = _rows(by_name["base_regressor"], bodies["base_regressor"])
     return {"cuda": shipped, "bodies": bodies, "rows": rows}
 
 
-def _body(name: str, kernel: Kernel, kernels: Kernels, forms: Forms) -> list[str]:
-    if kernel.through and kernels.keys() >= set(kernel.through):  # calls of other kernels
-        return [
-            line.replace("static ", "").replace("double ", "T ").replace(f"{name}_", "")
-            for line in forms.bodies[kernel.name]
-        ]
-    return c_body(kernel, NUMBERS)
+def controller_files(
+    name: str,
+    kernels: tuple[Kernel, ...],
+    chosen: Sequence[str],
+    precision: str,
+    versions: dict[str, str],
+) -> dict[str, str]:
+    """NAME.c and NAME.h for a microcontroller: the chosen kernels and those that they call."""
+    by_name = {kernel.name: kernel for kernel in kernels if not kernel.factors}
+    unknown = [kernel for kernel in chosen if kernel not in by_name]
+    if unknown or precision not in PRECISIONS:
+        raise BuildError(
+            f"expected the setting precision single or double and the setting kernels of "
+            f"{', '.join(by_name)}; got '{precision}' and '{', '.join(unknown or chosen)}'"
+        )
+    needed: dict[str, Kernel] = {}
+
+    def add(kernel: Kernel) -> None:
+        for called in kernel.through if is_composed(kernel, by_name) else ():
+            add(by_name[called])
+        needed.setdefault(kernel.name, kernel)
+
+    for each in chosen:
+        add(by_name[each])
+    numbers = PRECISIONS[precision]
+    bodies = {k: _body(f"{name}_", kernel, by_name, numbers) for k, kernel in needed.items()}
+    context: dict[str, Any] = {"name": in_comment(name), "type": numbers.type}
+    context |= {"versions": versions, "chosen": [*chosen]}
+    context |= {"kernels": [*needed.values()], "bodies": bodies}
+    return {f"{name}.{end}": renderer()(f"controller.{end}.jinja2", context) for end in ("c", "h")}
+
+
+def _body(prefix: str, kernel: Kernel, kernels: Kernels, numbers: Numbers) -> list[str]:
+    """Statements for one sample; compositions call functions with the prefix."""
+    if not is_composed(kernel, kernels):
+        return c_body(kernel, numbers)
+    lines = composed_body(prefix, kernel, kernels)
+    return [line.replace("double ", f"{numbers.type} ") for line in lines]
 
 
 def _rows(regressor: Kernel, body: list[str]) -> dict[str, Any]:
@@ -278,7 +331,7 @@ def emit(
         "README.md": render("README.md.jinja2", context),
     }
     if any(kernel.name == "base_regressor" for kernel in kernels):
-        cuda = cuda_context(name, kernels, forms)
+        cuda = cuda_context(name, kernels)
         files[f"{name}.cuh"] = render("cuda.cuh.jinja2", context | cuda)
     for extra in extras:
         for included in extra.includes:

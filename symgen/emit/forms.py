@@ -53,7 +53,7 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     called = {kernel.name for kernel in composed}
     whole = [kernel for kernel in kernels if not kernel.factors and kernel.name not in called]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
-    bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
+    bodies |= {k.name: composed_body(f"{robot}_", k, by_name) for k in composed}
     factors = {name for kernel in kernels for name in kernel.factors}
     # Products need the structure of their factors, even of those without vector code.
     forms = {k.name: tile_program(k) for k in whole if not k.rare or k.name in factors}
@@ -114,19 +114,24 @@ def compositions(kernels: Kernels) -> list[Kernel]:
 
     A kernel whose parts are not all in the catalogue is written out instead, and is not returned.
     """
-    return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
+    return [k for k in kernels.values() if is_composed(k, kernels)]
 
 
-def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
-    """C statements of a composition for one sample."""
+def is_composed(kernel: Kernel, kernels: Kernels) -> bool:
+    """Whether a kernel is calls of others."""
+    return bool(kernel.through) and kernels.keys() >= set(kernel.through)
+
+
+def composed_body(prefix: str, kernel: Kernel, kernels: Kernels) -> list[str]:
+    """C statements of a composition for one sample; a prefix of names is that of the robot."""
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]
     words = [*_state(last), image.name, *(a.name for a in kernel.outputs)]
     return [
         *([f"double {image.name}[{image.size}];"] if maps else []),
         *(f"static const double {a.name}[{a.size}] = {{0}};" for a in _missing(kernel, last)),
-        *_images(robot, kernel, maps, image.name),
-        f"{robot}_{last.name}({', '.join(words)});",
+        *_images(prefix, kernel, maps, image.name),
+        f"{prefix}{last.name}({', '.join(words)});",
     ]
 
 
@@ -146,7 +151,7 @@ def _composed_program(
     outputs = zip(kernel.outputs, last.outputs, strict=True)
     return TileProgram(
         [
-            *_images(robot, kernel, maps, "u"),
+            *_images(f"{robot}_", kernel, maps, "u"),
             f"{robot}_{last.name}_prepare({image}, {rest});",
         ],
         size + inner.uniform,
@@ -170,7 +175,7 @@ def _missing(kernel: Kernel, last: Kernel) -> list[Argument]:
     return [a for a in last.inputs[:-1] if a.name not in available]
 
 
-def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
+def _images(prefix: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
     """Calls of the maps, one after the other; maps of one link are called link by link."""
     lines = list[str]()
     given = kernel.inputs[-1].name
@@ -182,12 +187,12 @@ def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[s
         else:
             lines.append(f"double {target}[{count * result.size}];")
         if count == 1:
-            lines.append(f"{robot}_{one.name}({given}, {target});")
+            lines.append(f"{prefix}{one.name}({given}, {target});")
         else:
             at, to = f"{given} + link * {source.size}", f"{target} + link * {result.size}"
             lines += [
                 f"for (int link = 0; link < {count}; ++link) {{",
-                f"    {robot}_{one.name}({at}, {to});",
+                f"    {prefix}{one.name}({at}, {to});",
                 "}",
             ]
         given = target

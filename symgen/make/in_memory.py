@@ -1,9 +1,18 @@
-"""Build of a robot in memory: a `pinocchio.Model`, a `mujoco.MjSpec` or the text of a file."""
+"""Build of a robot in memory: a `pinocchio.Model`, a `mujoco.MjSpec` or the text of a file.
+
+A `pinocchio.Model` becomes a URDF of one link per joint, with all bodies that Pinocchio has fixed
+to it. The link of a joint has the name of its first body frame. A free flyer at the root is the
+free base. Other frames, rotors and friction are left out.
+"""
 
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+import pinocchio
 
 from symgen.chain import ChainOptions
 from symgen.errors import BuildError
@@ -12,9 +21,12 @@ from symgen.make.compiler import levels_of_processor
 from symgen.make.pipeline import BuildResult
 from symgen.make.pipeline import build as build_request
 from symgen.make.request import BuildRequest
-from symgen.sources import Source, read_source, split_by_use
+from symgen.sources import Source, read_source, with_springs_of_file
 from symgen.sources.mjcf import robot_of_compiled
-from symgen.sources.pinocchio_model import urdf_of_model
+from symgen.sources.urdf_elements import add_inertial, add_joint, words
+
+UNLIMITED = 1e9
+"""Limits from here on are none: libraries write the largest number."""
 
 
 def build(
@@ -72,9 +84,54 @@ def build(
             "expected a pinocchio.Model, a mujoco.MjSpec or the text of a URDF, MJCF or SDF file, "
             f"got {model!r:.60}"
         )
-    of_file = tuple(s for s in mechanism.spring if s not in chosen.mechanism.spring)
-    kept, _ = split_by_use(urdf, replace(chosen, mechanism=mechanism), of_file)
-    stated = tuple(s for s in mechanism.spring if s not in of_file)
-    chosen = replace(chosen, mechanism=mechanism.replace(spring=(*stated, *kept)))
+    chosen = with_springs_of_file(urdf, chosen, mechanism, notes.append)
     done = build_request(BuildRequest(name, urdf, chosen), Path(out), force, levels_of_processor())
     return replace(done, notes=(*notes, *done.notes))
+
+
+def urdf_of_model(model: Any) -> tuple[str, bool]:
+    """Text of the URDF of a `pinocchio.Model`, and whether its base is free."""
+    floats = model.njoints > 1 and model.joints[1].shortname() == "JointModelFreeFlyer"
+    base, links, data = int(floats), _links(model), model.createData()
+    pinocchio.forwardKinematics(model, data, pinocchio.neutral(model), np.zeros(model.nv))
+    robot = Element("robot", {"name": model.name or "robot"})
+    for k in range(base, model.njoints):
+        link, body = SubElement(robot, "link", {"name": links[k]}), model.inertias[k]
+        if body.mass > 0:
+            add_inertial(link, body.mass, body.lever, body.inertia)
+    for k in range(base + 1, model.njoints):
+        if model.joints[k].nv != 1 or model.parents[k] < base:
+            raise BuildError(
+                f"expected joints of one axis behind the root, got '{model.names[k]}' "
+                f"({model.joints[k].shortname()}); give several joints of one axis for it"
+            )
+        axis = np.ravel(data.joints[k].S)
+        _joint_of_model(robot, model, k, (links[model.parents[k]], links[k]), axis)
+    indent(robot, space="  ")
+    return tostring(robot, "unicode") + "\n", floats
+
+
+def _links(model: Any) -> list[str]:
+    """Names of the links of all joints, the world's first."""
+    names: dict[int, str] = {}
+    for frame in model.frames:
+        if frame.type == pinocchio.FrameType.BODY:
+            names.setdefault(frame.parentJoint, frame.name)
+    return [names.get(k, f"{name}_link") for k, name in enumerate(model.names)]
+
+
+def _joint_of_model(
+    robot: Element, model: Any, k: int, ends: tuple[str, str], axis: np.ndarray
+) -> None:
+    joint, place = model.joints[k], model.jointPlacements[k]
+    slides = not axis[3:].any()
+    limits = {"effort": model.upperEffortLimit, "velocity": model.upperVelocityLimit}
+    values = {key: limit[joint.idx_v] for key, limit in limits.items()}
+    if joint.nq == 1:  # the two coordinates of a continuous joint are cos q and sin q
+        values["lower"] = model.lowerPositionLimit[joint.idx_q]
+        values["upper"] = model.upperPositionLimit[joint.idx_q]
+    finite = {key: words(x) for key, x in values.items() if abs(x) < UNLIMITED}
+    kind = "prismatic" if slides else "revolute" if "lower" in finite else "continuous"
+    element = add_joint(robot, model.names[k], kind, *ends, place.translation, place.rotation)
+    SubElement(element, "axis", {"xyz": words(axis[:3] if slides else axis[3:])})
+    SubElement(element, "limit", {"effort": "0", "velocity": "0"} | finite)  # 0: not given

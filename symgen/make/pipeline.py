@@ -26,8 +26,7 @@ from runtime.common.user_builds import is_user_build, record_build
 from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
-from symgen.emit.controller import controller_files
-from symgen.emit.files import Early, EmittedRobot, emit, ignored
+from symgen.emit.files import Early, EmittedRobot, controller_files, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make import VERSION

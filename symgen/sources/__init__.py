@@ -30,10 +30,17 @@ from symgen.errors import BuildError
 from symgen.ros.packages import Packages, expanded
 from symgen.sources.mjcf import robot_from_mjcf
 from symgen.sources.sdf import robot_from_sdf
-from symgen.sources.springs import merged, split_by_use
+from symgen.sources.springs import merged, with_springs_of_file
 from symgen.sources.tree import robot_tree
 
-__all__ = ["Packages", "Source", "published_urdf", "read_source", "split_by_use", "urdf_text"]
+__all__ = [
+    "Packages",
+    "Source",
+    "published_urdf",
+    "read_source",
+    "urdf_text",
+    "with_springs_of_file",
+]
 
 _ROBOTS = "share/example-robot-data/robots/"
 

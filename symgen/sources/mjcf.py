@@ -29,6 +29,7 @@ from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import compile_mjcf
 from symgen.sources.springs import springs_of_mjcf
+from symgen.sources.urdf_elements import add_inertial, add_joint, words
 
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
@@ -185,8 +186,8 @@ def _add_body(
         name = model.joint(k).name or f"joint_{k}"
         kind = int(model.jnt_type[k])
         if kind == int(mujoco.mjtJoint.mjJNT_FREE) and parent == 0:
-            joint = _add_fixed(robot, name, above, names[body], place, rotation)
-            joint.set("type", "floating")  # --floating --base BODY builds a free base
+            # --floating --base BODY builds a free base
+            add_joint(robot, name, "floating", above, names[body], place, rotation)
             continue
         slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
         ball = kind == int(mujoco.mjtJoint.mjJNT_BALL)
@@ -201,23 +202,22 @@ def _add_body(
         else:
             rotation = rotation @ pinocchio.AngleAxis(-ref, axis).toRotationMatrix()
         if ball:  # `chain` refuses it unless it is locked or cut off
-            _add_fixed(robot, name, above, link, at, rotation).set("type", "spherical")
+            add_joint(robot, name, "spherical", above, link, at, rotation)
         else:
             _add_joint(robot, model, k, name, above, link, at, rotation, slides)
         above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
         if not last:
-            SubElement(robot, "link", {"name": link}).append(
-                _inertial(SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
-            )
+            speck = SubElement(robot, "link", {"name": link})
+            add_inertial(speck, SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
     if not count:
-        _add_fixed(robot, f"{names[body]}_mount", above, names[body], place, rotation)
+        add_joint(robot, f"{names[body]}_mount", "fixed", above, names[body], place, rotation)
     shifts[body] = anchor
     element = SubElement(robot, "link", {"name": names[body]})
     mass = float(model.body_mass[body])
     if mass > 0:
         turn = _matrix(mujoco, model.body_iquat[body])
         inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
-        element.append(_inertial(mass, model.body_ipos[body] - anchor, inertia))
+        add_inertial(element, mass, model.body_ipos[body] - anchor, inertia)
 
 
 def _add_joint(
@@ -233,9 +233,8 @@ def _add_joint(
 ) -> None:
     limited = bool(model.jnt_limited[k])
     kind = "prismatic" if slides else "revolute" if limited else "continuous"
-    joint = _add_fixed(robot, name, parent, child, at, rotation)
-    joint.set("type", kind)
-    SubElement(joint, "axis", {"xyz": _words(model.jnt_axis[k])})
+    joint = add_joint(robot, name, kind, parent, child, at, rotation)
+    SubElement(joint, "axis", {"xyz": words(model.jnt_axis[k])})
     if limited:
         lower, upper = (f"{float(x):.17g}" for x in model.jnt_range[k])
         effort = model.jnt_actfrcrange[k][1] if model.jnt_actfrclimited[k] else 0.0
@@ -245,17 +244,6 @@ def _add_joint(
     damping, dry = float(np.min(model.dof_damping[dof])), float(model.dof_frictionloss[dof])
     if damping or dry:
         SubElement(joint, "dynamics", {"damping": f"{damping:.17g}", "friction": f"{dry:.17g}"})
-
-
-def _add_fixed(
-    robot: Element, name: str, parent: str, child: str, at: np.ndarray, rotation: np.ndarray
-) -> Element:
-    joint = SubElement(robot, "joint", {"name": name, "type": "fixed"})
-    rpy = pinocchio.rpy.matrixToRpy(rotation)
-    SubElement(joint, "origin", {"xyz": _words(at), "rpy": _words(rpy)})
-    SubElement(joint, "parent", {"link": parent})
-    SubElement(joint, "child", {"link": child})
-    return joint
 
 
 def _coupling(model: Any, k: int) -> CouplingRow:
@@ -316,24 +304,10 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
     )
 
 
-def _inertial(mass: float, com: np.ndarray, inertia: np.ndarray) -> Element:
-    element = Element("inertial")
-    SubElement(element, "origin", {"xyz": _words(com)})
-    SubElement(element, "mass", {"value": f"{mass:.17g}"})
-    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = inertia[np.triu_indices(3)]
-    SubElement(element, "inertia", {k: f"{v:.17g}" for k, v in zip(keys, values, strict=True)})
-    return element
-
-
 def _matrix(mujoco: Any, quaternion: Any) -> np.ndarray:
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
     return matrix.reshape(3, 3)
-
-
-def _words(values: Any) -> str:
-    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))
 
 
 def loop_of_equality(

@@ -21,6 +21,7 @@ from symgen.chain.mechanism import Loop, Mechanism, Spring
 from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
 from symgen.sources.springs import spring_of_sdf
+from symgen.sources.urdf_elements import add_joint, add_origin, words
 
 _MODEL = "__model__"
 _FAR = 0.05
@@ -203,7 +204,7 @@ def _require_link(
 def _add_inertial(element: Element, inertial: Element, link: pinocchio.SE3, name: str) -> None:
     place = link * pose_of(inertial, name)
     node = SubElement(element, "inertial")
-    _add_origin(node, place)
+    add_origin(node, place.translation, place.rotation)
     mass = inertial.findtext("mass", "1.0").strip()
     SubElement(node, "mass", {"value": f"{numbers(mass, 1, f'link {name}: mass')[0]:.17g}"})
     entries = {}
@@ -228,14 +229,12 @@ def _add_joint(
             f"joint '{name}' is of the type '{kind}'; revolute, continuous, prismatic and fixed "
             "joints can be modelled, others only as <loop_joint>"
         )
-    element = SubElement(robot, "joint", {"name": name, "type": kind})
-    _add_origin(element, places[parent].inverse() * places[child])
-    SubElement(element, "parent", {"link": parent})
-    SubElement(element, "child", {"link": child})
+    place = places[parent].inverse() * places[child]
+    element = add_joint(robot, name, kind, parent, child, place.translation, place.rotation)
     if kind == "fixed":
         return
     axis = joint.find("axis")
-    SubElement(element, "axis", {"xyz": _words(frames.axis(joint))})
+    SubElement(element, "axis", {"xyz": words(frames.axis(joint))})
     limits = {}
     for key in ("lower", "upper", "effort", "velocity"):
         word = None if axis is None else axis.findtext(f"limit/{key}")
@@ -253,8 +252,8 @@ def _add_joint(
         for key in ("damping", "friction")
     )
     if damping or friction:
-        words = {"damping": f"{damping:.17g}", "friction": f"{friction:.17g}"}
-        SubElement(element, "dynamics", words)
+        dynamics = {"damping": words(damping), "friction": words(friction)}
+        SubElement(element, "dynamics", dynamics)
 
 
 def _mimic(joint: Element) -> list[CouplingRow]:
@@ -296,15 +295,6 @@ def _loop(joint: Element, places: dict[str, pinocchio.SE3], frames: Frames, wher
         tuple(frames.axis(joint).tolist()) if kind in {"revolute", "prismatic"} else (0.0, 0.0, 1.0)
     )
     return Loop(parent, child, tuple(a), tuple(r_a), tuple(c), tuple(r_c), kind, axis)
-
-
-def _add_origin(element: Element, place: pinocchio.SE3) -> None:
-    rpy = pinocchio.rpy.matrixToRpy(place.rotation)
-    SubElement(element, "origin", {"xyz": _words(place.translation), "rpy": _words(rpy)})
-
-
-def _words(values: np.ndarray) -> str:
-    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))
 
 
 def pose_of(element: Element, name: str) -> pinocchio.SE3:

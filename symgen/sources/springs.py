@@ -7,6 +7,8 @@ A [[spring]] of the same joints in a mechanism file takes the place of that of t
 springs between sites, one of the same name.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -14,7 +16,7 @@ import numpy as np
 
 from symgen.chain import ChainOptions, moving_joints
 from symgen.chain.document import numbers
-from symgen.chain.mechanism import Spring
+from symgen.chain.mechanism import Mechanism, Spring
 from symgen.errors import BuildError
 
 _SAME = 1e-12
@@ -73,35 +75,46 @@ def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spr
     return tuple(springs)
 
 
-def split_by_use(
-    text: str, options: ChainOptions, springs: tuple[Spring, ...]
-) -> tuple[tuple[Spring, ...], tuple[Spring, ...]]:
-    """Springs of a robot file that a build takes, and those it leaves out.
+def with_springs_of_file(
+    text: str, options: ChainOptions, mechanism: Mechanism, note: Callable[[str], None]
+) -> ChainOptions:
+    """Options with the mechanism of a robot file and those of its springs that a build takes.
 
     A free base takes no springs. A spring along locked joints alone, or along one that is cut off,
     does not act on the others. Locked joints of another one move its rest: Σ of[m] x_m − rest.
 
     Args:
         text: URDF.
-        options: changes to the robot.
-        springs: those of the file.
+        options: changes to the robot, with the springs that are stated beside the file.
+        mechanism: of the file and of the options.
+        note: receives sentences on the springs of the file.
 
     Returns:
-        Springs that are kept, along joints that move, and the others.
+        The options of the build.
     """
-    if options.floating or not springs:
-        return (), springs
-    joints = set(moving_joints(text, options))
+    stated = tuple(s for s in mechanism.spring if s in options.mechanism.spring)
+    of_file = tuple(s for s in mechanism.spring if s not in stated)
+    options = replace(options, mechanism=mechanism)
+    joints = set(moving_joints(text, options)) if of_file and not options.floating else None
     kept, left = [], []
-    for spring in springs:
-        locked = spring.of.keys() - joints
-        if spring.of and (locked == spring.of.keys() or not locked <= options.locks.keys()):
-            left.append(spring)
+    for spring in of_file:
+        locked = set() if joints is None else spring.of.keys() - joints
+        if joints is None or (
+            spring.of and (locked == spring.of.keys() or not locked <= options.locks.keys())
+        ):
+            left.append(spring.name)
             continue
         moved = sum(spring.of[name] * options.locks[name] for name in sorted(locked))
         of = {name: factor for name, factor in spring.of.items() if name in joints}
         kept.append(spring.replace(of=of, rest=spring.rest - moved))
-    return tuple(kept), tuple(left)
+    known = [
+        f"{s.name} ({s.stiffness:g}, rest {s.rest:g})" for s in kept if s.stiffness is not None
+    ]
+    if known:
+        note(f"springs of the file, whose torque counts as known: {', '.join(known)}")
+    if left:
+        note(f"springs of the file that are left out: {', '.join(left)}")
+    return replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
 
 
 def _of_tendon(

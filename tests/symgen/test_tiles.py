@@ -42,7 +42,7 @@ def batch(
     """The C function itself; what it leaves alone stays -7."""
     outputs = lib.manifest.kernels[kernel].outputs
     out = [np.full(a.size if a.summed else (n, a.size), -7.0) for a in outputs]
-    dll = lib._binding._dll
+    dll = lib.binding._dll
     pairs = [
         item
         for x, step in zip(inputs, steps, strict=True)
@@ -133,7 +133,7 @@ def test_tiles_in_place_equal_batches(robot, name, count):
         ]
         stored = [in_tiles(sines_of(x)) for x in inputs[:1]]
         for level in levels_here(lib):
-            function = ctypes.CDLL(lib._binding._dll._name)[f"{lib.name}_{level}_{kernel}_tiles"]
+            function = ctypes.CDLL(lib.binding._dll._name)[f"{lib.name}_{level}_{kernel}_tiles"]
             for sc in ([None], [ctypes.c_void_p(stored[0].ctypes.data)]):
                 out = [np.zeros((count, a.size, 8)) for a in facts.outputs]
                 pointers = [ctypes.c_void_p(x.ctypes.data) for x in (*tiled, *out)]
@@ -159,7 +159,7 @@ def test_rows_that_are_not_filled_are_not_written(robot, name):
     inputs = arguments_of(lib, 8)["base_regressor"]
     (wanted,) = batch(lib, "casadi", "base_regressor", inputs, [lib.n_joints] * 3, 8)
     out = np.full((1, wanted.shape[1], 8), -7.0)
-    function = ctypes.CDLL(lib._binding._dll._name)[f"{lib.name}_portable_base_regressor_tiles"]
+    function = ctypes.CDLL(lib.binding._dll._name)[f"{lib.name}_portable_base_regressor_tiles"]
     tiled = [in_tiles(x) for x in inputs]
     pointers = [ctypes.c_void_p(x.ctypes.data) for x in (*tiled, out)]
     function(ctypes.c_long(1), None, *pointers)

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import ExportError
-from runtime.identification.identified import Identification
-from runtime.identification.result_file import saved_of
-from runtime.identification.saved_result import SavedResult, require_model
-from runtime.library import Library, load, require_library
+from runtime.identification.result_file import AnyResult, opened
+from runtime.library import Library
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.engines import mujoco, pinocchio
 from runtime.outputs.model_files.engines.answer import Unreadable
@@ -26,14 +24,12 @@ from runtime.outputs.model_files.export_format import (
 )
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 
-Result = SavedResult | Identification | str | os.PathLike[str]
-"""What the doors take; a path is read by `read_result`."""
 STATES = 20
 """Random states at which the model is compared with the library."""
 MISSING = "expected {} to be installed, found none; run: {}"
 
 
-def to_pinocchio(result: Result, lib: Library | None = None) -> Any:
+def to_pinocchio(result: AnyResult, lib: Library | None = None) -> Any:
     """Identified model as a `pinocchio.Model`, compared with the library at 20 random states.
 
     `inertias[i]` is the link that joint i moves, together with every link that is fixed to it;
@@ -74,7 +70,7 @@ def to_pinocchio(result: Result, lib: Library | None = None) -> Any:
     return model
 
 
-def to_mujoco(result: Result, lib: Library | None = None) -> Any:
+def to_mujoco(result: AnyResult, lib: Library | None = None) -> Any:
     """Identified model as a `mujoco.MjSpec`, compared with the library at 20 random states.
 
     Bodies are the links, fixed ones included, with the inertials of `export --to mjcf`: a fixed
@@ -102,7 +98,7 @@ def to_mujoco(result: Result, lib: Library | None = None) -> Any:
 
 
 def export(
-    result: Result,
+    result: AnyResult,
     folder: str | os.PathLike[str],
     to: str | Sequence[str] | None = None,
     lib: Library | None = None,
@@ -128,7 +124,7 @@ def export(
     if not isinstance(folder, str | os.PathLike):
         raise ExportError(f"expected a folder for the files, got {folder!r:.60}")
     kinds = to.split(",") if isinstance(to, str) else usual_formats() if to is None else to
-    lib, saved = _opened(result, lib)
+    saved, lib, _ = opened(result, lib, same_bodies=True)
     return export_model(
         lib,
         saved.pi,
@@ -141,21 +137,11 @@ def export(
     )
 
 
-def _opened(result: Result, lib: Library | None) -> tuple[Library, SavedResult]:
-    """Library and parameters of a result of any kind."""
-    saved = saved_of(result)
-    if lib is None:
-        lib = result.lib if isinstance(result, Identification) else load(saved.robot)
-    require_library(lib)
-    require_model(saved, lib, f"the result of {saved.robot}", same_bodies=True)
-    return lib, saved
-
-
-def _checked(result: Result, lib: Library | None, kind: str) -> tuple[str, IdentifiedModel]:
+def _checked(result: AnyResult, lib: Library | None, kind: str) -> tuple[str, IdentifiedModel]:
     """Text of a format, reloaded and compared, and its model."""
     chosen = EXPORT_FORMATS[kind]
     try:
-        lib, saved = _opened(result, lib)
+        saved, lib, _ = opened(result, lib, same_bodies=True)
         drives = drives_of(saved.record)
         terms, phi = saved.friction, saved.phi
         model = make_model(lib, saved.pi, terms, phi, states=STATES, drives=drives)

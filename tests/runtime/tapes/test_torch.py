@@ -104,7 +104,7 @@ def test_single_precision_and_messages(fr3: Library) -> None:
         ShapeError, match=r"dq of 'fr3' needs the shape \(\.\.\., 7\), got \(3, 6\)"
     ):
         on_tape.bias(q, dq[:, :6])
-    with pytest.raises(ShapeError, match=r"q needs a tensor of numbers, got 'home'"):
+    with pytest.raises(ShapeError, match=r"q needs an array of numbers, got 'home'"):
         on_tape.gravity("home")
     with pytest.raises(ShapeError, match=r"q needs float64 or float32, got torch\.int64"):
         on_tape.gravity(torch.zeros(7, dtype=torch.int64))

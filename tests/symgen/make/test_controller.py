@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.library import load
-from symgen.emit.controller import controller_files
+from symgen.emit.files import controller_files
 from symgen.errors import BuildError
 from symgen.make.pipeline import write_controller
 from symgen.make.request import BuildRequest

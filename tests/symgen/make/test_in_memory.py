@@ -12,10 +12,10 @@ import symgen
 from symgen.chain import read_chain
 from symgen.errors import BuildError
 from symgen.make import in_memory
+from symgen.make.in_memory import urdf_of_model
 from symgen.make.pipeline import BuildResult
 from symgen.make.request import BuildRequest
 from symgen.sources import Source, read_source
-from symgen.sources.pinocchio_model import urdf_of_model
 from tests.robots import DATA
 
 JOINTS: dict[str, Callable[[], object]] = {

@@ -1,14 +1,18 @@
 """Functions for CasADi with identified π: a serialised file, and C with CasADi's own ABI.
 
 Inverse and forward dynamics, mass matrix, bias forces, gravity and end effector without friction,
-`friction` and `torque` of rigid bodies, rotors and friction.
+`friction` and `torque` of rigid bodies, rotors and friction. They are written and read again by a
+process of symgen.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
 
+import numpy as np
+
+from runtime.common.child import ExceededError, Limits, answer_of
 from runtime.errors import ExportError
-from runtime.outputs.model_files.engines import casadi
 from runtime.outputs.model_files.engines.answer import random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import comment_text
@@ -20,6 +24,9 @@ from runtime.recording.settings import JointMotion
 
 OF_SPEED = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
 """Friction columns that the functions have, beside the inertia of rotors."""
+WRITER = "symgen.make.casadi_files"
+LIMITS = Limits(seconds=600, patience=900.0, memory=8 * 2**30, file=2**28)
+"""Of the process; a robot of 30 joints takes a minute."""
 
 
 def casadi_texts(model: IdentifiedModel) -> dict[str, str]:
@@ -40,14 +47,25 @@ def casadi_texts(model: IdentifiedModel) -> dict[str, str]:
         "widths": widths,
         "head": f"/*\n{lines} */\n",
     }
-    return casadi.written(job)
+    if find_spec("casadi") is None or find_spec("symgen") is None:
+        raise ExportError(
+            "not written: expected CasADi, found none; run: pip install 'symgen[build]'"
+        )
+    try:
+        texts: dict[str, str] = answer_of(WRITER, job, LIMITS)
+    except ExceededError as error:
+        raise ExportError(f"not written: the functions take more than {error}") from None
+    if "error" in texts:
+        raise ExportError(f"not written: {texts['error']}")
+    return texts
 
 
 def check_casadi(model: IdentifiedModel, texts: Mapping[str, str]) -> str:
     """Read the serialised file; `torque` must be that of the library and its friction columns."""
     lib, joints = model.lib, model.friction
     q, dq, ddq = random_states(lib, model.states)
-    read = casadi.torques(texts[f"{lib.name}_identified.casadi"], q, dq, ddq)
+    text, motion = texts[f"{lib.name}_identified.casadi"], [x.T.tolist() for x in (q, dq, ddq)]
+    read = np.transpose(answer_of(WRITER, {"text": text, "motion": motion}, LIMITS)["tau"])
     expected = lib.inverse_dynamics(q, dq, ddq, model.pi) + joints.filled("armature") * ddq
     kept = [k for k, name in enumerate(joints.terms.columns) if name in OF_SPEED]
     if joints.values is not None and kept:

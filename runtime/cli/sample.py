@@ -119,5 +119,5 @@ def sample_command(given: SampleSettings) -> None:
         notes = (*notes, THICKENED.format(", ".join(raised)))
     for note in notes:
         say(f"note: {note}")
-    names = [path.name for path in randomiser_paths(folder, randomisers)]
-    say(f"files: {', '.join([str(folder / TABLE), *names])}")
+    written = [path.name for path in randomiser_paths(folder, randomisers)]
+    say(f"files: {', '.join([str(folder / TABLE), *written])}")

@@ -105,8 +105,8 @@ def device_code(
 def _use(log: str, symbols: dict[str, str]) -> tuple[dict[str, int], dict[str, int]]:
     """Registers and spilled bytes per kernel from the assembler's log."""
     blocks = {k: _LISTED.search(log.partition(f"'{symbol}'")[2]) for k, symbol in symbols.items()}
-    found = [(k, block.groups()) for k, block in blocks.items() if block is not None]
-    return {k: int(used) for k, (_, used) in found}, {k: int(spilt) for k, (spilt, _) in found}
+    uses = [(k, block.groups()) for k, block in blocks.items() if block is not None]
+    return {k: int(used) for k, (_, used) in uses}, {k: int(spilt) for k, (spilt, _) in uses}
 
 
 def _bytes(nvrtc: Any, what: str, program: ctypes.c_void_p) -> bytes:

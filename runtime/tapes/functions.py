@@ -241,7 +241,7 @@ def torch(lib: Library) -> TapeFunctions:
     Raises:
         LibraryError: torch is not installed, or the argument is no library.
     """
-    return _functions("torch", lib)
+    return _functions("torch", "runtime.tapes.torch_functions", lib)
 
 
 def jax(lib: Library) -> TapeFunctions:
@@ -257,13 +257,13 @@ def jax(lib: Library) -> TapeFunctions:
     Raises:
         LibraryError: JAX is not installed, or the argument is no library.
     """
-    return _functions("jax", lib)
+    return _functions("jax", "runtime.tapes.jax_functions", lib)
 
 
-def _functions(name: str, lib: Library) -> TapeFunctions:
+def _functions(name: str, module: str, lib: Library) -> TapeFunctions:
     if importlib.util.find_spec(name) is None:
         raise LibraryError(
             f"expected {name} to be installed, found none; run: pip install 'symgen[{name}]'"
         )
-    functions: TapeFunctions = import_module(f"runtime.tapes.{name}_functions").Functions(lib)
+    functions: TapeFunctions = import_module(module).Functions(lib)
     return functions

@@ -48,6 +48,10 @@ class Functions(TapeFunctions):
         given = isinstance(value, jax.Array)
         return value if given else jnp.asarray(np.asarray(value, dtype=float))
 
+    def _constant(self, name: str, like: jax.Array) -> jax.Array:
+        with jax.ensure_compile_time_eval():  # what is kept must not be a tracer of this call
+            return super()._constant(name, like)
+
     def _call(self, kernel: str, *values: jax.Array) -> jax.Array:
         self.lib.binding.kernel(kernel)  # names what to use instead
         return self._recorded[kernel](*values)

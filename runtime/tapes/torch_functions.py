@@ -37,6 +37,9 @@ class Functions(TapeFunctions):
         super().__init__(lib)
         self.key = f"{lib.manifest.model_hash[:16]}_{lib.level}"
         LIBRARIES.setdefault(self.key, self)
+        for dtype in (torch.float64, torch.float32):  # torch.compile makes no arrays of NumPy
+            for name in ("pi0", "base_matrix", "zeros", "ones"):
+                self._constant(name, torch.empty(0, dtype=dtype, device="cpu"))
 
     def _here(self, name: str, value: Any) -> torch.Tensor:
         if not isinstance(value, torch.Tensor):

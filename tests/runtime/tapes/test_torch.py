@@ -71,6 +71,9 @@ def test_transforms(fr3: Library) -> None:
     def cost(q: "torch.Tensor", pi: "torch.Tensor") -> "torch.Tensor":
         return on_tape.forward_dynamics(q, dq, tau, pi).square().sum()
 
+    fresh = runtime.torch(fr3)  # not called before it is compiled
+    still = torch.compile(fresh.gravity, fullgraph=True, backend="aot_eager")
+    assert torch.equal(still(q), on_tape.gravity(q))
     compiled = torch.compile(cost, fullgraph=True, backend="aot_eager")
     slopes = []
     for function in (cost, compiled):

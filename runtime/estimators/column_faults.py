@@ -36,8 +36,9 @@ EVIDENCE = 1.0
 of real arms reach 0.9, at a wrist whose torque is mostly the ripple of its sensor."""
 GOOD = 0.3
 """ρ that every joint of the fault must reach: what the model does not explain accuses nobody."""
-ALIKE = 0.5
-"""E below that of the best fault up to which another fault is named beside it."""
+ALIKE, NEAR = 0.5, 0.1
+"""E below that of the best fault up to which another fault is named beside it; the same over its E
+where that is more: an exchange with a joint that hardly moves explains as much as a sign."""
 FLOOR = 1e-3
 """Least ρ: a fit below a thousandth is as good as any."""
 MOST = 4
@@ -97,13 +98,15 @@ def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
         ranked = sorted(table.faults(), key=lambda fault: -fault.evidence)
         ranked = [each for each in ranked if each.evidence >= EVIDENCE]
         # What a fault explains best whose joints remain unexplained accuses no other joint.
-        ranked = [each for each in ranked if each.evidence > ranked[0].evidence - ALIKE]
+        near = max(ALIKE, NEAR * ranked[0].evidence) if ranked else 0.0
+        ranked = [each for each in ranked if each.evidence > ranked[0].evidence - near]
         ranked = [each for each in ranked if table.without(each).explains(each.joints)]
         if not ranked:
             break
         best, table = ranked[0], table.without(ranked[0])
         named.append(best)
-        rivals.append(tuple(each for each in ranked[1:] if each.joints == best.joints))
+        alike = [each for each in ranked[1:] if each.evidence > best.evidence - ALIKE]
+        rivals.append(tuple(each for each in alike if each.joints == best.joints))
         if best.kind in {REVERSED, GRAVITY}:
             break
     # Undoing a fault f gains E_f; planting it loses as much.

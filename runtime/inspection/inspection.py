@@ -131,7 +131,7 @@ def inspect_log(
     else:
         findings.append(_of_poses(len(at_rest)))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
-    findings += motion.constant_velocity(checks.recording, lib)
+    checks.run(lambda r, p: motion.constant_velocity(r, p, lib))
     checks.run(lambda r, p: units.units(r, p, lib))
     checks.run(lambda r, p: motion.velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)

@@ -83,7 +83,7 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
             _merge_orders(checks, lib)
             terms = _with_rotors(checks, lib, terms)
             checks.run_on_torque(torque_signs.scale, lib, terms)
-            checks.run_on_torque(gravity.gravity, lib, terms)
+            _judge_reversal(checks, lib, terms)
         checks.findings += _placeholders(lib)
         preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
@@ -118,26 +118,45 @@ def _with_rotors(checks: CheckRun, lib: Library, terms: Friction) -> Friction:
     return replace(terms, columns=(*terms.columns, ROTOR.name))
 
 
+def _judge_reversal(checks: CheckRun, lib: Library, terms: Friction) -> None:
+    """Gravity against the sign of all torques; where that is silent, what the columns showed."""
+    common = [f for f in checks.findings if f.evidence.get("common")]
+    before = len(checks.findings)
+    checks.run_on_torque(gravity.gravity, lib, terms)
+    if any(f.kind in {"gravity", "torque_sign"} for f in checks.findings[before:]):
+        for each in common:
+            checks.findings.remove(each)
+    elif any(f.kind == "torque_sign" for f in common):
+        checks.run(lambda _, plan: (gravity.negated(plan), []))
+
+
 def _merge_orders(checks: CheckRun, lib: Library) -> None:
-    """One finding where all signals were put into another order, and the torque back again."""
-    kinds = {f.kind: f for f in checks.findings if f.kind in {"joint_order", "torque_order"}}
+    """One finding where all signals were put into another order, and one of them back again."""
+    kinds = {f.kind: f for f in checks.findings if f.kind.endswith("_order")}
     torque, position = checks.plan.torque, checks.plan.position
-    if len(kinds) < 2 or torque is None or position is None or not position.order:
+    if "joint_order" not in kinds or torque is None or position is None:
         return
-    if torque.order != tuple(range(lib.n_joints)):
+    usual = tuple(range(lib.n_joints))
+    if torque.order == usual and position.order:
+        kind, again, order = "position_order", "torque_order", list(position.order)
+        what, where = "positions and velocities", "[position] and [velocity]"
+        others = "torques, whose order is right"
+    elif position.order == usual and torque.order:
+        kind, again, order = "torque_order", "position_order", list(torque.order)
+        what, where, others = "torques", "[torque]", "positions, whose order is right"
+    else:
         return
-    order = list(position.order)
+    if again not in kinds:
+        return
     moved = [j for j, column in enumerate(order) if column != j]
     sentence = (
-        f"the positions and velocities of {joint_list(lib.joint_names, moved)} are exchanged: in "
-        f"the order {', '.join(map(str, order))} (counted from 0) they fit limits, gravity and the "
-        f"torques, whose order is right; compare with the logger, and set order = {order} under "
-        "[position] and [velocity]"
+        f"the {what} of {joint_list(lib.joint_names, moved)} are exchanged: in the order "
+        f"{', '.join(map(str, order))} (counted from 0) they fit limits, gravity and the {others}; "
+        f"compare with the logger, and set order = {order} under {where}"
     )
-    evidence = {"joints": moved, "order": order}
     first = checks.findings.index(kinds["joint_order"])
-    checks.findings[first] = Finding("position_order", WARNING, sentence, evidence)
-    checks.findings.remove(kinds["torque_order"])
+    checks.findings.remove(kinds[again])
+    checks.findings[first] = Finding(kind, WARNING, sentence, {"joints": moved, "order": order})
 
 
 def check_commanded(checks: CheckRun, lib: Library) -> None:
@@ -208,7 +227,9 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     late = (
         []
         if computed or any(f.level == WARNING for f in gain)
-        else torque_delay.delay(torque_rows, matrix, checks.plan, has_gains=checks.has_gains)
+        else torque_delay.delay(
+            checks.recording, lib, checks.plan, terms, has_gains=checks.has_gains
+        )
     )
     if any(finding.kind == "time_shift" for finding in late):
         shifted = replace(

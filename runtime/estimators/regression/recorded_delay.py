@@ -10,8 +10,11 @@ The profile is that of linear least squares at every delay:
     τ(t + δ) = W x + e,   L(δ) = Σ_j N_eff/2 · ln s_j²(δ),   s_j² the residual variance of joint j
 
 δ is the time by which the log stamps τ late (`Preparation.torque_delay_s`); a commanded torque that
-acts d later has δ = −d. N_eff is the effective sample size of the residuals. The interval holds all
-δ with L(δ) − L(δ̂) ≤ 1.92, half the 95 % quantile of χ² with one degree of freedom.
+acts d later has δ = −d. N_eff is the effective sample size of the residuals, with the scatter of
+the score dL/dδ between blocks (`model_error`). The interval holds all δ with L(δ) − L(δ̂) ≤ 1.92,
+half the 95 % quantile of χ² with one degree of freedom. Friction has a memory and lags behind the
+sign of dq, which looks like a delay of some 20 ms: rows of a measured torque near a reversal of a
+joint's speed are left out for that joint.
 Source: profile likelihood of Gaussian noise with unknown variances (Murphy & van der Vaart 2000).
 """
 
@@ -19,12 +22,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.posterior import posterior_of
-from runtime.estimators.regression.samples import NORMAL_95, samples_of
+from runtime.estimators.regression.model_error import scatter
+from runtime.estimators.regression.posterior import orthonormal
+from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.preprocessing import prepare
@@ -33,10 +38,10 @@ from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""
-FLAT_SHARE = 0.5
-"""Width of the 99.9 % interval over that of the range from which on the profile is flat."""
-ROWS = 900
-"""Number of rows of the profile: some hundred of them are independent."""
+FLAT_S = 0.09
+"""Width of the 99.9 % interval from which on the profile is flat [s]."""
+ROWS, COARSE_ROWS = 900, 300
+"""Rows of the profile, of which some hundred are independent, and of the coarse search."""
 FEWEST_ROWS = 100
 """Rows below which no delay is estimated."""
 STEP_S = 0.002
@@ -46,6 +51,9 @@ LATEST_S, EARLIEST_S = 0.15, 0.03
 measured torque on both sides."""
 CUTOFF_HZ, SHARE = 10.0, 0.2
 """Cut-off where the preparation has no filter [Hz], and the same over the rate of a slow log."""
+NEAR_S, SLIDING, LEAST_SHARE = 0.1, 0.1, 0.3
+"""Time around a reversal that is left out [s]; speed over the largest one of the joint below which
+friction may not slide; share of the rows that must remain, else all are used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,28 +64,21 @@ class DelayProfile:
     loss: Array  # L(δ) − min L, (M,); 1.92 at the ends of the interval
     best: float  # δ̂, least point of a parabola through the three lowest losses [s]
     interval: tuple[float, float]  # first and last δ within the interval [s]
-    variance: Array  # residual variance of every joint at every delay, (M, n) [(N·m)²]
+    # share of the squared residual at the delay of the preparation, else at none, that δ̂ removes:
+    # geometric mean of the joints
+    gain: float
 
     @property
     def is_flat(self) -> bool:
         """Whether the data do not determine a delay within the range."""
         # A delay that is determined has its 99.9 % interval within the delays tried.
         low, high = _interval(self.delays, self.loss, chdtri(1, 0.001) / 2)
-        is_cut = low <= self.delays[0] or high >= self.delays[-1]
-        return bool(is_cut or high - low > FLAT_SHARE * (self.delays[-1] - self.delays[0]))
+        return bool(low <= self.delays[0] or high >= self.delays[-1] or high - low > FLAT_S)
 
     @property
     def sigma(self) -> float:
         """Standard deviation whose 95 % interval is as wide as that of δ [s]."""
         return (self.interval[1] - self.interval[0]) / (2 * NORMAL_95)
-
-    @property
-    def gain(self) -> float:
-        """Share of the squared residual that δ̂ removes, geometric mean of the joints."""
-        zero, best = int(np.argmin(np.abs(self.delays))), int(np.argmin(self.loss))
-        used = (self.variance[zero] > 0) & (self.variance[best] > 0)
-        ratio = np.log(self.variance[best, used] / self.variance[zero, used])
-        return float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,17 +108,26 @@ def sign_of_delay(recording: Recording) -> float:
 
 
 def recorded_delay(
-    recording: Recording, lib: Library, preparation: Preparation, terms: Friction
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation,
+    terms: Friction,
+    reach_s: float = LATEST_S,
+    *,
+    has_gains: bool = True,
 ) -> RecordedDelay:
-    """Profile of the loss over the delay of a recording."""
-    whole = prepare(
-        recording.replace(columns=None, column_names=(), motors=None),
-        filtered(recording, preparation),
-        terms,
-        lib=lib,
-    )
+    """Profile of the loss over the delay of a recording.
+
+    reach_s: largest delay of a measured torque on both sides [s].
+    has_gains: False for a torque whose gains are unknown, so that joints share no parameters.
+    """
+    usual = filtered(recording, preparation)
+    if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency
+        usual = replace(usual, cutoff_hz=min(usual.cutoff_hz, SHARE * recording.rate_hz))
+    bare = recording.replace(columns=None, column_names=(), motors=None)
+    whole = prepare(bare, usual, terms, lib=lib)
     commanded = recording.torque_source == COMMANDED
-    first, last = (-LATEST_S, EARLIEST_S) if commanded else (-LATEST_S, LATEST_S)
+    first, last = (-LATEST_S, EARLIEST_S) if commanded else (-reach_s, reach_s)
     t = whole.t
     rows = np.flatnonzero((t + first >= t[0]) & (t + last <= t[-1]))
     rows = rows[:: max(1, len(rows) // ROWS)]
@@ -126,26 +136,51 @@ def recorded_delay(
             f"expected {FEWEST_ROWS} rows or more to estimate a delay, got {len(rows)}; record for "
             "longer, or give the delay in the recipe (torque_delay_s under [preparation])"
         )
-    samples = samples_of(whole, lib).rows(rows)
+    every = samples_of(whole, lib)
+    samples, tau = every.rows(rows), every.tau
     columns = samples.friction_rows()
     model = samples.rigid(lib, lib.pi0) if commanded else np.zeros_like(samples.tau)
+    used = np.ones_like(samples.tau)
     if not commanded:
-        columns = np.concatenate([samples.base_rows(lib), columns], axis=2)
-    tau = whole.required("tau")
+        springs = [lib.spring_columns(samples.q)] if lib.manifest.springs else []
+        columns = np.concatenate([samples.base_rows(lib), columns, *springs], axis=2)
+        used = _sliding(every.dq, whole.rate_hz)[rows]
+        used[:, used.mean(axis=0) <= LEAST_SHARE] = 1.0
 
-    def torque(delay: float) -> Array:
-        return interpolate(t[rows] + delay, t, tau) - model
+    known = stated_delay(preparation)
+
+    def fit_of(step: int) -> _Fit:
+        few, weight = slice(None, None, step), used[::step]
+
+        def torque(delay: float) -> Array:
+            return weight * (interpolate(t[rows[few]] + delay, t, tau) - model[few])
+
+        shown = columns[few] * weight[:, :, None]
+        return _Fit(samples.rows(few), shown, torque, known, weight.sum(axis=0), has_gains)
 
     # A coarse search of the whole range finds the valley, whose width is a quarter of the period.
     width = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
     width = STEP_S * float(np.ceil(max(width, 4 / recording.rate_hz) / STEP_S))
     if not commanded:
         tried = np.linspace(first, last, round(2 * (last - first) / width) + 1)
-        coarse = delay_profile(columns, torque, tried)
-        first, last = max(first, coarse.best - width), min(last, coarse.best + width)
+        coarse = fit_of(max(1, len(rows) // COARSE_ROWS)).profile(tried)
+        first, last = max(first, coarse.best - 2 * width), min(last, coarse.best + 2 * width)
     steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
     delays = np.array([STEP_S * k for k in steps])
-    return RecordedDelay(delay_profile(columns, torque, delays), sign_of_delay(recording))
+    return RecordedDelay(fit_of(1).profile(delays), sign_of_delay(recording))
+
+
+def stated_delay(preparation: Preparation) -> float:
+    """δ of a preparation [s], 0 for none; of delays per joint their mean."""
+    return float(np.mean(preparation.torque_delay_s or 0.0))
+
+
+def _sliding(dq: Array, rate_hz: float) -> Array:
+    """1 in rows and joints far from a reversal of the speed, else 0, (N, n)."""
+    slow = np.abs(dq) < SLIDING * np.abs(dq).max(axis=0)
+    width = 2 * round(NEAR_S * rate_hz) + 1
+    near = maximum_filter1d(slow.astype(np.uint8), width, axis=0, mode="nearest")
+    return np.asarray(1.0 - near)
 
 
 def filtered(recording: Recording, preparation: Preparation) -> Preparation:
@@ -161,37 +196,62 @@ def filtered(recording: Recording, preparation: Preparation) -> Preparation:
     return replace(usual, filter="butterworth", cutoff_hz=cutoff, max_gap_s=grid, trim_s=trim)
 
 
-def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) -> DelayProfile:
-    """Profile of the loss over the delay.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Linear least squares at every delay."""
 
-    rows (N, n, p), torque (N, n) [s], delays (M,) [s].
-    """
-    count, n, p = rows.shape
-    shifted = [torque(float(delay)) for delay in delays]
-    start = shifted[int(np.argmin(np.abs(delays)))]
-    scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
-    rests = shifted
-    best = 0
-    for _ in range(PASSES):
-        # Weighted orthonormal basis of the columns: one product per delay.
-        weighted = rows * scale[:, None]
-        left = weighted.reshape(count * n, p) @ posterior_of(weighted).root
-        rests = []
-        for tau in shifted:
-            target = (tau * scale).ravel()
-            rests.append(((target - left @ (left.T @ target)).reshape(count, n)) / scale)
-        variance = np.array([np.mean(rest**2, axis=0) for rest in rests])
-        floor = 1e-12 * float(np.mean(start**2)) + 1e-300
-        logs = np.log(np.maximum(variance, floor))
-        best = int(np.argmin(logs.sum(axis=1)))
-        scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
-    inflation = coloured_noise_of_rows(rows * scale[:, None], rests[best] * scale).inflation
-    loss = logs.sum(axis=1) * count / inflation / 2
-    loss = loss - loss.min()
-    middle = _vertex(delays, loss, best)
-    return DelayProfile(
-        delays, loss, middle, _interval(delays, loss, chdtri(1, 0.05) / 2), variance
-    )
+    samples: Samples
+    rows: Array  # W, (N, n, p)
+    torque: Callable[[float], Array]  # τ(t + δ) of a delay, (N, n)
+    known: float  # δ that the gain is relative to [s]
+    counts: Array  # number of rows of every joint that are not 0, (n,)
+    has_gains: bool
+
+    def profile(self, delays: Array) -> DelayProfile:
+        """Profile of the loss over delays (M,) [s]."""
+        n, p = self.rows.shape[1:]
+        shifted = [self.torque(float(delay)) for delay in (*delays, self.known)]
+        start = shifted[int(np.argmin(np.abs(delays)))]
+        scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
+        blocks = [list(range(n))] if self.has_gains else [[j] for j in range(n)]
+        best, rests = 0, shifted
+        for _ in range(PASSES):
+            # Weighted orthonormal basis of the columns: one product per delay.
+            weighted = self.rows * scale[:, None]
+            bases = [(block, orthonormal(weighted[:, block].reshape(-1, p))) for block in blocks]
+            rests = [self._rest(tau * scale, bases) / scale for tau in shifted]
+            variance = np.array([np.sum(rest**2, axis=0) / self.counts for rest in rests])
+            floor = 1e-12 * float(np.mean(start**2)) + 1e-300
+            logs = np.log(np.maximum(variance, floor))
+            best = int(np.argmin(logs[:-1] @ self.counts))
+            scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
+        rest = rests[best] * scale
+        level = coloured_noise_of_rows(self.rows * scale[:, None], rest).inflation
+        slope = (rests[min(best + 1, len(delays) - 1)] - rests[max(best - 1, 0)]) * scale
+        if slope.any():  # the score of δ scatters between blocks
+            slope /= np.linalg.norm(slope)
+            spread = scatter(self.samples, slope.reshape(-1, 1), rest, level)
+            level = max(level, float(spread[0, 0]))
+        losses = logs @ self.counts / level / 2
+        loss = losses[:-1] - losses[:-1].min()
+        used = (variance[best] > 0) & (variance[-1] > 0)
+        ratio = np.log(variance[best, used] / variance[-1, used])
+        return DelayProfile(
+            delays,
+            loss,
+            _vertex(delays, loss, best),
+            _interval(delays, loss, chdtri(1, 0.05) / 2),
+            float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0,
+        )
+
+    @staticmethod
+    def _rest(target: Array, bases: list[tuple[list[int], Array]]) -> Array:
+        """Residual of the blocks of joints, (N, n)."""
+        rest = np.array(target)
+        for block, basis in bases:
+            part = target[:, block].ravel()
+            rest[:, block] = (part - basis @ (basis.T @ part)).reshape(-1, len(block))
+        return rest
 
 
 def _vertex(x: Array, y: Array, k: int) -> float:

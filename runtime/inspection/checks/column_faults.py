@@ -24,9 +24,9 @@ def column_faults(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[F
     seen = faults.column_faults(lib, torque_rows.samples)
     findings = []
     for fault, rivals in zip(seen.named, seen.rivals, strict=True):
+        findings.append(_finding(fault, rivals, seen, lib.joint_names))
         if fault.kind in {faults.REVERSED, faults.GRAVITY}:
             break  # the check of gravity decides between the two
-        findings.append(_finding(fault, rivals, seen, lib.joint_names))
         if plan.law is None and plan.torque is not None and not plan.gear:
             plan = _corrected(plan, fault)
     return plan, findings + _hidden(seen, lib.joint_names)
@@ -50,6 +50,8 @@ def _finding(
         "axis in the URDF",
         faults.TORQUE_ORDER: f"set order = [{columns}] under [torque]",
         faults.POSITION_ORDER: f"set order = [{columns}] under [position] and [velocity]",
+        faults.REVERSED: "set sign = -1 under [torque]",
+        faults.GRAVITY: "build the robot with the gravity of its mount",
     }[fault.kind]
     evidence = {
         "joints": list(fault.joints),
@@ -58,10 +60,12 @@ def _finding(
         "unexplained": numbers(seen.left[1]),
         "rivals": [each.kind for each in rivals],
     }
+    if fault.kind in {faults.REVERSED, faults.GRAVITY}:
+        evidence["common"] = True
     if fault.order != tuple(range(len(fault.order))):
         evidence["order"] = list(fault.order)
     return Finding(
-        fault.kind,
+        {faults.REVERSED: faults.TORQUE_SIGN}.get(fault.kind, fault.kind),
         WARNING,
         f"{fault.sentence(names)}{other}: the model with friction that brakes leaves "
         f"{significant(100 * before)} % of the squared torque of these joints unexplained, so "
@@ -82,6 +86,7 @@ def _hidden(seen: ColumnFaults, names: tuple[str, ...]) -> list[Finding]:
     }
     kinds = {faults.TORQUE_ORDER, faults.POSITION_ORDER}
     pairs = sorted({each.joints for each in hidden if each.kind in kinds})
+    whole = [each.kind for each in seen.hidden if each.kind in {faults.REVERSED, faults.GRAVITY}]
     parts = []
     if resting:
         parts.append(f"signs and order of {joint_list(names, resting)}, which rest or have no τ")
@@ -96,6 +101,10 @@ def _hidden(seen: ColumnFaults, names: tuple[str, ...]) -> list[Finding]:
     if pairs:
         listed = ", ".join("/".join(names[j] for j in pair) for pair in pairs)
         parts.append(f"an exchange of {listed}, which move or load alike")
+    if faults.GRAVITY in whole:
+        parts.append("the direction of gravity")
+    if faults.REVERSED in whole:
+        parts.append("a common sign of all torques")
     if not parts:
         return []
     return [
@@ -109,6 +118,7 @@ def _hidden(seen: ColumnFaults, names: tuple[str, ...]) -> list[Finding]:
                 "unexplained": unexplained,
                 "signs": sorted(int(j) for j in signs),
                 "pairs": [list(pair) for pair in pairs],
+                "whole": whole,
             },
         )
     ]

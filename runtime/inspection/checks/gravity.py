@@ -182,7 +182,7 @@ def _by_friction(
     sentence = (
         f"{opposite}, and friction drives the joints instead of braking them: {_CAUSE_OF_SIGN}"
     )
-    return _negated(plan), [Finding("torque_sign", ERROR, sentence, facts)]
+    return negated(plan), [Finding("torque_sign", ERROR, sentence, facts)]
 
 
 _CAUSE_OF_SIGN = (
@@ -191,7 +191,7 @@ _CAUSE_OF_SIGN = (
 )
 
 
-def _negated(plan: Recipe) -> Recipe:
+def negated(plan: Recipe) -> Recipe:
     """The recipe with the opposite sign of τ."""
     if plan.torque is None:
         return plan
@@ -227,7 +227,7 @@ def _reversed(
         f"squares with negative masses {significant(100 * present.free)} %){doubt}"
     )
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
-        return _negated(plan), [
+        return negated(plan), [
             Finding("torque_sign", ERROR, f"{comparison}: {_CAUSE_OF_SIGN}", evidence)
         ]
     if best.gravity < 0.0:

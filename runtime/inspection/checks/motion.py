@@ -87,16 +87,22 @@ def velocity_pairs(
     return plan.replace(velocity=changes), findings
 
 
-def constant_velocity(recording: Recording, lib: Library) -> list[Finding]:
-    """Velocities that are constant although their joint moves, so that they are not measured."""
+def constant_velocity(
+    recording: Recording, plan: Recipe, lib: Library
+) -> tuple[Recipe, list[Finding]]:
+    """Velocities that are constant although their joint moves, so that they are not measured.
+
+    All velocities are computed from q then, unless a control law needs those of the log.
+    """
     if recording.dq is None:
-        return []
+        return plan, []
     travel = np.ptp(unwrap(recording.q)[0], axis=0)
     dead = np.flatnonzero((np.ptp(recording.dq, axis=0) == 0.0) & (travel > TRAVEL)).tolist()
     if not dead:
-        return []
+        return plan, []
     names = joint_list(lib.joint_names, dead)
-    return [
+    computed = plan if plan.law else plan.replace(velocity=None)
+    return computed, [
         Finding(
             "velocity_constant",
             WARNING,

@@ -22,6 +22,8 @@ SURE = 0.7
 """Partial correlation of τ with the model's torque above which a slope is used."""
 LOADED = 0.05
 """RMS of the model's torque over the largest one, above which a joint is used."""
+BEYOND = 10.0
+"""Largest torque over the limit of effort, median of the joints, from which on τ is not in N·m."""
 USUAL = (0.5, 2.0)
 """Slopes that the errors of a URDF explain."""
 
@@ -30,7 +32,7 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
     """Unit and gains of τ, from the slopes of the joints that gravity or inertia load."""
     slopes, is_used = slopes_to_model(torque_rows)
     if plan.torque is None or not is_used.any():
-        return plan, []
+        return plan, [] if plan.torque is None or plan.torque.unit == "A" else _beyond(torque_rows)
     size = np.abs(slopes)
     middle = float(np.median(size[is_used]))
     evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, is_used, strict=True)]}
@@ -64,6 +66,23 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
         "URDF and are not a calibration: identified masses inherit their error"
     )
     return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence)]
+
+
+def _beyond(torque_rows: TorqueRows) -> list[Finding]:
+    """The finding of torques far beyond the limits of effort, where links explain too little."""
+    effort = torque_rows.lib.limits()["effort"]
+    known = np.isfinite(effort) & (effort > 0)
+    if not known.any():
+        return []
+    peak = np.abs(torque_rows.whole.required("tau")).max(axis=0)
+    ratio = float(np.median(peak[known] / effort[known]))
+    if ratio < BEYOND:
+        return []
+    sentence = (
+        f"τ is not the joint torque in N·m: its peaks are {ratio:.3g} times the limits of effort "
+        "of the URDF (median of the joints); set the unit under [torque], mN*m or A with gains"
+    )
+    return [Finding("torque_unit", ERROR, sentence, {"peak_over_effort": ratio})]
 
 
 def _unscaled(plan: Recipe) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.checks.joint_order import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
@@ -21,6 +22,13 @@ TINY = 0.06
 DOUBT = 0.8
 """Mismatch of τ with the gravity torque above which degrees are rejected though the limits allow
 them."""
+LOADED, DRIVEN, SHOWN, DENSE = 0.5, 0.2, 0.8, 900
+"""Of the joints whose gravity torque is this share of the largest one: squared residual of a drive
+alone over the variance of τ, up to which drives take nearly all of it (0.02 Z1, 0.11 TX40); squared
+residual with gravity over that, below which τ shows gravity nevertheless (0.6 Z1, 0.2 TX40, 0.97
+motor angles of a TX40 read as degrees); number of rows."""
+MEAN_S = 0.05
+"""Moving mean of positions and torque before they are differentiated [s]."""
 SLOPE = 0.15
 """Distance of s from 1 that is accepted."""
 FEWEST_ROWS = 20
@@ -39,7 +47,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         factor = 1.0
     if factor not in {None, 1.0} and recording.tau is not None:
         mismatch = gravity_mismatch(recording.q * factor, recording.tau, lib)
-        if mismatch > DOUBT:
+        if mismatch > DOUBT and not _shows_gravity(recording, factor, lib):
             doubt = (
                 " (degrees would lie within the limits, but then τ does not resemble the gravity "
                 f"torque, mismatch {mismatch:.2f})"
@@ -230,6 +238,30 @@ def _turns(recording: Recording, lib: Library) -> bool:
         gravity_mismatch(recording.q * factor, recording.tau, lib) for factor in (1.0, np.pi / 180)
     )
     return mismatch <= min(DOUBT, other)
+
+
+def _shows_gravity(recording: Recording, factor: float, lib: Library) -> bool:
+    """Whether drives take nearly all torque, and gravity explains what they leave."""
+    few = slice(None, None, max(1, len(recording) // DENSE))
+    q, still = recording.q[few] * factor, np.zeros_like(recording.q[few])
+    falls = lib.inverse_dynamics(q, still, still, lib.pi0)
+    load = falls.std(axis=0)
+    width = max(1, round(MEAN_S * recording.rate_hz))
+
+    def mean(values: Array) -> Array:
+        return np.convolve(values, np.ones(width) / width, "same")
+
+    for j in np.flatnonzero(load >= max(LOADED * float(load.max()), 1e-300)):
+        dq = mean(np.gradient(recording.q[:, j], recording.t))
+        ddq = mean(np.gradient(dq, recording.t))
+        sign = np.tanh(dq / max(0.05 * float(np.abs(dq).max()), 1e-300))
+        drive = np.column_stack([dq, sign, ddq, np.ones_like(dq)])[few]
+        tau = mean(recording.required("tau")[:, j])[few]
+        rests = [drive, np.column_stack([drive, falls[:, j]])]
+        alone, with_gravity = (float(np.sum(least_squares(x, tau)[1] ** 2)) for x in rests)
+        if alone > DRIVEN * len(tau) * float(tau.var()) or with_gravity > SHOWN * alone:
+            return False
+    return bool(load.any())
 
 
 def _misplaced(q: Array, lib: Library) -> float:

@@ -9,8 +9,9 @@ import pytest
 
 from runtime.estimators.choice.cutoff_choice import CutoffCandidate, CutoffChoice
 from runtime.estimators.regression.causes import Cause, Causes
+from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay
 from runtime.inspection import torque_checks as proposal
-from runtime.inspection.checks import model_fit, torque_delay
+from runtime.inspection.checks import model_fit, torque_delay, torque_signs
 from runtime.inspection.checks.clock import _gaps, lost_rows
 from runtime.inspection.checks.drives import rotor
 from runtime.inspection.checks.file_layout import _untitled
@@ -25,6 +26,8 @@ from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction import DRIVE
 from runtime.recording.recipes.recipe import Signal, Time
 from tests.runtime.signals import sine
+
+PLAN = Recipe(time=Time(unit="s"), position=Signal("rad"), torque=Signal("N*m"))
 
 
 def test_signals_that_stop_while_the_arm_moves_on(double: Library) -> None:
@@ -158,17 +161,62 @@ def test_gear_that_couples_two_joints(monkeypatch) -> None:
 
 @pytest.mark.parametrize(("seconds", "searched"), [(4.0, 0.4), (30.0, 1.0)])
 def test_delay_of_a_parabola(monkeypatch, seconds, searched) -> None:
-    """Oracle: cost 1 + (δ − 0.1)²/s²: δ, its deviation s/√N, the reach a tenth, at most 1 s."""
-    cost = SimpleNamespace(cost=lambda d: 1 + ((d - 0.1) / 0.05) ** 2, freedom=lambda _: 400.0)
-    monkeypatch.setattr(torque_delay, "_Search", lambda *_: cost)
-    plan = Recipe(preparation=Preparation(filter="butterworth", cutoff_hz=5.0))
-    rows = SimpleNamespace(whole=sine(1.0, rate=100.0, seconds=seconds + 0.01))
-    shift, stated_delay = torque_delay.delay(rows, np.zeros((1, 1)), plan)
-    assert shift.evidence["delay_s"] == pytest.approx(0.1)
-    assert shift.evidence["sigma_s"] == pytest.approx(0.05 / 20, rel=1e-2)
-    assert shift.evidence["gain"] == pytest.approx(1 - 1 / 5, rel=1e-2)
+    """Oracle: a profile of σ = 2.5 ms about 100 ms; the reach is a tenth, at most 1 s."""
+    delays, reaches = np.linspace(0.0, 0.2, 101), []
+    profile = DelayProfile(delays, ((delays - 0.1) / 0.0025) ** 2 / 2, 0.1, (0.0951, 0.1049), 0.8)
+
+    def given(*arguments: object, has_gains: bool) -> RecordedDelay:
+        reaches.append(arguments[4])
+        return RecordedDelay(profile, 1.0)
+
+    monkeypatch.setattr(torque_delay, "recorded_delay", given)
+    log = sine(1.0, rate=100.0, seconds=seconds + 0.01)
+    shift, stated_delay = torque_delay.delay(log, None, Recipe(), Friction())
+    assert shift.evidence["delay_s"] == 0.1
+    assert shift.evidence["sigma_s"] == pytest.approx(0.0025, rel=1e-2)
     assert shift.evidence["searched_s"] == pytest.approx(searched)
-    assert stated_delay.kind == "delay"
+    assert reaches == [pytest.approx(searched)]
+    assert stated_delay.evidence["interval_s"] == [0.0951, 0.1049]
+    known = Recipe(preparation=Preparation(torque_delay_s=0.0995))
+    assert [f.kind for f in torque_delay.delay(log, None, known, Friction())] == ["delay"]
+
+
+@pytest.mark.parametrize("again", ["torque", "position"])
+def test_two_orders_of_one_exchange(again) -> None:
+    """Property: all columns exchanged and one kind of them back is an exchange of the others."""
+    orders = {"torque": (1, 0), "position": (1, 0), again: (0, 1)}
+    signals = {key: replace(getattr(PLAN, key), order=order) for key, order in orders.items()}
+    findings = [Finding(f"{kind}_order", "warning", "") for kind in ("joint", again)]
+    run = SimpleNamespace(findings=findings, plan=PLAN.replace(**signals))
+    proposal._merge_orders(run, SimpleNamespace(n_joints=2, joint_names=("a", "b")))
+    (only,) = run.findings
+    other = {"torque": "position", "position": "torque"}[again]
+    assert (only.kind, only.evidence["order"]) == (f"{other}_order", [1, 0])
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_common_sign_where_gravity_is_silent(monkeypatch, silent) -> None:
+    """Property: what gravity shows replaces the finding of the columns, else τ is negated."""
+    common = Finding("torque_sign", "warning", "", {"common": True})
+    run = proposal.CheckRun.__new__(proposal.CheckRun)
+    run.findings, run.plan = [common], PLAN
+    found = [] if silent else [Finding("gravity", "error", "")]
+    monkeypatch.setattr(run, "run_on_torque", lambda *_: run.findings.extend(found))
+    monkeypatch.setattr(run, "run", lambda check: setattr(run, "plan", check(None, run.plan)[0]))
+    proposal._judge_reversal(run, None, Friction())
+    assert run.findings == ([common] if silent else found)
+    assert run.plan.torque.sign == (-1.0 if silent else 1.0)
+
+
+@pytest.mark.parametrize(("factor", "kinds"), [(2.0, []), (1000.0, ["torque_unit"])])
+def test_torque_far_beyond_the_limits_of_effort(monkeypatch, factor, kinds) -> None:
+    """Property: where links explain too little, the limits of effort show another unit."""
+    unused = np.ones(2), np.zeros(2, dtype=bool)
+    monkeypatch.setattr(torque_signs, "slopes_to_model", lambda _: unused)
+    robot = SimpleNamespace(limits=lambda: {"effort": np.array([30.0, np.inf])})
+    tau = factor * np.array([[30.0, 1.0], [-1.0, 1.0]])
+    rows = SimpleNamespace(lib=robot, whole=SimpleNamespace(required=lambda _: tau))
+    assert [f.kind for f in torque_signs.scale(rows, PLAN)[1]] == kinds
 
 
 @pytest.mark.parametrize(("stated_trim", "trim"), [(0.1, 0.25), (0.7, 0.7)])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ import pytest
 from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
 from runtime.inspection.checks.motion import constant_velocity
 from runtime.library import Library
-from runtime.recording import Recording
+from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import differentiate
+from runtime.recording.recipes.recipe import ControlLaw, Signal, Time
 from tests.runtime.servo_logs import random_servo, servo_arrays
 
 
@@ -79,10 +81,18 @@ def test_placeholders_are_compared_with_no_torque(
 
 
 def test_a_velocity_that_was_not_measured_is_named(lib: Library, clean: Recording) -> None:
-    """Property: a column of zeros beside a position that changes; the joint and its travel."""
+    """Property: a column of zeros beside a position that changes; the joint and its travel.
+
+    Without a control law, which needs the logged ones, all velocities are computed from q then.
+    """
     assert clean.dq is not None
-    assert constant_velocity(clean, lib) == []
-    (finding,) = constant_velocity(clean.replace(dq=clean.dq * (np.arange(7) != 5)), lib)
+    plan = Recipe(time=Time(unit="s"), position=Signal("rad"), velocity=Signal("rad/s"))
+    assert constant_velocity(clean, plan, lib) == (plan, [])
+    dead = clean.replace(dq=clean.dq * (np.arange(7) != 5))
+    changed, (finding,) = constant_velocity(dead, plan, lib)
+    assert changed.velocity is None
+    of_law = SimpleNamespace(law=ControlLaw("pd", 1.0, 1.0, "q_des"))
+    assert constant_velocity(dead, of_law, lib)[0] is of_law
     assert finding.evidence["joints"] == [5]
     assert finding.evidence["travel"] == pytest.approx([np.ptp(clean.q[:, 5])])
 

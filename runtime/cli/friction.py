@@ -65,7 +65,7 @@ def friction_command(given: FrictionSettings) -> None:
     recording = saved.log_of(given.log, lib, given.recipe, given.run)
     preparation = preparation_of(recording, given.cutoff, given.rate)
     if preparation is None and recording.preparation == Preparation():
-        preparation = saved.preparation
+        preparation = saved.preparation.at_rate(recording.rate_hz)
     settings = Settings(preparation=preparation, split=split_of(given.split))
     renewed = identify_friction(recording, lib, saved, settings)
     record = write_result(renewed.result, folder, command_line())

@@ -167,7 +167,7 @@ def _prepared(
         require_plausible(recording, lib)
         steps = recording.preparation
         if steps == Preparation():
-            steps = saved.preparation
+            steps = saved.preparation.at_rate(recording.rate_hz)
         steps = dataclasses.replace(steps, regressor="acceleration")
         prepared = prepare(recording, steps, saved.friction, lib=lib)
         # The name of a recipe is that of all its logs.

@@ -234,9 +234,10 @@ def evaluate(
     terms = saved.friction
     preparation = preparation_of(recording, cutoff, rate)
     if preparation is None and recording.preparation == Preparation() != saved.preparation:
-        preparation = saved.preparation
+        preparation = saved.preparation.at_rate(recording.rate_hz)
         notes.append(ALIKE)
     elif preparation is None and recording.recipe is not None and recording.recipe is saved.recipe:
+        preparation = recording.preparation.at_rate(recording.rate_hz)
         notes.append(ALIKE)
     prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)

@@ -296,7 +296,7 @@ def prepared_for(
     """
     steps = recording.preparation
     if steps == Preparation():
-        steps = model.preparation
+        steps = model.preparation.at_rate(recording.rate_hz)
     if steps.max_gap_s is None:
         steps = replace(steps, max_gap_s=3.0 / recording.rate_hz)
     if rate_hz is not None:

@@ -258,6 +258,12 @@ class Preparation:
         if self.filter in {"average", "savitzky-golay"} and self.window_s is None:
             raise RecordingError(f"the {self.filter} filter expects window_s, got none; write it")
 
+    def at_rate(self, rate_hz: float) -> "Preparation":
+        """The same steps for another log; gaps that are shorter than its steps become three."""
+        if self.max_gap_s is None or self.max_gap_s * rate_hz > 1.5:  # as `resample` requires
+            return self
+        return dataclasses.replace(self, max_gap_s=3.0 / rate_hz)
+
 
 @dataclass(frozen=True, slots=True)
 class Split:

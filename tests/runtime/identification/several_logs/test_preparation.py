@@ -18,6 +18,7 @@ RECIPE = """
 filter = "butterworth"
 cutoff_hz = 20.0
 rate_hz = 100.0
+max_gap_s = 0.005
 """
 
 
@@ -50,7 +51,7 @@ def test_the_filter_of_several_logs_is_that_of_evaluate(command, lib, folder, tm
     ran = command("identify", *logs, *robot, *recipe, "--out", "out", "--verbose")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
-    expected = {"filter": "butterworth", "cutoff_hz": 20.0, "rate_hz": 100.0}
+    expected = {"filter": "butterworth", "cutoff_hz": 20.0, "rate_hz": 100.0, "max_gap_s": 0.005}
     assert facts["recording"]["preparation"] == expected
     assert "no low-pass was used" not in ran.out
     # The bare log, without the recipe, is prepared as identify did.
@@ -58,6 +59,11 @@ def test_the_filter_of_several_logs_is_that_of_evaluate(command, lib, folder, tm
     assert any("prepared as the log of identify" in note for note in notes)
     same, _ = errors(command, "out", logs[0], *robot, *recipe)
     assert error == same
+    # Every fifth row has steps longer than the gaps of identify, and is no row of gaps.
+    write_recording(read_recording(logs[0]).take(slice(None, None, 5), "thinned"), "slow.npz")
+    thinned, _ = errors(command, "out", tmp_path / "slow.npz", *robot)
+    # White noise of a fifth of the rows has five times the density in the band of the filter.
+    assert thinned == pytest.approx(np.sqrt(5) * error, rel=0.2)
 
 
 def test_another_filter_of_evaluate_is_reported(command, lib, folder, tmp_path):

@@ -21,7 +21,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
 from runtime.identification.payload.known import read_known_payload
-from runtime.identification.prepared_log import preparation_of
+from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.identification.settings import Settings, friction_of
 from runtime.library import Library
@@ -128,6 +128,7 @@ def gains_command(given: GainsSettings) -> None:
     full = independent_joints(
         read_recording(given.loaded, given.recipe, given.loaded_run or given.run, names), lib
     )
+    preparation, chosen = filter_for_accelerations(bare, lib, given.cutoff, given.rate)
     gains = identify_gains(
         bare,
         full,
@@ -137,14 +138,14 @@ def gains_command(given: GainsSettings) -> None:
         friction=friction_of(
             bare, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
         ),
-        preparation=preparation_of(bare, given.cutoff, given.rate),
+        preparation=preparation,
     )
     plan = plan_of(given.empty, given.recipe, given.run)
     factors = _factors(plan, gains)
     show(_table(gains, plan, factors, lib))
     say(f"status: {gains.status}")
     say(f"{gains.n_samples} samples count as {gains.n_effective:.0f} independent ones")
-    for note in gains.notes:
+    for note in (*chosen, *gains.notes):
         say(f"note: {note}")
     say("note: a bias has the same effect as friction that differs between the directions; column "
         "offset of identify estimates both, so the recipe holds the gains only")  # fmt: skip
@@ -235,6 +236,7 @@ def print_gains_of_one_log(
             read_recording(given.empty, given.recipe, given.run, lib.joint_names), lib
         )
     )
+    preparation, chosen = filter_for_accelerations(recording, lib, given.cutoff, given.rate)
     gains = current_gains(
         recording,
         lib,
@@ -242,10 +244,10 @@ def print_gains_of_one_log(
         friction=friction_of(
             recording, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
         ),
-        preparation=preparation_of(recording, given.cutoff, given.rate),
+        preparation=preparation,
     )
     show(_gains_table(gains))
-    for sentence in gains.sentences():
+    for sentence in (*chosen, *gains.sentences()):
         say(f"note: {sentence}")
     plan = plan_of(given.empty, given.recipe, given.run)
     if plan.torque is None:

@@ -23,7 +23,7 @@ from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
-from runtime.identification.prepared_log import preparation_of
+from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
@@ -75,9 +75,9 @@ def payload_command(given: PayloadSettings) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
-    symgen simulate --out results/empty.csv
+    symgen simulate --engine mujoco --out results/empty.csv
     symgen simulate --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out results/loaded.csv
-    symgen payload results/loaded.csv --empty results/empty.csv --settings cutoff=10
+    symgen payload results/loaded.csv --empty results/empty.csv
     symgen payload loaded.csv --robot fr3 --settings link=fr3_link7 --empty empty.csv
     symgen payload loaded.csv --robot fr3 --model results/first-map --settings cutoff=10
 
@@ -101,7 +101,9 @@ def payload_command(given: PayloadSettings) -> None:
         if given.empty
         else None
     )
-    preparation = preparation_of(loaded, given.cutoff, given.rate)
+    preparation, chosen = filter_for_accelerations(
+        independent_joints(loaded, lib), lib, given.cutoff, given.rate
+    )
     payload = identify_payload(
         loaded,
         lib,
@@ -122,6 +124,7 @@ def payload_command(given: PayloadSettings) -> None:
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
     for note in (
+        *chosen,
         *noisy_accelerations(independent_joints(loaded, lib), lib, preparation),
         *payload.notes,
     ):

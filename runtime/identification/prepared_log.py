@@ -97,7 +97,9 @@ def prepared_log(
         at_rest = None if streamed else _at_rest(recording, settings, parts)
         if at_rest is not None:
             return at_rest
-        prepared, notes, quality = _filtered(recording, lib, settings, terms, progress)
+        prepared, notes, quality = chosen_filter(recording, lib, settings, terms, progress)
+        if settings.cutoff is None:
+            notes = tuple(f"{each}; --settings regressor=acceleration takes none" for each in notes)
     if recording.has_unknown_gains:
         recording = with_current_gains(recording, lib, preparation=prepared, split=parts)
     if is_read:
@@ -138,12 +140,12 @@ def _is_chosen(terms: Friction) -> bool:
     return terms.columns[:1] == (AUTO,)
 
 
-def _filtered(
+def chosen_filter(
     recording: Recording,
     lib: Library,
     settings: Settings,
-    terms: Friction | None,
-    progress: Progress,
+    terms: Friction | None = None,
+    progress: Progress = SILENT,
 ) -> tuple[Preparation | None, tuple[str, ...], Differentiation | None]:
     """The preparation of the log, and a sentence on its cut-off where that was chosen.
 
@@ -173,11 +175,25 @@ def _filtered(
     progress.choice(choice)
     sentence = choice.sentence
     if quality is not None:
-        sentence += (
-            f"; without one {quality.noise_in(lib)}, and --settings regressor=acceleration keeps "
-            "it so"
-        )
+        sentence += f"; without one {quality.noise_in(lib)}"
     return choice.preparation, (sentence,), None
+
+
+def filter_for_accelerations(
+    recording: Recording, lib: Library, cutoff: float | None, rate: float | None
+) -> tuple[Preparation | None, tuple[str, ...]]:
+    """As `chosen_filter`, for fits that take no rows but those of accelerations.
+
+    A chosen cut-off is lowered until the noise of the accelerations biases nothing.
+    """
+    wanted = Settings(cutoff=cutoff, rate=rate)
+    prepared, notes, _ = chosen_filter(recording, lib, wanted)
+    quality = differentiation_of(recording, lib, prepared) if prepared and notes else None
+    if prepared is None or quality is None or not quality.is_noisy:
+        return prepared, notes
+    lower = float(f"{0.95 * quality.harmless_hz:.2g}")  # at the bound itself rounding decides
+    reason = f"{notes[0]}; lowered to {lower:g} Hz, since at it {quality.noise_in(lib)}"
+    return replace(prepared, cutoff_hz=lower, trim_s=1.0 / lower), (reason,)
 
 
 def _default_terms(

@@ -184,6 +184,28 @@ def test_files_say_what_was_identified(loaded, lib, command, tmp_path):
     assert facts["names"] == list(NAMES)
 
 
+def test_noise_of_accelerations_gets_a_cut_off(loaded, lib, command, tmp_path):
+    """Oracle: the box; differentiated noisy velocities bias its mass, a chosen low-pass does not.
+
+    At 100 Hz noise of 0.02 rad/s becomes 1.4 rad/s² in ddq, which shrinks the mass.
+    """
+    rng = np.random.default_rng(3)
+    for name, run in zip(("loaded", "empty"), loaded, strict=True):
+        dq = run.dq + 0.02 * rng.normal(size=run.dq.shape)
+        tau = run.tau + NOISE * rng.normal(size=run.tau.shape)
+        write_recording(run.replace(dq=dq, ddq=None, tau=tau), tmp_path / f"{name}.csv")
+    words = ("payload", "loaded.csv", "--robot", lib.folder, "--empty", "empty.csv")
+    errors = []
+    for cutoff in ((), ("--settings", "cutoff=40")):
+        ran = command(*words, "--out", "out", *cutoff, "--settings", "overwrite=true")
+        assert ran.code == 0, ran.err
+        assert ("lowered to" in ran.out or "chosen by" in ran.out) == (not cutoff)
+        assert ("biased beyond their intervals" in ran.out) == bool(cutoff)
+        facts = json.loads((tmp_path / "out" / "payload.json").read_text())
+        errors.append(abs(facts["mass"] - 1.0))
+    assert errors[0] < 0.003 < 0.03 < errors[1]  # seen: 2e-4 and .06
+
+
 def test_a_frozen_model_from_identify_carries_its_friction(panda_adam, lib, tmp_path, panda):
     """Property: π and friction of result.json are those of the result; another robot is refused."""
     from runtime.identification.result_file import write_result

@@ -203,7 +203,8 @@ def test_noise_of_accelerations_gets_a_cut_off(loaded, lib, command, tmp_path):
         assert ("biased beyond their intervals" in ran.out) == bool(cutoff)
         facts = json.loads((tmp_path / "out" / "payload.json").read_text())
         errors.append(abs(facts["mass"] - 1.0))
-    assert errors[0] < 0.003 < 0.03 < errors[1]  # seen: 2e-4 and .06
+    assert errors[0] < 0.003  # seen: 2e-4
+    assert errors[1] > 0.03  # seen: .06
 
 
 def test_a_frozen_model_from_identify_carries_its_friction(panda_adam, lib, tmp_path, panda):

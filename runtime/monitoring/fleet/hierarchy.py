@@ -218,7 +218,13 @@ class _View:
         costs = []
         for k in range(self.lib.n_links):
             H = A @ self.H[:, k * N_PARAMETERS : (k + 1) * N_PARAMETERS] * WIDER
-            lower = np.linalg.cholesky(V + H @ H.T / kappa)
+            try:
+                lower = np.linalg.cholesky(V + H @ H.T / kappa)
+            except np.linalg.LinAlgError:
+                raise IdentificationError(
+                    f"the log of unit {unit + 1} has numbers of too many orders of magnitude to "
+                    "compare its links; inspect it, or leave the unit out"
+                ) from None
             costs.append(
                 float(np.sum(np.linalg.solve(lower, rest) ** 2))
                 + 2 * float(np.log(np.diagonal(lower)).sum())

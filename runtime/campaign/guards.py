@@ -24,8 +24,8 @@ from runtime.excitation.limits.dependent_joints import (
 )
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
+from runtime.monitoring.model import urdf_model
 from runtime.monitoring.observer import Observer
-from runtime.recording import Friction, Preparation
 
 TRACKING = 0.02
 """Largest distance from the commanded position, as a share of the range of a joint."""
@@ -174,7 +174,7 @@ class ExternalTorqueGuard:
     ) -> None:
         self._lib = lib
         known = urdf_model(lib) if model is None else model
-        self._pi = known.pi
+        self._pi = lib.pi0 if model is None else model.pi
         window = max(WINDOW, 2 / rate_hz)
         self._observer = Observer(lib, known, rate_hz=rate_hz, bandwidth=BANDWIDTH, window_s=window)
         usual = model_error(lib) if error is None else np.asarray(error, dtype=float)
@@ -270,20 +270,3 @@ def model_error(lib: Library) -> Array:
         )
     low, high, least = MODEL_ERROR
     return np.asarray(np.minimum(high * effort, np.maximum(low * effort, least)))
-
-
-def urdf_model(lib: Library) -> SavedResult:
-    """The bodies of the URDF without friction, as a model of the observer."""
-    n = lib.n_joints
-    return SavedResult(
-        robot=lib.name,
-        method="urdf",
-        joints=lib.joint_names,
-        units=("N*m",) * n,
-        pi=lib.pi0,
-        friction=Friction(()),
-        phi=np.zeros((n, 0)),
-        history=(),
-        preparation=Preparation(),
-        model=None,
-    )

@@ -192,7 +192,7 @@ def _compare_results(given: CompareSettings, other: Path) -> None:
     folder = given.out or Path("results") / f"{places[0].resolve().name}-{names[1]}-compare"
     page = folder / "report.html"
     require_page(page, given.overwrite)
-    write_page(results_page(both, first.robot, names), page)
+    write_page(results_page(both, first.record.robot, names), page)
     for table in (both.setup, both.errors, *(both.values if VERBOSE.get() else both.values[:1])):
         show(table)
     for sentence in both.sentences:

@@ -12,8 +12,9 @@ from runtime.common.settings import output_option
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluate
 from runtime.identification.free_base.result import free_base_errors
+from runtime.identification.model_identity import require_model
 from runtime.identification.result_tables import error_table
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
 from runtime.recording.free_base import read_free_base
 
@@ -42,9 +43,11 @@ def evaluate_command(given: EvaluateSettings) -> None:
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved = read_result(given.result, with_learned=True)
-    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
-    if saved.is_free:
-        notes = require_model(saved, lib, given.result)
+    lib = open_robot(
+        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
+    )
+    if saved.record.is_free:
+        notes = require_model(saved.record, lib, given.result)
         _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
         return
     done = evaluate(
@@ -61,8 +64,8 @@ def evaluate_command(given: EvaluateSettings) -> None:
         return
     errors = done.torque_error_percent, done.torque_rms
     part = "test" if done.is_test else "fitted"
-    title = f"{saved.robot}, {saved.method}: torque error on {part} data"
-    show(error_table(saved.joints, saved.units, *errors, title))
+    title = f"{saved.record.robot}, {saved.record.method}: torque error on {part} data"
+    show(error_table(saved.record.joints, saved.record.units, *errors, title))
     say(f"{done.mass_matrix.sentence()}.")
     for note in done.notes:
         say(f"note: {note}")

@@ -11,7 +11,8 @@ from runtime.cli.log_options import ResultChoices
 from runtime.common.settings import output_option
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
-from runtime.identification.saved_result import read_result, require_model
+from runtime.identification.model_identity import require_model
+from runtime.identification.saved_result import read_result
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
@@ -66,8 +67,10 @@ def export_command(given: ExportSettings) -> None:
     """
     kinds = listed(given.to, tuple(EXPORT_FORMATS), "--to") if given.to else usual_formats()
     saved = read_result(given.result, with_learned=True)
-    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, given.result, same_bodies=True)
+    lib = open_robot(
+        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
+    )
+    notes = require_model(saved.record, lib, given.result, same_bodies=True)
     terms, folder = saved.friction, given.out or given.result / "export"
     done = export_model(
         lib,
@@ -86,7 +89,9 @@ def export_command(given: ExportSettings) -> None:
     if springs := springs_left_out(lib):
         say(f"note: {springs}")
     if saved.learned is not None:
-        say(f"note: friction that {saved.method} learned has no counterpart in these formats")
+        say(
+            f"note: friction that {saved.record.method} learned has no counterpart in these formats"
+        )
     failed = [each.kind for each in done if each.path is None]
     # A result without friction has no file of friction; that is a failure only where --to names it.
     if failed and (given.to or not all(each.is_optional for each in done if each.path is None)):

@@ -12,11 +12,12 @@ from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
+from runtime.identification.model_identity import require_model
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import error_parts
 from runtime.identification.result_tables import error_table, tested_on
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
@@ -60,8 +61,8 @@ def friction_command(given: FrictionSettings) -> None:
     folder = given.out or Path("results") / f"{Path(given.log).stem}-friction"
     require_unused((folder / name for name in (*_WRITTEN, *_STALE)), given.overwrite)
     saved = read_result(given.result)
-    lib = open_robot(given.robot or saved.robot, given.yes)
-    notes = require_model(saved, lib, given.result)
+    lib = open_robot(given.robot or saved.record.robot, given.yes)
+    notes = require_model(saved.record, lib, given.result)
     recording = saved.log_of(given.log, lib, given.recipe, given.run)
     preparation = preparation_of(recording, given.cutoff, given.rate)
     if preparation is None and recording.preparation == Preparation():
@@ -94,7 +95,7 @@ def _coefficients(renewed: FrictionOfLog, saved: SavedResult) -> Table:
     """Earlier and present coefficients with their standard deviations."""
     rows: list[tuple[str, ...]] = []
     names = renewed.result.train.column_names
-    for k, joint in enumerate(saved.joints):
+    for k, joint in enumerate(saved.record.joints):
         for c, name in enumerate(names):
             values, sigma = (saved.phi[k, c], renewed.result.phi[k, c]), renewed.sigma[k, c]
             if any(values):

@@ -22,8 +22,9 @@ from runtime.common.settings import FILE, data_option, model_option, output_opti
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
+from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.monitoring.calibration import (
@@ -154,8 +155,8 @@ def observe_command(given: ObserveSettings) -> None:
     folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
     require_result_folder(folder, _WRITTEN, given.overwrite)
     saved = read_result(given.model)
-    lib = open_robot(given.robot or saved.robot, given.yes)
-    notes = list(require_model(saved, lib, given.model))
+    lib = open_robot(given.robot or saved.record.robot, given.yes)
+    notes = list(require_model(saved.record, lib, given.model))
     known = model_of(saved, lib)
     data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
     root, note = _root(given.model, saved, lib)
@@ -312,7 +313,7 @@ def _write(
     text = json.dumps(facts | {"command": command_line()}, indent=1, ensure_ascii=False)
     with replacing(folder / "contacts.json") as file:
         file.write(f"{text}\n".encode())
-    draw_external_torque(seen, lib.joint_names, saved.units, folder / "external_torque.png")
+    draw_external_torque(seen, lib.joint_names, saved.record.units, folder / "external_torque.png")
 
 
 def _show(facts: dict[str, Any], folder: Path) -> None:

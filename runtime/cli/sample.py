@@ -20,8 +20,9 @@ from runtime.common.settings import FILE, output_option
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
+from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import read_result, require_model
+from runtime.identification.saved_result import read_result
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
 from runtime.outputs.model_files.randomisation import (
@@ -96,8 +97,10 @@ def sample_command(given: SampleSettings) -> None:
     kind = ResultFolder("sample", files, "factors")
     require_result_folder(folder, kind, given.overwrite)
     saved = read_result(given.result)
-    lib = open_robot(given.robot or saved.robot, given.yes, takes_free_base=saved.is_free)
-    notes = require_model(saved, lib, given.result, same_bodies=True)
+    lib = open_robot(
+        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
+    )
+    notes = require_model(saved.record, lib, given.result, same_bodies=True)
     posterior = read_posterior(given.result, saved, lib)
     rng = np.random.default_rng(given.seed)
     with console.status("drawing models"):

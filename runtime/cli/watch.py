@@ -18,8 +18,9 @@ from runtime.common.settings import data_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
+from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
 from runtime.monitoring.drift import ALPHA, Change, Verdict, baseline_of, verdict_of
 from runtime.monitoring.model import model_of
@@ -100,8 +101,8 @@ def watch_command(given: WatchSettings) -> None:
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
     saved = read_result(given.result)
-    lib = open_robot(given.robot or saved.robot, given.yes)
-    notes = require_model(saved, lib, given.result)
+    lib = open_robot(given.robot or saved.record.robot, given.yes)
+    notes = require_model(saved.record, lib, given.result)
     root = read_posterior(given.result, saved, lib).of_readings().root(lib)
     model = model_of(saved, lib)
     sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))

@@ -221,10 +221,10 @@ def evaluate(
             robot, or one with a free base.
     """
     saved, lib, known = opened(result, lib)
-    if saved.is_free:
+    if saved.record.is_free:
         raise RecordingError(
-            f"expected a robot whose base is fixed, got '{saved.robot}', whose base is free; run: "
-            "symgen evaluate RESULT LOG"
+            f"expected a robot whose base is fixed, got '{saved.record.robot}', whose base is "
+            "free; run: symgen evaluate RESULT LOG"
         )
     if not isinstance(log, Recording | str | PathLike):
         raise RecordingError(f"expected a log or its file, got {log!r:.60}")
@@ -244,7 +244,7 @@ def evaluate(
     after = torque_of(lib, samples, saved.pi, saved.phi, saved.learned)
     both = (samples.rigid(lib, lib.pi0), after)
     percent, rms = error_parts(*(metrics.torque_error(samples.tau, tau) for tau in both))
-    if is_filtered(saved.history) and not is_filtered(prepared.history):
+    if is_filtered(saved.record.recording.history) and not is_filtered(prepared.history):
         notes.append(RAW)
     else:
         notes += _other_filter(saved, prepared)
@@ -258,9 +258,9 @@ def evaluate(
     rotor = np.maximum(saved.phi[:, inertial].sum(axis=1), 0.0)
     return Evaluation(
         robot=lib.name,
-        method=saved.method,
-        joints=saved.joints,
-        units=saved.units,
+        method=saved.record.method,
+        joints=saved.record.joints,
+        units=saved.record.units,
         torque_error_percent=percent,
         torque_rms=rms,
         mass_matrix=audit_mass(lib, saved.pi, rotor),
@@ -272,7 +272,8 @@ def evaluate(
 def _other_filter(saved: SavedResult, prepared: Recording) -> list[str]:
     """Sentence on filters of identify and evaluate that differ; none where they agree."""
     then, now = saved.preparation, prepared.prepared or Preparation()
-    unknown = then.filter == "none" and is_filtered(saved.history)  # results of earlier versions
+    history = saved.record.recording.history
+    unknown = then.filter == "none" and is_filtered(history)  # results of earlier versions
     if unknown or all(getattr(then, key) == getattr(now, key) for key in _FILTER):
         return []
     return [

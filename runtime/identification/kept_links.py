@@ -59,10 +59,10 @@ def identify_friction(
     recording: Recording, lib: Library, saved: SavedResult, settings: Settings | None = None
 ) -> FrictionOfLog:
     """Identify the friction of a log with the links of an earlier result."""
-    if saved.joints != lib.joint_names or saved.pi.shape != lib.pi0.shape:
+    if saved.record.joints != lib.joint_names or saved.pi.shape != lib.pi0.shape:
         raise IdentificationError(
             f"expected an earlier result of the joints {', '.join(lib.joint_names)}, got one of "
-            f"{', '.join(saved.joints)}; give the library that it was identified with"
+            f"{', '.join(saved.record.joints)}; give the library that it was identified with"
         )
     if not saved.friction.columns:
         raise IdentificationError(
@@ -87,7 +87,7 @@ def identify_friction(
     test = samples_of(assembly.parts[2], lib)
     error = torque_error(test.tau, test.rigid(lib, saved.pi) + test.friction(saved.phi))
     result = identify_assembled(assembly, replace(chosen, method=FREE, certify=False), fitted)
-    return FrictionOfLog(replace(result, method=saved.method), sigmas[-1], error)
+    return FrictionOfLog(replace(result, method=saved.record.method), sigmas[-1], error)
 
 
 def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:

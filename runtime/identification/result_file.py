@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,21 +19,20 @@ from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import result_record as schema
 from runtime.identification.friction_intervals import friction_intervals, friction_sigma
 from runtime.identification.identified import Identification, friction_error, torque_errors
+from runtime.identification.model_identity import model_part, require_model
 from runtime.identification.posterior_file import posterior_of_result, write_posterior
+from runtime.identification.predictions_file import of_further_logs, write_predictions
 from runtime.identification.result_warnings import doubts_of, warnings_of
 from runtime.identification.saved_result import (
     LARGEST_VALUE,
     SavedResult,
-    model_part,
     read_result,
-    require_model,
     saved_from,
 )
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation
-from runtime.recording.recipes.recipe import NUMBERS, Recipe
-from runtime.recording.recipes.recipe_file import recipe_text
+from runtime.recording.recipes.recipe import NUMBERS
 
 __all__ = ["versions"]
 
@@ -48,6 +46,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     lib, drive, gains = result.lib, result.drive, result.train.gains
     trace, fit = result.trace, result.trained
     before, after = torque_errors(result)
+    train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
     warnings = warnings_of(result, before, after)
     percent, rms = schema.error_parts(before, after, friction_error(result))
     columns = result.friction.columns
@@ -87,7 +86,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         pi=schema.plain(result.pi),
         lam=None if result.lam is None else schema.plain(result.lam),
         beta=schema.plain(result.beta),
-        condition_number=condition_number(result),
+        condition_number=train.condition(),
         trained=None
         if fit is None
         else schema.TrainedPart(
@@ -111,21 +110,21 @@ def opened(
     """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
         place = f"the result of {result.lib.name}"
-        fitted = result.row_marks, _of_further_logs(result)
+        fitted = result.row_marks, of_further_logs(result)
         saved = saved_from(record_of(result, ""), place, fitted, with_learned=True)
         lib = result.lib if lib is None else lib
     elif isinstance(result, str | PathLike):
         saved, place = read_result(result, with_learned=True), str(result)
     elif isinstance(result, SavedResult):
-        saved, place = result, f"the result of {result.robot}"
+        saved, place = result, f"the result of {result.record.robot}"
     else:
         raise IdentificationError(
             "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
             f"got {result!r:.60}"
         )
-    lib = load(saved.robot) if lib is None else lib
+    lib = load(saved.record.robot) if lib is None else lib
     require_library(lib)
-    return saved, lib, require_model(saved, lib, place, same_bodies)
+    return saved, lib, require_model(saved.record, lib, place, same_bodies)
 
 
 def write_record(record: schema.ResultRecord, folder: Path) -> None:
@@ -140,32 +139,11 @@ def write_result(result: Identification, folder: Path, command: str) -> schema.R
     """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
     require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
     record = record_of(result, command)
-    test = samples_of(result.test, result.lib)
-    arrays: dict[str, Any] = {
-        "t": np.asarray(result.test.t),
-        "dq": test.dq,
-        "measured": test.tau,
-        "before": result.before(result.test),
-        "after": result.predict_test(),
-    }
-    if test.base is None:  # scores of a later log are compared with those of these rows
-        arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
-    if (recipe := _of_further_logs(result)) is not None:
-        arrays["recipe"] = recipe_text(recipe)
-    if result.row_marks is not None:
-        arrays["row_marks"] = result.row_marks
     if (posterior := posterior_of_result(result)) is not None:
         write_posterior(folder, posterior)
-    with replacing(folder / "predictions.npz") as file:
-        np.savez(file, **arrays)  # noise does not compress
+    write_predictions(result, folder / "predictions.npz")
     write_record(record, folder)
     return record
-
-
-def _of_further_logs(result: Identification) -> Recipe | None:
-    """Recipe of the log without what holds for its own rows."""
-    recipe = result.train.recipe
-    return None if recipe is None else recipe.replace(leave_out=(), split=None)
 
 
 def require_size(values: Array) -> None:
@@ -177,20 +155,6 @@ def require_size(values: Array) -> None:
             f"got {largest:.3g}, so nothing was written; leave out friction columns that the "
             "motion does not excite, or use a method with a prior (map)"
         )
-
-
-def condition_number(result: Identification) -> float | None:
-    """Condition number of the column-normalised [Y_b F] of the training samples.
-
-    None where the matrix is singular.
-    """
-    lib, train = result.lib, samples_of(result.train, result.lib)
-    statistics = compress(lib, train, np.ones(lib.n_joints))
-    matrix, _ = statistics.unit_columns()
-    # Rotors and motors that count into links are not separate unknowns.
-    kept = np.concatenate([np.ones(statistics.n_base, dtype=bool), ~statistics.explained()])
-    sigma = np.linalg.svd(matrix[:, kept], compute_uv=False)
-    return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 
 def versions() -> dict[str, str]:

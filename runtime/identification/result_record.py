@@ -371,6 +371,11 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
         return (self.error_rows or self.joints, self.error_units or self.units)
 
     @property
+    def is_free(self) -> bool:
+        """Whether the base of the robot is free, as that of one that walks."""
+        return self.base == "free"
+
+    @property
     def delays(self) -> tuple[Delay, ...]:
         """Delays of the torque, one for the log or one per joint; none where not estimated."""
         return (self.delay_s,) if isinstance(self.delay_s, Delay) else self.delay_s or ()
@@ -412,14 +417,13 @@ def link_uncertainties(
     sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
 ) -> tuple[LinkUncertainty, ...]:
     """σ of mass and centre of mass, and verdicts on π, of every link."""
-    size = N_PARAMETERS
     return tuple(
         LinkUncertainty(
-            mass_sigma=float(sigma[k * size]),
+            mass_sigma=float(sigma[first]),
             com_sigma=None if each is None else tuple(np.asarray(each).tolist()),
-            verdicts=tuple(verdicts[k * size : (k + 1) * size]),
+            verdicts=tuple(verdicts[first : first + N_PARAMETERS]),
         )
-        for k, each in enumerate(com)
+        for first, each in zip(range(0, len(sigma), N_PARAMETERS), com, strict=True)
     )
 
 

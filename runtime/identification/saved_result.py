@@ -1,98 +1,67 @@
-"""Reader of result.json for commands that compute with an identified model.
-
-π is written in the frames of the links, so that it holds for any library whose joints have the same
-placements. Another gravity, other inertials or a newer generator leave π valid and are noted. Other
-fixed links counted into the moving ones mean that π belongs to other bodies.
-"""
+"""Reader of result.json for commands that compute with an identified model."""
 
 import copy
 import re
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, prod
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 
-from runtime.common.files import json_of, require_file, values_of
-from runtime.common.records import Vector3, record_from_table
-from runtime.common.tables import Table, number
+from runtime.common.files import json_of, values_of
+from runtime.common.records import record_from_table
+from runtime.common.tables import Table
 from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Learned
-from runtime.identification.result_record import (
-    FORMAT,
-    OLDER,
-    RENAMED,
-    FrictionPart,
-    JointPlace,
-    ModelPart,
-    Part,
-    ResultRecord,
-)
+from runtime.identification.predictions_file import fitted_rows
+from runtime.identification.result_record import FORMAT, OLDER, RENAMED, Part, ResultRecord
 from runtime.identification.result_tables import parameter_columns, result_tables
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, links, mass
+from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import read_further
 from runtime.recording.recipes.recipe import Recipe
-from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
-from runtime.recording.settings import COULOMB_SPEED
 from runtime.recording.unit_conversion import scaled
 
 LARGEST_ACCEPTED = 1e100
 """Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
 LARGEST_VALUE = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
-ALIKE = 1e-6
-"""Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
 _SHAPE = re.compile(r"\((?P<sides>[\w ]+,[\w ,]*)\)(?P<empty>;| or empty)?")
 """Shape of a list in the meaning of its key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedResult(Framed):
-    """Parameters and friction of a result.json, with the preparation of its log.
+    """Record of a result, with the arrays and settings that commands compute with.
 
     Attributes:
-        robot: name of the robot.
-        method: name of the method.
-        joints: names of the joints.
-        units: units of their torques.
+        record: content of result.json.
         pi: standard parameters, (10 n,).
         friction: friction model with k columns.
         phi: friction coefficients, (n, k).
-        history: sentences on the preparation of the log.
-        preparation: settings of the preparation.
-        model: model of the parameters; None in files that lack it.
-        record: the whole content of the file; None of a model that is of no file.
+        preparation: settings of the preparation of its log.
         learned: friction beyond φ, where the method learned one.
         gains: of the motor currents of its log; None where the log held torques.
         row_marks: of the rows that were fitted; None where the folder holds none.
         recipe: by which the log was read; None without one.
     """
 
-    robot: str
-    method: str
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
+    record: ResultRecord
     pi: Array
     friction: Friction
     phi: Array
-    history: tuple[str, ...]
     preparation: Preparation
-    model: ModelPart | None
-    record: ResultRecord | None = None
     learned: Learned | None = None
     gains: CurrentGains | None = None
     row_marks: Marks | None = None
@@ -103,11 +72,6 @@ class SavedResult(Framed):
         if self.row_marks is None:
             return 0.0
         return share_of_rows(self.row_marks, row_hashes(log, with_torque=self.gains is None))
-
-    @property
-    def is_free(self) -> bool:
-        """Whether the base of the robot is free, as that of one that walks."""
-        return self.record is not None and self.record.base == "free"
 
     def log_of(
         self,
@@ -135,32 +99,14 @@ class SavedResult(Framed):
 
     def tables(self) -> tuple[Table, ...]:
         """Torque errors and bodies of the links."""
-        if self.record is not None:
-            return result_tables(self.record)
-        masses = tuple(zip(self._link_names(), map(number, mass(links(self.pi))), strict=True))
-        return (Table(("link", "mass [kg]"), masses, title=f"{self.robot} by {self.method}"),)
+        return result_tables(self.record)
 
     def columns_of_frame(self) -> dict[str, list[Any]]:
         """Link, parameter, value and σ [SI], one row per entry of π."""
-        known = self.record and self.record.uncertainty
-        return parameter_columns(self._link_names(), value=self.pi, sigma=known and known.pi_sigma)
-
-    def _link_names(self) -> list[str]:
-        """Names of the bodies of π, by their number where the file has none."""
-        names = [] if self.record is None else [each.name for each in self.record.links]
-        count = len(self.pi) // N_PARAMETERS
-        return names if len(names) == count else [f"body {k + 1}" for k in range(count)]
-
-
-def model_part(lib: Library) -> ModelPart:
-    """The part `model` of result.json."""
-    facts = lib.manifest
-    return ModelPart(
-        model_hash=facts.model_hash,
-        gravity=msgspec.convert(lib.gravity.tolist(), Vector3),
-        joints=msgspec.convert(facts.all_joints, tuple[JointPlace, ...], from_attributes=True),
-        lumped=tuple(body["name"] for body in facts.lumped),
-    )
+        known, names = self.record.uncertainty, [each.name for each in self.record.links]
+        if len(names) * N_PARAMETERS != len(self.pi):  # an old file may state other bodies
+            names = [f"body {k + 1}" for k in range(len(self.pi) // N_PARAMETERS)]
+        return parameter_columns(names, value=self.pi, sigma=known and known.pi_sigma)
 
 
 def read_record(path: Path) -> ResultRecord:
@@ -246,39 +192,21 @@ def _require_shapes(part: Part, sizes: Mapping[str, int], place: str = "") -> No
     here = dict(sizes)  # other letters are one number within a table
     for name, meaning in part.meanings().items():
         value, shape = getattr(part, name), _SHAPE.search(meaning)
+        inner = list(enumerate(value)) if isinstance(value, tuple) else []
         if shape and isinstance(value, tuple) and (value or shape["empty"] is None):
             sides = [side.split() for side in shape["sides"].split(",") if side]
-            got = _shape(value, len(sides))
+            widths = {len(row) for row in value} if len(sides) > 1 else set()
+            got = (len(value), *(widths if len(widths) < 2 else {-1}))  # −1: rows differ
             expected = tuple(
                 prod(int(x) if x.isdigit() else here.setdefault(x, size) for x in side)
-                for side, size in zip(sides, got, strict=True)
+                for side, size in zip(sides, got, strict=False)
             )
             if got != expected:
                 raise ValueError(f"{place}{name} expects the shape {expected}, got {got}")
-        inner = [(f"[{k}]", x) for k, x in enumerate(value)] if isinstance(value, tuple) else []
-        for index, each in inner or [("", value)]:
+        parts = {f"{name}[{k}].": each for k, each in inner} or {f"{name}.": value}
+        for index, each in parts.items():
             if isinstance(each, Part):
-                _require_shapes(each, sizes, f"{place}{name}{index}.")
-
-
-def _shape(value: Sequence[Any], dimensions: int) -> tuple[int, ...]:
-    """Lengths of a list of lists; −1 where the inner ones differ."""
-    if dimensions == 1:
-        return (len(value),)
-    widths = {len(each) for each in value}
-    return (len(value), widths.pop() if len(widths) == 1 else -1)
-
-
-def _fitted(file: Path) -> tuple[Marks | None, Recipe | None]:
-    """Marks of the rows that were fitted, and recipe of their log, from predictions.npz."""
-    try:
-        with np.load(require_file(file), allow_pickle=False) as arrays:
-            marks, text = (arrays.get(name, np.zeros(0)) for name in ("row_marks", "recipe"))
-            table = tomllib.loads(str(text)) if text.dtype.kind == "U" else None
-            recipe = None if table is None else recipe_from_table(table)
-    except (OSError, ValueError, LookupError, BadZipFile, RecordingError):
-        return None, None
-    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None, recipe
+                _require_shapes(each, sizes, place + index)
 
 
 def read_result(folder: str | PathLike[str], with_learned: bool = False) -> SavedResult:
@@ -289,7 +217,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
         with_learned: take a result whose method learned more friction than its columns.
 
     Returns:
-        Parameters, friction, preparation of the log, and the whole record.
+        The record, and parameters, friction and preparation of the log.
 
     Raises:
         RecordingError: the file is missing, damaged or of learned friction, or the argument is no
@@ -299,7 +227,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
         raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
-    fitted = _fitted(file.parent / "predictions.npz")
+    fitted = fitted_rows(file.parent / "predictions.npz")
     return saved_from(read_record(file), str(file), fitted, with_learned)
 
 
@@ -309,48 +237,41 @@ def saved_from(
     fitted: tuple[Marks | None, Recipe | None],
     with_learned: bool,
 ) -> SavedResult:
-    """Parameters, friction and preparation of a record of a file; marks and recipe of its rows."""
+    """A record with what commands compute with; marks and recipe of the rows of its log."""
     if not NAME.fullmatch(record.robot):
         raise RecordingError(
             f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
             f"{record.robot!r:.60}; correct the file, or identify again"
         )
-    n = len(record.joints)
-    terms = record.friction or FrictionPart(
-        columns=(), values=((),) * n, coulomb_speed=COULOMB_SPEED
-    )
-    if terms.net and not with_learned:
+    terms, gains, n = record.friction, record.current_gains, len(record.joints)
+    net = None if terms is None else terms.net
+    if net and not with_learned:
         raise RecordingError(
             f"'{file}': expected a result whose friction is its columns, got one of the method "
             f"{record.method}, which learned more, as evaluate takes it; identify again by "
             "another method"
         )
-    gains = record.current_gains
     steps: dict[str, Any] = {
         key: tuple(x) if isinstance(x, list) else x
         for key, x in record.recording.preparation.items()
     }
     try:
         saved = SavedResult(
-            robot=record.robot,
-            method=record.method,
-            joints=record.joints,
-            units=record.units,
+            record,
             pi=np.array(record.pi),
-            friction=Friction.from_facts(msgspec.to_builtins(terms)),
-            phi=np.array(terms.values, dtype=float),
-            history=record.recording.history,
+            friction=Friction.from_facts(
+                {"columns": ()} if terms is None else msgspec.to_builtins(terms)
+            ),
+            phi=np.zeros((n, 0)) if terms is None else np.array(terms.values, dtype=float),
             preparation=Preparation(**steps),
-            model=record.model,
-            record=record,
-            learned=_learned(record.method, terms.net) if terms.net else None,
+            learned=_learned(record.method, net) if net else None,
             gains=CurrentGains.from_facts(msgspec.to_builtins(gains), "the result")
             if gains
             else None,
             row_marks=fitted[0],
             recipe=fitted[1],
         )
-        bodies = n if saved.model is None else len(saved.model.joints)
+        bodies = n if record.model is None else len(record.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):
             raise ValueError(f"pi expects {N_PARAMETERS * bodies} numbers, got {saved.pi.size}")
         values = (*saved.pi, *saved.phi.ravel(), *(each.gain for each in gains or ()))
@@ -373,59 +294,3 @@ def _learned(method: str, facts: dict[str, Any]) -> Learned:
     if read is None:
         raise ValueError(f"the method {method} learns no friction.net")
     return read(facts)
-
-
-def require_model(
-    saved: SavedResult, lib: Library, folder: Path | str, same_bodies: bool = False
-) -> tuple[str, ...]:
-    """Check that a result holds for the model of a library."""
-    if saved.joints != lib.joint_names:
-        raise RecordingError(
-            f"'{folder}' identified {saved.robot}, whose joints differ from those of "
-            f"'{lib.name}'; name its robot with --robot"
-        )
-    then, now = saved.model, model_part(lib)
-    if then is None or then.model_hash == now.model_hash:
-        return ()
-    if len(then.joints) != len(now.joints):
-        raise RecordingError(
-            f"'{folder}' was identified with a model of {len(then.joints)} joints, "
-            f"'{lib.name}' has {len(now.joints)}; name the library that it was identified with by "
-            "--robot"
-        )
-    places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
-    if moved := next((name for name, old, new in places if not same_place(old, new)), None):
-        raise RecordingError(
-            f"'{folder}' was identified with a model whose joint '{moved}' sits or turns "
-            f"differently than that of '{lib.name}', so that its parameters belong to other "
-            "frames; name the library that it was identified with by --robot, or identify again"
-        )
-    if others := set(then.lumped) ^ set(now.lumped):
-        other = ", ".join(sorted(others))
-        difference = (
-            f"'{folder}' was identified with other fixed links counted into moving ones than "
-            f"'{lib.name}' has ({other})"
-        )
-        if same_bodies:
-            raise RecordingError(
-                f"{difference}; name the library that it was identified with by --robot"
-            )
-        return (f"{difference}: its masses belong to other bodies",)
-    if not np.abs(np.subtract(then.gravity, now.gravity)).max() <= ALIKE:
-        old, new = (",".join(f"{x:g}" for x in g) for g in (then.gravity, now.gravity))
-        return (
-            f"'{folder}' was identified with gravity {old}, and '{lib.name}' has {new}: right "
-            "if the arm was mounted again in between",
-        )
-    return (
-        f"'{folder}' was identified with another build of this arm (model {then.model_hash[:12]}, "
-        f"here {now.model_hash[:12]}): the joints are the same, inertials, limits or the generator "
-        "are not",
-    )
-
-
-def same_place(a: JointPlace, b: JointPlace) -> bool:
-    """Whether two joints are of one kind and differ by rounding only."""
-    pairs = ((a.rotation, b.rotation), (a.translation, b.translation), (a.axis, b.axis))
-    near = all(np.allclose(x, y, rtol=0, atol=ALIKE) for x, y in pairs)  # NaN counts as moved
-    return near and (a.kind, a.parent) == (b.kind, b.parent)

@@ -228,8 +228,8 @@ def baseline_of(
 def _delay_sigma(saved: SavedResult) -> float:
     """What a result does not know of the delay of its torque [s]."""
     record = saved.record
-    known = () if record is None else record.delays
-    if record is not None and record.sessions is not None:
+    known = record.delays
+    if record.sessions is not None:
         known += record.sessions.delay_s or ()
     sigma = [np.max(each.sigma) for each in known if each.value is not None and each.sigma]
     if sigma:

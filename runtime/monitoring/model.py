@@ -164,8 +164,20 @@ class MonitoredModel:
         return np.asarray(slow & (self.dry_friction > 0))
 
 
-def model_of(identified: Identification | SavedResult, lib: Library) -> MonitoredModel:
+AnyModel = Identification | SavedResult | MonitoredModel
+"""What an observer takes as its model."""
+
+
+def urdf_model(lib: Library) -> MonitoredModel:
+    """The bodies of the URDF without friction."""
+    n = lib.n_joints
+    return MonitoredModel(lib.base_matrix @ lib.pi0, Friction(()), np.zeros((n, 0)), Preparation())
+
+
+def model_of(identified: AnyModel, lib: Library) -> MonitoredModel:
     """The model of an identification or of a saved result."""
+    if isinstance(identified, MonitoredModel):
+        return identified
     if isinstance(identified, Identification):
         preparation = identified.train.prepared or Preparation()
         phi = identified.usual_phi

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
-from runtime.identification.identified import Identification
-from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.monitoring.model import NO_SIGNALS, MonitoredModel, Signals, model_of
+from runtime.monitoring.model import NO_SIGNALS, AnyModel, MonitoredModel, Signals, model_of
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
 
@@ -98,7 +96,7 @@ class Observer:
 
     Args:
         lib: library of the robot.
-        identified: model, an `Identification` or a result that was read.
+        identified: an `Identification`, a result that was read, or a model of this package.
         rate_hz: rate of the samples [Hz].
         bandwidth: K_O [1/s].
         window_s: length of the averaging window [s]; 0 for none.
@@ -111,7 +109,7 @@ class Observer:
     def __init__(
         self,
         lib: Library,
-        identified: Identification | SavedResult,
+        identified: AnyModel,
         *,
         rate_hz: float,
         bandwidth: float = BANDWIDTH,

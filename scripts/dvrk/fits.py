@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
@@ -18,7 +19,8 @@ from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.kept_links import identify_friction
 from runtime.identification.problem_setup import assemble
-from runtime.identification.saved_result import SavedResult
+from runtime.identification.result_record import ResultRecord
+from runtime.identification.saved_result import SavedResult, migrated
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording
@@ -90,18 +92,18 @@ def fitted(lib: Library, data: Path, train: str, test: str, cutoff: float = CUTO
 def friction_of_start(fit: ArmFit, data: Path, run: str, seconds: float) -> Array:
     """Friction (n, k) of the first seconds of a run, at the links of the fit: `symgen friction`."""
     lib, friction = fit.lib, Friction(fit.columns, dahl_stroke=STROKE)
-    saved = SavedResult(
-        robot=lib.name,
-        method="pc-ols",
-        joints=lib.joint_names,
-        units=("",) * lib.n_joints,
-        pi=fit.pi,
-        friction=friction,
-        phi=fit.phi,
-        history=(),
-        preparation=_steps(CUTOFF),
-        model=None,
-    )
+    error = dict.fromkeys(("before", "after"), (0.0,) * lib.n_joints)
+    facts = {
+        "method": "pc-ols",
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "links": (),
+        "consistent": True,
+        "torque_error_percent": error | {"before_overall": None, "after_overall": None},
+        "torque_rms": error,
+    }
+    record = msgspec.convert(migrated(facts), ResultRecord)
+    saved = SavedResult(record, fit.pi, friction, fit.phi, _steps(CUTOFF))
     start = log(data, run).take(slice(0, round((seconds + 2.0) * RATE)), "Took the start.")
     settings = Settings(preparation=saved.preparation, split=EVERYTHING)
     return identify_friction(start, lib, saved, settings).result.phi

@@ -69,6 +69,15 @@ class Statistics:
         _, rest = least_squares(matrix[:, : self.n_base], matrix[:, self.n_base :])
         return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
 
+    def condition(self) -> float | None:
+        """Condition number of the columns at length one; None where the matrix is singular.
+
+        Rotors and motors that count into links are not separate unknowns.
+        """
+        kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~self.explained()])
+        sigma = np.linalg.svd(self.unit_columns()[0][:, kept], compute_uv=False)
+        return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
+
     def without(self, columns: NDArray[np.bool_]) -> "Statistics":
         """Statistics with some columns of φ, (n k,), set to zero."""
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])

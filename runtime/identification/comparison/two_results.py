@@ -17,8 +17,9 @@ from scipy.special import ndtri
 
 from runtime.common.tables import NOTHING, Table, number, percent
 from runtime.errors import RecordingError
+from runtime.identification.model_identity import ALIKE, same_place
 from runtime.identification.result_record import FrictionPart, ModelPart, ResultRecord
-from runtime.identification.saved_result import ALIKE, SavedResult, same_place
+from runtime.identification.saved_result import SavedResult
 from runtime.recording.row_marks import SAME, share_of_rows
 
 LEVEL = 0.05
@@ -46,8 +47,8 @@ class TwoResults:
 
 def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> TwoResults:
     """Tables and sentences on two results of the same frames, whose headings are `names`."""
-    first, second = (_record(each, name) for each, name in zip((a, b), names, strict=True))
-    notes = _same_frames(a, b, names)
+    first, second = a.record, b.record
+    notes = _same_frames(first, second, names)
     if a.row_marks is not None and b.row_marks is not None:
         pair = (a.row_marks, b.row_marks)
         shared = max(share_of_rows(*pair), share_of_rows(*reversed(pair)))
@@ -70,13 +71,7 @@ def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> T
     )
 
 
-def _record(result: SavedResult, name: str) -> ResultRecord:
-    if result.record is None:
-        raise RecordingError(f"expected a result of identify, got the model '{name}'")
-    return result.record
-
-
-def _same_frames(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> list[str]:
+def _same_frames(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> list[str]:
     """Notes on the models; other joints or frames are refused."""
     both = f"'{names[0]}' and '{names[1]}'"
     advice = "compare two results of one robot"

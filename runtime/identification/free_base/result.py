@@ -25,6 +25,7 @@ from runtime.identification.free_base.rows import (
     rows_of,
     with_contact_states,
 )
+from runtime.identification.model_identity import model_part
 from runtime.identification.posterior_file import SavedPosterior, write_posterior
 from runtime.identification.result_file import (
     require_size,
@@ -48,7 +49,7 @@ from runtime.identification.result_record import (
     link_uncertainties,
     plain,
 )
-from runtime.identification.saved_result import SavedResult, model_part
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, links, mass
@@ -258,8 +259,7 @@ def free_base_errors(
     record, drives, late = saved.record, None, 0.0
     if recording.is_commanded:
         recording, _ = with_contact_states(recording, lib)
-        delays = () if record is None else record.delays
-        late = next((each.value for each in delays if isinstance(each.value, float)), 0.0)
+        late = next((each.value for each in record.delays if isinstance(each.value, float)), 0.0)
         drives = Drives(saved.friction, delay_s=late)
     terms = None if drives is None else saved.friction
     motion = motion_of(recording, lib.joint_names, cutoff_hz, late, terms)
@@ -267,9 +267,8 @@ def free_base_errors(
     ends = max(late, 0.0 if cutoff_hz is None or drives is None else 1.0 / cutoff_hz)
     inside = (motion.t >= motion.t[0] + ends) & (motion.t <= motion.t[-1] - ends)
     motion = motion.rows(np.flatnonzero(inside))
-    choice = "all" if record is None or not record.rows else record.rows
-    rows = rows_of(lib, motion, choice, drives)
-    known = (None if record is None else record.sensors) or {}
+    rows = rows_of(lib, motion, record.rows or "all", drives)
+    known = record.sensors or {}
     sensors = [known[n].value if n in known else 0.0 for n in error_names(motion.contacts)]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
     measured = rows.samples.tau

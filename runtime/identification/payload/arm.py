@@ -21,7 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
-from runtime.identification.saved_result import read_result, require_model
+from runtime.identification.model_identity import require_model
+from runtime.identification.saved_result import read_result
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
@@ -53,7 +54,7 @@ def arm_model(lib: Library) -> ArmModel:
 def read_arm_model(path: Path, lib: Library) -> ArmModel:
     """Read the arm from a result of identify."""
     saved = read_result(path)
-    notes = require_model(saved, lib, path)
+    notes = require_model(saved.record, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))
     return ArmModel(saved.pi, saved.friction, saved.phi, origin)
 

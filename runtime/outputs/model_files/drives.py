@@ -29,9 +29,9 @@ class Drives:
         return f"delay: the commanded torque acts {shown} ms late; the file cannot state it."
 
 
-def drives_of(record: ResultRecord | None) -> Drives | None:
+def drives_of(record: ResultRecord) -> Drives | None:
     """Drives of a result.json."""
-    if record is None or not record.drive:
+    if not record.drive:
         return None
     tables, joints, law = record.drive, record.joints, record.control_law
     delays = record.delays if isinstance(record.delay_s, tuple) else record.delays * len(joints)

@@ -9,11 +9,11 @@ import pytest
 
 from runtime import Identification, Recording
 from runtime.errors import RuntimeFault
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import friction_error
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import (
-    condition_number,
     record_of,
     versions,
     write_result,
@@ -114,13 +114,16 @@ def test_predictions_reproduce_the_errors(panda_adam: Identification, folder: Pa
 
 def test_condition_number_against_numpy(panda_adam: Identification) -> None:
     """Oracle: numpy's cond of the normalised [Y_b F], joint by joint."""
-    train = samples_of(panda_adam.train, panda_adam.lib)
-    y = panda_adam.lib.regressor(train.q, train.dq, train.ddq)[:, :, panda_adam.lib.base_columns]
+    lib = panda_adam.lib
+    train = samples_of(panda_adam.train, lib)
+    y = lib.regressor(train.q, train.dq, train.ddq)[:, :, lib.base_columns]
     blocks = [np.kron(np.eye(7)[j], train.columns[:, j]) for j in range(7)]
     rows = np.concatenate([y, np.stack(blocks, axis=1)], axis=2).reshape(-1, y.shape[2] + 21)
     expected = np.linalg.cond(rows / np.linalg.norm(rows, axis=0))
     # Rounding × the condition number itself (below 1000).
-    assert condition_number(panda_adam) == pytest.approx(expected, rel=1e-10)
+    statistics = compress(lib, train, np.ones(lib.n_joints))
+    assert statistics.condition() == pytest.approx(expected, rel=1e-10)
+    assert record_of(panda_adam, "").condition_number == statistics.condition()
 
 
 def test_perfect_fits_are_doubted(

@@ -72,9 +72,9 @@ def test_a_file_of_format_1_is_read_as_before(tmp_path: Path) -> None:
         old = {key: value for key, value in facts.items() if key != "format"} | number
         (tmp_path / "result.json").write_text(json.dumps(old))
         saved, report = read_result(tmp_path), read_report(tmp_path)
-        assert saved.model is None
+        assert saved.record.model is None
         assert saved.phi.tolist() == facts["friction"]["values"]
-        assert saved.history == tuple(facts["recording"]["history"])
+        assert saved.record.recording.history == tuple(facts["recording"]["history"])
         assert report.record.warnings == ("rail is hardly excited",)
         assert report.record.uncertainty is None
 

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from runtime import Identification, Recording, identify_payload
-from runtime.campaign.guards import urdf_model
 from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison.run import compare
@@ -105,5 +104,3 @@ def test_a_result_that_is_read_again_shows_and_converts_itself(
     assert table["value"] == whole["value"]
     assert table["link"] == whole["link"]
     assert ("sigma" in table) == ("sigma" in whole)
-    bare = shown(urdf_model(panda_adam.lib))
-    assert "body 7" in bare.text

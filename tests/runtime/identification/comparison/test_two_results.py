@@ -4,13 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
-from runtime.errors import RecordingError
 from runtime.identification.comparison.two_results import compare_results
-from runtime.identification.result_record import ResultRecord
 from runtime.identification.saved_result import SavedResult, read_result
 from tests.runtime.conftest import Command
 from tests.runtime.pages import result, write
@@ -40,9 +37,7 @@ def saved(folder: Path, **changes: Any) -> SavedResult:
 
 def moved(one: SavedResult, beta: Any, marks: Any = None) -> SavedResult:
     """The same result with other base parameters, and marks of its rows."""
-    assert isinstance(one.record, ResultRecord)
-    record = msgspec.structs.replace(one.record, beta=tuple(beta))
-    return replace(one, record=record, row_marks=marks)
+    return replace(one, record=one.record.replace(beta=tuple(beta)), row_marks=marks)
 
 
 def test_level_and_planted_difference(tmp_path: Path) -> None:
@@ -102,14 +97,6 @@ def test_command(tmp_path: Path, command: Command) -> None:
         ran = command("compare", *words)
         assert (ran.code, ran.err.count("\n")) == (2, 1)
         assert said in ran.err
-
-
-def test_a_result_without_record(tmp_path: Path) -> None:
-    """Property: a model of no file has no errors to compare."""
-    one = saved(tmp_path / "a")
-    bare = replace(one, record=None)
-    with pytest.raises(RecordingError, match="monday"):
-        compare_results(bare, one, NAMES)
 
 
 def test_a_page_is_opened(

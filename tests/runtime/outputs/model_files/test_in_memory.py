@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import mujoco
 import numpy as np
 import pinocchio
@@ -9,9 +10,12 @@ import pytest
 
 import runtime
 from runtime.errors import ExportError, RuntimeFault
-from runtime.identification.saved_result import SavedResult, model_part
+from runtime.identification.model_identity import model_part
+from runtime.identification.result_record import ResultRecord
+from runtime.identification.saved_result import SavedResult, migrated
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording import Friction, Preparation
+from tests.runtime import pages
 from tests.runtime.exporting import perturbed
 
 TERMS = Friction(("viscous", "coulomb", "offset", "rotor"))
@@ -20,9 +24,9 @@ TERMS = Friction(("viscous", "coulomb", "offset", "rotor"))
 def saved(lib: Library, scale: float = 1.0) -> SavedResult:
     """A result of consistent bodies with four columns of friction."""
     phi = np.random.default_rng(2).uniform(0.1, 1.0, (lib.n_joints, 4))
-    units, pi = ("",) * lib.n_joints, scale * perturbed(lib)
-    of_log = ((), Preparation(), model_part(lib))
-    return SavedResult(lib.name, "ols", lib.joint_names, units, pi, TERMS, phi, *of_log)
+    facts = migrated(pages.result() | {"robot": lib.name, "joints": list(lib.joint_names)})
+    record = msgspec.convert(facts, ResultRecord).replace(model=model_part(lib))
+    return SavedResult(record, scale * perturbed(lib), TERMS, phi, Preparation())
 
 
 def test_both_engines_hold_the_identified_robot(arm: Library) -> None:

@@ -226,11 +226,12 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, matrix)
     late = (
         []
-        if computed or any(f.level == WARNING for f in gain)
+        if computed or any(f.kind == "torque_gain" for f in gain)
         else torque_delay.delay(
             checks.recording, lib, checks.plan, terms, has_gains=checks.has_gains
         )
     )
+    before = checks.plan
     if any(finding.kind == "time_shift" for finding in late):
         shifted = replace(
             checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
@@ -239,7 +240,11 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         torque_rows = checks.torque_rows(lib, terms)
         matrix = model_fit.fit_rows(torque_rows)
         computed = model_fit.not_measured(torque_rows, matrix, tau)
+        # What a tilt or a zero explained may have been the delay.
+        gain = model_fit.explained(torque_rows, matrix) if gain else []
     strange = model_fit.unexplained(torque_rows, matrix, has_gains=checks.has_gains)
+    if strange:  # what no bodies explain at any delay has none
+        checks.plan, late = before, [each for each in late if each.kind != "time_shift"]
     checks.findings += late + strange + computed
     torque = checks.plan.torque
     guessed = torque is not None and torque.unit == "A" and not checks.plan.gear

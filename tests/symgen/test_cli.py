@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.cli.common import _robots as complete_robot
+from runtime.cli.common import robots as complete_robot
 from runtime.common.user_builds import record_build
 from runtime.library import Library
 from symgen.cli import main

@@ -17,12 +17,17 @@ from runtime.recording.datasets import known_names, locate
 FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 
 
+def _tutorials(incomplete: str) -> list[str]:
+    """Names of tutorials, read when a shell asks."""
+    return completing(path.stem for path in FOLDER.glob("*.md"))(incomplete)
+
+
 def tutorial_command(
     name: Annotated[
         str | None,
         typer.Argument(
             metavar="NAME",
-            autocompletion=completing([path.stem for path in FOLDER.glob("*.md")]),
+            autocompletion=_tutorials,
             help="Name of a tutorial; default a list of all.",
         ),
     ] = None,

@@ -19,7 +19,12 @@ from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
 from runtime.recording.datasets import known_names
 from runtime.recording.friction import COLUMNS
 
-bundled_logs = completing(known_names())
+
+def bundled_logs(incomplete: str) -> list[str]:
+    """Names of known data sets, read when a shell asks."""
+    return completing(known_names())(incomplete)
+
+
 Log = Annotated[
     str,
     typer.Argument(

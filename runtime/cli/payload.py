@@ -101,9 +101,8 @@ def payload_command(given: PayloadSettings) -> None:
         if given.empty
         else None
     )
-    preparation, chosen = filter_for_accelerations(
-        independent_joints(loaded, lib), lib, given.cutoff, given.rate
-    )
+    moved = independent_joints(loaded, lib)
+    preparation, chosen = filter_for_accelerations(moved, lib, given.cutoff, given.rate)
     payload = identify_payload(
         loaded,
         lib,
@@ -125,7 +124,7 @@ def payload_command(given: PayloadSettings) -> None:
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
     for note in (
         *chosen,
-        *noisy_accelerations(independent_joints(loaded, lib), lib, preparation),
+        *noisy_accelerations(moved, lib, preparation),
         *payload.notes,
     ):
         say(f"note: {note}")

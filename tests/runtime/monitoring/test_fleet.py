@@ -172,3 +172,13 @@ def test_the_first_trust_and_the_covariance_of_units(lib: Library, fleet: Fleet)
         gain = np.linalg.solve(np.eye(len(rows)) + rows @ before @ rows.T, rows @ before)
         exact = before - before @ rows.T @ gain
         np.testing.assert_allclose(covariance, exact, rtol=0, atol=1e-9 * np.abs(before).max())
+
+
+def test_a_unit_of_too_many_orders_of_magnitude_is_refused(lib: Library, fleet: Fleet) -> None:
+    """Property: where 1 is lost beside the squares of its rows, a sentence names the unit."""
+    prior = prior_of(lib, fleet.type, floor=0.0)
+    A, b = (np.stack([getattr(u, x) for u in fleet.units[:2]]) for x in ("factor", "target"))
+    view = _View(lib, prior, A, b, prior.centre)
+    view.A[1] = 1e80 * view.A[1, 0]  # dependent rows
+    with pytest.raises(IdentificationError, match="the log of unit 2 has numbers of too many"):
+        view.link(1, 400.0)

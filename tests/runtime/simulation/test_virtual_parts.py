@@ -255,6 +255,7 @@ def test_a_file_replaces_single_entries(fr3: Library, tmp_path: Path) -> None:
         ),
         ("[drive]\nstep_s = 1.0", "does not go into a period of the controller"),
         ("[drive]\nstep_s = 1e9", "does not go into a period of the controller"),
+        ("[drive]\nstep_s = 1e-320", "does not go into a period of the controller"),
         ("[drive]\ndelay_s = 1e-4", "does not go into delay_s of 0.0001 s"),
         ("[controller]\nrate_hz = 300", "into a period of the controller of 0.00333333 s"),
         ("[controller]\nlaw = 'magic'", "one of computed_torque, feedforward, got 'magic'"),

@@ -6,11 +6,13 @@ which the filter of the page hides them.
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
 
+from runtime.common.files import replacing
 from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, curve_name, method_name
 from runtime.experiments.report.reading import Array, Experiment, MetricKey, Value
 from runtime.experiments.study import View
@@ -23,7 +25,9 @@ from runtime.outputs.report.canvas import (
     PURPLE,
     SKY,
     VERMILION,
+    blank,
     page_figure,
+    settings,
     svg,
     thinned,
 )
@@ -31,10 +35,6 @@ from runtime.outputs.report.canvas import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from pathlib import Path
-
-from runtime.common.files import replacing
-from runtime.outputs.report.canvas import blank, settings
 
 DPI = 130
 

@@ -21,6 +21,13 @@ from runtime.outputs.report.canvas import (
 )
 from runtime.recording import Recording
 
+FORMATS = ("png", "pdf", "svg")
+POINTS = 4000
+"""Largest number of points of one curve."""
+_GAP = 10.0
+"""Time step of a gap, in median time steps."""
+_DASHES = ("-", "--", ":")
+
 
 def draw_external_torque(
     observation: Observation, names: tuple[str, ...], units: tuple[str, ...], path: Path
@@ -48,9 +55,6 @@ def draw_external_torque(
         )
         with replacing(path) as file:
             figure.savefig(file, format=suffix)
-
-
-_DASHES = ("-", "--", ":")
 
 
 def draw_growth(growth: Growth, path: Path) -> None:
@@ -93,13 +97,6 @@ def draw_growth(growth: Growth, path: Path) -> None:
         )
         with replacing(path) as file:
             figure.savefig(file, format=suffix)
-
-
-FORMATS = ("png", "pdf", "svg")
-POINTS = 4000
-"""Largest number of points of one curve."""
-_GAP = 10.0
-"""Time step of a gap, in median time steps."""
 
 
 def picture_format(path: Path) -> str:

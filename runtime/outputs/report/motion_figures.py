@@ -5,13 +5,15 @@ the use of all limits. `NAME-speed.png`: dq over q of every joint, with velocity
 on the position. `NAME-space.png`: see `tip_path_figure`.
 """
 
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.common.files import replacing
-from runtime.excitation.motion_profile import Band, MotionProfile
+from runtime.excitation.motion_profile import Band, Gap, MotionProfile
 from runtime.outputs.report.canvas import (
     BLUE,
     GREEN,
@@ -24,16 +26,6 @@ from runtime.outputs.report.canvas import (
     blank,
     settings,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-from itertools import product
-from typing import TYPE_CHECKING
-
-from numpy.typing import NDArray
-
-from runtime.excitation.motion_profile import Gap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,10 @@ PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 
 @contextmanager
 def chromium(*options: str) -> Iterator[Any]:
-    """A browser of playwright's; the test is skipped where it, or Chromium, is missing."""
+    """A browser of playwright's; the test is skipped where it, or Chromium, is missing.
+
+    Without options it draws pages only, without the emulation of a graphics card.
+    """
     sync = pytest.importorskip(
         "playwright.sync_api",
         reason="NOT LOOKED AT IN A BROWSER: playwright is missing: pip install 'symgen[test]'",
@@ -22,7 +25,9 @@ def chromium(*options: str) -> Iterator[Any]:
     if program is None:
         pytest.skip("NOT LOOKED AT IN A BROWSER: no chromium on the path: apt install chromium")
     with sync.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=program, args=["--no-sandbox", *options])
+        browser = play.chromium.launch(
+            executable_path=program, args=["--no-sandbox", *(options or ["--disable-gpu"])]
+        )
         try:
             yield browser
         finally:

@@ -6,7 +6,9 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
@@ -33,6 +35,14 @@ def payloads(log: Recording, encoding: str) -> Payloads:
     return made
 
 
+@cache
+def _types(is_ros1: bool) -> Any:
+    """Types of messages, which generate their code at the first message of a type."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+
+
 def _encoded(
     encoding: str, stamp: int, names: list[str], q: np.ndarray, effort: np.ndarray
 ) -> bytes:
@@ -41,10 +51,8 @@ def _encoded(
         head = {"stamp": {"sec": sec, "nanosec": nanosec}}
         messages = {"header": head, "name": names, "position": [*q], "effort": [*effort]}
         return json.dumps(messages).encode()
-    from rosbags.typesys import Stores, get_typestore
-
     is_ros1 = encoding == "ros1"
-    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    store = _types(is_ros1)
     time = store.types["builtin_interfaces/msg/Time"](sec, nanosec)
     extra = {"seq": 0} if is_ros1 else {}
     header = store.types["std_msgs/msg/Header"](stamp=time, frame_id="", **extra)

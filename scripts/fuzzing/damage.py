@@ -197,11 +197,16 @@ def drawn(
     """Damaged files by index; the same key, of seed and kind, and index give the same file."""
     for batch in range(first // BATCH, -(-(first + count) // BATCH)):
         start = batch * BATCH
-        some = _batch(data, file, (*key, batch))
-        yield from some[max(first - start, 0) : first + count - start]
+        some = _batch(data, file, (*key, batch), first + count - start)
+        yield from some[max(first - start, 0) :]
 
 
-def _batch(data: bytes, file: str, key: tuple[object, ...]) -> list[Damaged]:
+class _Enough(Exception):
+    """The rest of a batch is not needed."""
+
+
+def _batch(data: bytes, file: str, key: tuple[object, ...], count: int) -> list[Damaged]:
+    """The first files of a batch, at most `count`."""
     files: list[Damaged] = []
 
     @seed(repr(key))
@@ -210,11 +215,15 @@ def _batch(data: bytes, file: str, key: tuple[object, ...]) -> list[Damaged]:
         phases=[Phase.generate],
         database=None,
         deadline=None,
+        report_multiple_bugs=False,
         suppress_health_check=list(HealthCheck),
     )
     @given(damaged(data, file))
     def draw_all(one: Damaged) -> None:
         files.append(one)
+        if len(files) >= 2 + count:
+            raise _Enough
 
-    draw_all()
-    return files[2:]  # the first ones have the simplest choice everywhere
+    with suppress(_Enough):
+        draw_all()
+    return files[2 : 2 + min(count, BATCH)]  # the first ones have the simplest choice everywhere

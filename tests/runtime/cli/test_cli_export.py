@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +12,8 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
 from runtime.excitation.search.design import Design, design
 from runtime.library import Library
-from tests.plugins import install_toy
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from tests.plugins import add_toy
 from tests.runtime.conftest import Command
 
 
@@ -65,27 +64,21 @@ TOY = ExportFormat("toy", "CSV of masses", "{robot}_masses.csv", masses, check)
 
 
 def test_a_format_of_another_package_is_used_by_its_name(
-    command: Command, lib: Library, log: Path, tmp_path: Path
+    command: Command, lib: Library, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: an entry point adds a format to --formats, --to and the messages."""
     words = ("--robot", lib.folder, "--method", "pc-ols", "--out", "out")
     assert command("identify", log, *words).code == 0
     (tmp_path / "site").mkdir()
-    environment = install_toy(tmp_path / "site", "symgen.export_formats", "toy", TOY, "TOY")
-
-    def export(*words: object) -> subprocess.CompletedProcess[str]:
-        line = [sys.executable, "-m", "runtime", "export", *map(str, words)]
-        return subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True,
-                              check=False)  # fmt: skip
-
-    assert export("--formats").stdout.splitlines()[-1] == "toy: CSV of masses"
-    ran = export("out", "--robot", lib.folder, "--to", "toy")
-    assert ran.returncode == 0, ran.stderr
-    assert "(verified: read again by csv)" in ran.stdout
+    add_toy(tmp_path / "site", EXPORT_FORMATS, "toy", TOY, "TOY", monkeypatch)
+    assert command("export", "--formats").out.splitlines()[-1] == "toy: CSV of masses"
+    ran = command("export", "out", "--robot", lib.folder, "--to", "toy")
+    assert ran.code == 0, ran.err
+    assert "(verified: read again by csv)" in ran.out
     lines = (tmp_path / "out" / "export" / "fr3_masses.csv").read_text().splitlines()
     assert lines[0] == "link,mass"
     assert {line.split(",")[0] for line in lines[1:]} >= set(lib.link_names)
-    assert "header, casadi, toy; got 'vrml'" in export("out", "--to", "vrml").stderr
+    assert "header, casadi, toy; got 'vrml'" in command("export", "out", "--to", "vrml").err
 
 
 def test_export_says_what_it_could_not_write(

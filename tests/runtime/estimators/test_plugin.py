@@ -12,7 +12,8 @@ from runtime import METHODS
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import DEFAULT, chosen_method, methods_from_statistics
 from runtime.library import Library
-from tests.plugins import install_toy
+from tests.plugins import add_toy
+from tests.runtime.conftest import Command
 
 EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_simulated.npz"
 RIDGE = '''
@@ -44,32 +45,26 @@ RIDGE = Method("ridge", "least squares with a quadratic penalty", fit_ridge, fro
 
 
 def test_an_estimator_of_another_package_is_a_method_like_any_other(
-    lib: Library, tmp_path: Path
+    lib: Library, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: `identify --method ridge` and a row of `compare`, with help and streamed logs."""
     site = tmp_path / "site"
     site.mkdir()
-    environment = install_toy(site, "symgen.estimators", "ridge", RIDGE, "RIDGE")
-
-    def command(*words: object) -> str:
-        ran = subprocess.run(
-            [sys.executable, "-m", "runtime", *map(str, words)],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ran.returncode == 0, ran.stderr
-        return ran.stdout
-
-    assert "ridge" in command("identify", "--help")
-    command("identify", EXAMPLE, "--robot", lib.folder, "--method", "ridge", "--out", "one")
+    environment = add_toy(site, METHODS, "ridge", RIDGE, "RIDGE", monkeypatch)
+    words = [sys.executable, "-m", "runtime", "identify", "--help"]  # written at the import
+    helped = subprocess.run(
+        words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert helped.returncode == 0, helped.stderr
+    assert "ridge" in helped.stdout
+    ran = command("identify", EXAMPLE, "--robot", lib.folder, "--method", "ridge", "--out", "one")
+    assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "one" / "result.json").read_text())
     assert facts["method"] == "ridge"
     assert facts["status"] == "solved by ridge regression"
-    table = command("compare", EXAMPLE, "--robot", lib.folder, "--methods", "ols,ridge")
-    assert "ridge" in table
+    ran = command("compare", EXAMPLE, "--robot", lib.folder, "--methods", "ols,ridge")
+    assert ran.code == 0, ran.err
+    assert "ridge" in ran.out
     rows = json.loads((tmp_path / "results/fr3_simulated-compare/compare.json").read_text())["rows"]
     assert [row["method"] for row in rows] == ["ols", "ridge"]
     assert rows[1]["about"] == "least squares with a quadratic penalty"

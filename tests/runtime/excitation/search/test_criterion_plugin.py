@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.design_settings import DesignSettings, settings_from
 from runtime.library import Library
-from tests.plugins import install_toy
+from tests.plugins import add_toy
+from tests.runtime.conftest import Command
 
 TRACE = """
 import numpy as np
@@ -43,27 +45,22 @@ KNOTS = MotionFormat("knots", ".knots.txt", "one line about the motion", write)
 """
 
 
-def test_a_criterion_from_outside(lib: Library, tmp_path: Path) -> None:
+def test_a_criterion_from_outside(
+    lib: Library, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Property: help names both records, the search minimises the one, the other is written."""
     site = tmp_path / "site"
     site.mkdir()
-    install_toy(site, "symgen.criteria", "trace", TRACE, "TRACE")
-    env = install_toy(site, "symgen.motion_formats", "knots", KNOTS, "KNOTS")
-
-    def excite(*words: str) -> str:
-        ran = subprocess.run(
-            [sys.executable, "-m", "runtime", "excite", *words],
-            cwd=tmp_path,
-            env=env,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ran.returncode == 0, ran.stderr
-        return " ".join(ran.stdout.split())
-
-    assert "trace: inverse root of the trace" in excite("--help").replace("│ │ ", "")
-    words = (
+    add_toy(site, CRITERIA, "trace", TRACE, "TRACE", monkeypatch)
+    env = add_toy(site, MOTION_FORMATS, "knots", KNOTS, "KNOTS", monkeypatch)
+    words = [sys.executable, "-m", "runtime", "excite", "--help"]  # written at the import
+    helped = subprocess.run(
+        words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+    )
+    assert helped.returncode == 0, helped.stderr
+    shown = " ".join(helped.stdout.split()).replace("│ │ ", "")
+    assert "trace: inverse root of the trace" in shown
+    options = (
         "--duration",
         "4",
         "--settings",
@@ -73,11 +70,11 @@ def test_a_criterion_from_outside(lib: Library, tmp_path: Path) -> None:
         "--criterion",
         "trace",
     )
-    words = (*words, "--table", "none")
-    out = excite(
+    ran = command(
+        "excite",
         "--robot",
         str(lib.folder),
-        *words,
+        *options,
         "--table",
         "none",
         "--export",
@@ -85,7 +82,8 @@ def test_a_criterion_from_outside(lib: Library, tmp_path: Path) -> None:
         "--out",
         "m.json",
     )
-    assert "trace (1/(N·m))" in out
+    assert ran.code == 0, ran.err
+    assert "trace (1/(N·m))" in " ".join(ran.out.split())
     facts = json.loads((tmp_path / "m.json").read_text())
     assert len(facts["criterion_of_starts"]) == 1
     assert facts["criterion"] == "trace"

@@ -1,8 +1,5 @@
 """The registry of log formats: what is built in, and a format that another package adds."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -12,7 +9,7 @@ from runtime.recording.formats import FORMATS, all_suffixes, format_of_suffix
 from runtime.recording.formats.log_format import LogReader, RawFile
 from runtime.recording.recipes.recipe import Recipe, Signal
 from tests.conftest import REPOSITORY
-from tests.plugins import install_toy
+from tests.plugins import add_toy
 
 TOY = '''
 import numpy as np
@@ -72,7 +69,9 @@ def test_a_bare_reader_names_what_it_lacks(tmp_path):
     assert reader.arrays() == {}
 
 
-def test_a_format_of_another_package_is_inspected_and_identified(tmp_path, lib):
+def test_a_format_of_another_package_is_inspected_and_identified(
+    tmp_path, lib, command, monkeypatch
+):
     """Property: a toy format serves two commands; without its package it is one sentence."""
     log = read_recording(REPOSITORY / "runtime/examples/fr3_simulated.npz")
     rows = slice(0, len(log), 2)
@@ -83,17 +82,11 @@ def test_a_format_of_another_package_is_inspected_and_identified(tmp_path, lib):
     path = tmp_path / "log.toy"
     path.write_text("\n".join(lines) + "\n")
     (tmp_path / "site").mkdir()
-    environment = install_toy(tmp_path / "site", "symgen.log_formats", "toy", TOY, "TOY")
-
-    def run(*arguments: str) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-m", "runtime", *arguments]
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
-
-    inspected = run("inspect", "log.toy", "--robot", "fr3")
-    assert inspected.returncode == 0, inspected.stdout + inspected.stderr
-    out = run("identify", "log.toy", "--robot", "fr3", "--method", "wls", "--cutoff", "10")
-    assert out.returncode == 0, out.stdout + out.stderr
     with pytest.raises(RecordingError, match=r"ends in .csv.*got 'log.toy'"):
         read_recording(path)
+    add_toy(tmp_path / "site", FORMATS, "toy", TOY, "TOY", monkeypatch)
+    inspected = command("inspect", "log.toy", "--robot", lib.folder)
+    assert inspected.code == 0, inspected.out + inspected.err
+    words = ("--robot", lib.folder, "--method", "wls", "--cutoff", "10")
+    out = command("identify", "log.toy", *words)
+    assert out.code == 0, out.out + out.err

@@ -1,8 +1,6 @@
 """Friction columns and the torque they stand for."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from runtime.errors import RecordingError
 from runtime.recording import Friction, Recording, friction
 from tests.conftest import REPOSITORY
-from tests.plugins import install_toy
+from tests.plugins import add_toy
 
 NAMES = ("viscous", "coulomb", "offset")
 
@@ -115,24 +113,17 @@ def test_records_state_the_properties_of_their_columns():
             np.testing.assert_allclose(slope * speed + constant, a[0], rtol=1e-12)
 
 
-def test_a_column_of_another_package_is_identified(tmp_path, lib):
+def test_a_column_of_another_package_is_identified(tmp_path, lib, command, monkeypatch):
     """Property: a toy column found by its entry point is fitted and stands in result.json."""
     (tmp_path / "site").mkdir()
-    environment = install_toy(tmp_path / "site", "symgen.friction_columns", "toy", TOY, "TOY")
-    log = str(REPOSITORY / "runtime/examples/fr3_simulated.npz")
+    log = REPOSITORY / "runtime/examples/fr3_simulated.npz"
     options = ["--method", "wls", "--friction", "viscous,toy", "--cutoff", "10", "--out", "out"]
-
-    def identify(path: str) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-m", "runtime", "identify", log, "--robot", "fr3", *options]
-        env = {**environment, "PYTHONPATH": path}
-        return subprocess.run(
-            command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False
-        )
-
-    run = identify(environment["PYTHONPATH"])
-    assert run.returncode == 0, run.stdout + run.stderr
+    words = ["identify", log, "--robot", lib.folder, *options]
+    bare = command(*words)
+    assert "no friction column 'toy'" in bare.out + bare.err
+    add_toy(tmp_path / "site", friction.COLUMNS, "toy", TOY, "TOY", monkeypatch)
+    run = command(*words)
+    assert run.code == 0, run.out + run.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["friction"]["columns"] == ["viscous", "toy"]
     assert np.shape(facts["friction"]["values"]) == (7, 2)
-    bare = identify(str(REPOSITORY))
-    assert "no friction column 'toy'" in bare.stdout + bare.stderr

@@ -1,8 +1,6 @@
 """Viscous friction that changes with the temperature or the time of operation."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,8 @@ from runtime.recording import (
     read_recording,
 )
 from runtime.recording.preprocessing import prepare
-from tests.plugins import install_toy
+from tests.plugins import add_toy
+from tests.runtime.conftest import Command
 from tests.runtime.motions import COULOMB, SPEED, VISCOUS, moving
 
 NAMES = ("viscous", "coulomb", "offset", "viscous_temperature")
@@ -165,22 +164,16 @@ HUMID = FrictionColumn(
 """
 
 
-def test_a_plugin_uses_a_signal_of_the_recipe(lib: Library, tmp_path: Path) -> None:
+def test_a_plugin_uses_a_signal_of_the_recipe(
+    lib: Library, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Property: a column of another package is its record and its entry point."""
     (tmp_path / "site").mkdir()
-    group = "symgen.friction_columns"
-    environment = install_toy(tmp_path / "site", group, "humid", HUMID, "HUMID")
+    add_toy(tmp_path / "site", friction.COLUMNS, "humid", HUMID, "HUMID", monkeypatch)
     write_recording(warm_log(lib), tmp_path / "warm.csv")
     (tmp_path / "recipe.toml").write_text(RECIPE)
-    given = ["--robot", "fr3", "--friction", "viscous,humid", "--recipe", "recipe.toml"]
-    ran = subprocess.run(
-        [sys.executable, "-m", "runtime", "identify", "warm.csv", *given, "--out", "out"],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stdout + ran.stderr
+    given = ["--robot", lib.folder, "--friction", "viscous,humid", "--recipe", "recipe.toml"]
+    ran = command("identify", "warm.csv", *given, "--out", "out")
+    assert ran.code == 0, ran.out + ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["friction"]["columns"] == ["viscous", "humid"]

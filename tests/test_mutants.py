@@ -86,7 +86,7 @@ def test_every_room_has_sources_and_tests_and_its_mutants_parse() -> None:
         files = [file for file in files if file.stat().st_size > SHORT] or files
         mutants = mutants_of(min(files, key=lambda file: file.stat().st_size), ROOT)
         assert mutants, name
-        for mutant in mutants[:: max(1, len(mutants) // 4)]:
+        for mutant in mutants[:: max(1, len(mutants) // 2)]:
             assert mutant.before != mutant.after
             if mutant.path.endswith(".py"):
                 ast.parse(mutant.make())
@@ -128,7 +128,8 @@ def test_above():
 
 def test_a_run_counts_what_tests_notice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: by hand; failure, crash and hanging are noticed, and files are as they were."""
-    monkeypatch.setattr("scripts.mutation.run.PATIENCE_S", 3.0)
+    monkeypatch.setattr("scripts.mutation.run.PATIENCE_S", 1.0)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # half of the start of a process
     root, folder = tmp_path / "root", tmp_path / "results"
     (root / "tests").mkdir(parents=True)
     (root / "room.py").write_text(ROOM, encoding="utf-8")
@@ -168,5 +169,5 @@ def test_every_equivalent_mutant_is_of_a_line_that_exists() -> None:
     for entry in entries:
         assert set(entry) == {"path", "before", "after", "reason"}
         drawn = [m for m in mutants[entry["path"]] if m.before == entry["before"]]
-        altered = {"".join(m.after.split()) for m in drawn}
-        assert "".join(entry["after"].split()) in altered, entry
+        after = "".join(entry["after"].split())
+        assert any("".join(m.after.split()) == after for m in drawn), entry

@@ -182,15 +182,3 @@ def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> di
             )
         payloads[log] = read_carried(Path(file), lib)
     return payloads
-
-
-def _names(runs: Sequence[tuple[str, str | None]]) -> list[str]:
-    """Short names of the logs, all different."""
-    same = len({log for log, _ in runs}) == 1
-    names: list[str] = []
-    for log, run in runs:
-        name = f"run {run}" if same and run else Path(log).stem
-        while name in names:
-            name += "'"
-        names.append(name)
-    return names

@@ -21,7 +21,7 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import Constraints
-from runtime.estimators.methods import METHODS, chosen_method, require_method
+from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import sign_of_delay
@@ -56,7 +56,6 @@ from runtime.library import Array, Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import default_terms
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.row_marks import COUNT, row_marks
@@ -125,19 +124,33 @@ def identify(
     if isinstance(named[0].recording, StreamedRecording):
         require_streamable(method, chosen.preset)
     data = _prepared_logs(named, lib, chosen, method, shown)
-    first, drives, delays = data[0], None, list[DriveFit]()
-    request = drive_request(first, chosen, method) if _is_in_memory(data) else None
-    source: FittedSource = first.recording
-    if _is_in_memory(data):
-        steps = delayed(first, chosen.delay, bool(chosen.encoder_bias))
-        bare = replace(first.settings(chosen, steps), friction=columns_of(first, chosen))
-        notes = list(first.notes)
-    else:
-        data, delays, notes = _corrected_logs(named, data, lib, chosen, shown)
-        drives = DriveFit.of_all(delays) if delays else None
-        source, bare = _source(named, data), data[0].settings(chosen, None)
-        if len(data) == 1:
-            bare = replace(bare, preparation=data[0].preparation)
+    several, is_streamed = len(named) > 1, data[0].streamed is not None
+    # The drives of one log in memory are estimated together with the links, others before.
+    is_together = not (several or is_streamed)
+    request = drive_request(data[0], chosen, method) if is_together else None
+    if several or request is not None:
+        data = with_drives(data, lib, chosen)
+    names = [each.name for each in named]
+    notes = [f"{name}: {note}" if several else note
+             for name, log in zip(names, data, strict=True) for note in log.notes]  # fmt: skip
+    data = [replace(log, preparation=delayed(log, chosen)) for log in data]
+    delays = list[DriveFit]()
+    if not is_together:
+        data, delays = without_drives(names, data, lib, chosen, shown)
+        where = "" if several else f", from the first {len(data[0].recording)} rows"
+        notes += drive_notes(names, delays, chosen, where)
+    first = data[0]
+    source: FittedSource = first.streamed or first.recording
+    if several:
+        shown.step(f"fitting {len(named)} logs")
+        source = [
+            replace(log, recording=each.recording, preparation=each.preparation)
+            for log, each in zip(named, data, strict=True)
+        ]
+    bare = first.settings(chosen, None if several else first.preparation)
+    columns = METHODS[method].default_columns
+    if columns and chosen.friction is None and chosen.coulomb_speed is None:
+        bare = replace(bare, friction=Friction(columns))
 
     def fit(each: Settings) -> Identification:
         if request is not None:
@@ -146,8 +159,8 @@ def identify(
 
     is_tied = chosen.tie and (request is not None or delays)
     result = identify_tied(fit, bare, pairs) if is_tied else fit(bare)
-    if drives is not None and (len(data) == 1 or chosen.encoder_bias):
-        result = replace(result, drive=drives)
+    if delays and (is_streamed or chosen.encoder_bias):
+        result = replace(result, drive=DriveFit.of_all(delays))
     if result.agreement is not None and chosen.delay in {AUTO, PER_JOINT}:
         parts = zip(result.agreement.names, delays, strict=True)
         known = tuple(each.delay_of_log(name) for name, each in parts)
@@ -206,43 +219,6 @@ def _prepared_logs(
         log = each.recording if gains is None else scaled(each.recording, gains)
         data.append(prepared_log(log, lib, _of(each, rest), (), progress))
     return data
-
-
-def _is_in_memory(data: Sequence[PreparedLog]) -> bool:
-    """Whether there is one log, in memory, whose drives are estimated together with the links."""
-    return len(data) == 1 and data[0].streamed is None
-
-
-def _corrected_logs(
-    named: Sequence[NamedLog],
-    data: Sequence[PreparedLog],
-    lib: Library,
-    settings: Settings,
-    progress: Progress,
-) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
-    """Several logs, or a streamed one, without what their drives do, which is estimated first."""
-    names, estimated = [each.name for each in named], list[DriveFit]()
-    several = len(named) > 1
-    data = with_drives(data, lib, settings) if several else list(data)
-    notes = [f"{n}: {note}" if several else note
-             for n, log in zip(names, data, strict=True) for note in log.notes]  # fmt: skip
-    if settings.delay is not None or settings.encoder_bias:
-        data, estimated = without_drives(names, data, lib, settings, progress)
-        where = "" if several else f", from the first {len(data[0].recording)} rows"
-        notes += drive_notes(names, estimated, settings, where)
-    if several:
-        progress.step(f"fitting {len(named)} logs")
-    return data, estimated, notes
-
-
-def _source(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> FittedSource:
-    """What is fitted: the log in its file, or several logs."""
-    if data[0].streamed is not None:
-        return data[0].streamed
-    return [
-        replace(log, recording=each.recording, preparation=each.preparation)
-        for log, each in zip(named, data, strict=True)
-    ]
 
 
 def _named(log: Source | Sequence[Source]) -> list[NamedLog]:
@@ -305,21 +281,10 @@ def with_mirrored_links(
     return replace(usual, constraints=replace(usual.constraints, equations=rows))
 
 
-def columns_of(data: PreparedLog, settings: Settings) -> Friction | None:
-    """Friction columns of one log; None for those of its recipe or of its commanded torque."""
-    terms, stated = data.friction, settings.friction is None and settings.coulomb_speed is None
-    if stated and terms == default_terms(data.recording):
-        terms = None
-    method = settings.method
-    if terms is None and method and require_method(method).default_columns:
-        terms = Friction(METHODS[method].default_columns)
-    return terms
-
-
-def delayed(data: PreparedLog, delay: float | str | None, has_bias: bool) -> Preparation | None:
+def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
     """Preparation with a stated delay."""
-    recording, preparation = data.recording, data.preparation
-    if data.is_at_rest and (delay is not None or has_bias):
+    recording, preparation, delay = data.recording, data.preparation, settings.delay
+    if data.is_at_rest and (delay is not None or settings.encoder_bias):
         raise IdentificationError(
             "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
             "rest; leave "
@@ -372,7 +337,7 @@ def _without_ends(log: PreparedLog) -> PreparedLog:
 
 def without_drives(
     names: Sequence[str],
-    data: Sequence[PreparedLog],
+    data: list[PreparedLog],
     lib: Library,
     settings: Settings,
     progress: Progress = SILENT,
@@ -383,18 +348,17 @@ def without_drives(
     """
     delay, has_bias = settings.delay, bool(settings.encoder_bias)
     request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
-    moved = [replace(each, preparation=delayed(each, delay, has_bias)) for each in data]
     if not (request.delay or request.bias):
-        return moved, []
+        return data, []
     estimated: list[DriveFit] = []
-    for name, each in zip(names, moved, strict=True):
+    for name, each in zip(names, data, strict=True):
         bare = each.settings(settings, each.preparation)
         alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
         progress.step(f"estimating the delay of {name}")
         drive = identify_drive(each.recording, lib, alone, request).drive
         estimated.append(drive or DriveFit.unknown(lib.n_joints))
     bias = DriveFit.of_all(estimated).bias
-    return [_corrected(*pair, bias) for pair in zip(moved, estimated, strict=True)], estimated
+    return [_corrected(*pair, bias) for pair in zip(data, estimated, strict=True)], estimated
 
 
 def _corrected(log: PreparedLog, drive: DriveFit, bias: Array) -> PreparedLog:

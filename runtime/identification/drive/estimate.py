@@ -15,9 +15,7 @@ from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
-from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
-from runtime.identification.current_gains import with_current_gains
 from runtime.identification.drive.feedback import (
     FEEDBACK,
     LinearisedDrive,
@@ -196,9 +194,6 @@ def identify_drive(
     """Identify a robot together with the delay of its torque and its encoder biases."""
     _require(settings, recording)
     recording = independent_joints(recording, lib)
-    recording = with_current_gains(
-        recording, lib, preparation=settings.preparation, split=settings.split or SPLIT
-    )
     recipe = recording.recipe
     # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
     settings = replace(settings, refit=False)
@@ -206,37 +201,25 @@ def identify_drive(
         settings = replace(settings, split=SPLIT)
     preparation = without_ends(recording, settings.preparation or recording.preparation)
     settings = replace(settings, preparation=preparation)
-    terms = geared(terms_of(recording, settings), recording, lib)
-    if settings.friction is None and not (recipe and recipe.friction):
-        seen = before_test(recording, settings.split)
-        terms, sentence = with_dry_friction(seen, lib, preparation, terms, request.delay)
-        settings = replace(settings, friction=terms)
-        if sentence:
-            result = identify_drive(recording, lib, settings, request, progress=progress)
-            return replace(result, notes=(sentence, *result.notes))
+    notes: tuple[str, ...] = ()
     if request.bias and preparation.regressor != "acceleration":
-        without = identify_drive(
-            recording, lib, settings, replace(request, bias=False), progress=progress
-        )
-        return replace(without, notes=(NO_BIAS, *without.notes))
+        request, notes = replace(request, bias=False), (NO_BIAS,)
     given = np.asarray(preparation.torque_delay_s or 0.0, dtype=float)
     delay = np.atleast_1d(given) * sign_of_delay(recording)
     problem = DriveProblem(recording, lib, settings, request, preparation, delay, progress)
-    unknown: str | None = None
+    x, unknown = np.zeros(0), ""
     if request.delay:
-        x, unknown = _with_delay(problem, terms)
-        if not unknown:
-            return _certified(problem, x)
-    problem = replace(problem, request=replace(request, delay=False))
-    x, _ = newton_passes(problem, np.zeros(len(problem.most_step)))
+        x, unknown = _with_delay(problem, geared(terms_of(recording, settings), recording, lib))
+    if unknown:
+        notes += (
+            f"the log does not determine a delay: {unknown}; record a faster motion, or give "
+            "torque_delay_s under [preparation]",
+        )
+    if unknown or not request.delay:
+        problem = replace(problem, request=replace(request, delay=False))
+        x, _ = newton_passes(problem, np.zeros(len(problem.most_step)))
     result = _certified(problem, x)
-    if unknown is None:
-        return result
-    sentence = (
-        f"the log does not determine a delay: {unknown}; record a faster motion, or give "
-        "torque_delay_s under [preparation]"
-    )
-    return replace(result, notes=(sentence, *result.notes))
+    return replace(result, notes=(*notes, *result.notes))
 
 
 def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[Array, str]:

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.identification.drive.estimate import identify_drive
-from runtime.identification.drive.result import DriveRequest
 from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
+from runtime.identification.identify import identify
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
@@ -24,8 +23,8 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
 
 def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
     """The result with the delay as an unknown."""
-    settings = Settings(preparation=PREPARATION, friction=terms, gain_sigma=0)
-    return identify_drive(log, lib, settings, DriveRequest(delay=True))
+    settings = Settings(preparation=PREPARATION, friction=terms, gain_sigma=0, delay="auto")
+    return identify(log, lib, settings, encoder_bias=False)
 
 
 def is_within(result: Identification, column: str, truth: Array | float) -> bool:

@@ -1,7 +1,5 @@
 """`symgen gains`: of several logs, or of one up to a common factor or with a weighed mass."""
 
-import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -24,14 +22,18 @@ from runtime.identification.payload.known import read_known_payload
 from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.identification.settings import Settings, friction_of
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Recipe as Plan
-from runtime.recording import plan_of, read_recording, recipe_text
+from runtime.recording import Recording, plan_of, read_recording, recipe_text
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.friction import COLUMNS
 
+OF_BIAS = (
+    "a bias has the same effect as friction that differs between the directions; column "
+    "offset of identify estimates both, so the recipe holds the gains only"
+)
 _WIDEST = 100.0
 """Half width of an interval, N·m, from which on the value counts as not identifiable."""
 
@@ -102,79 +104,71 @@ def gains_command(given: GainsSettings) -> None:
     One log without payload gives the gains up to a common factor, which comes from the masses of
     the URDF, or from weighed masses.
     """
-    lib = open_robot(given.robot, given.yes)
-    if given.loaded is None:
-        if given.payload is not None or given.loaded_run is not None:
-            raise IdentificationError(
-                "--payload and the setting loaded_run belong to a second log, with the payload; "
-                "give EMPTY "
-                "and LOADED, or leave them out"
-            )
-        known_masses = weighed_masses(given.total_mass, given.weighed or ())
-        one, plan = print_gains_of_one_log(given, lib, known_masses)
-        if given.recipe_out is not None:
-            write_gains(given.recipe_out, one, plan, given.overwrite)
-            say(f"recipe: {given.recipe_out}")
-        return
-    if given.payload is None or given.total_mass is not None or given.weighed:
+    lib, masses = open_robot(given.robot, given.yes), weighed_masses(given)
+    if given.loaded is None and (given.payload is not None or given.loaded_run is not None):
+        raise IdentificationError(
+            "--payload and the setting loaded_run belong to a second log, with the payload; "
+            "give EMPTY "
+            "and LOADED, or leave them out"
+        )
+    if given.loaded is not None and (given.payload is None or masses):
         raise IdentificationError(
             "two logs need --payload and take no --total-mass and the setting weighed, which "
             "are for one "
             "log; give --payload KNOWN, or one log"
         )
-    known = read_known_payload(given.payload)
-    names = lib.joint_names
-    bare = independent_joints(read_recording(given.empty, given.recipe, given.run, names), lib)
-    full = independent_joints(
-        read_recording(given.loaded, given.recipe, given.loaded_run or given.run, names), lib
-    )
-    preparation, chosen = filter_for_accelerations(bare, lib, given.cutoff, given.rate)
-    gains = identify_gains(
-        bare,
-        full,
-        lib,
-        known,
-        given.link,
-        friction=friction_of(
-            bare, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
-        ),
-        preparation=preparation,
-    )
+    known = None if given.payload is None else read_known_payload(given.payload)
+
+    def log(name: str, run: str | None) -> Recording:
+        read = read_recording(name, given.recipe, run, lib.joint_names)
+        return of_gain_one(independent_joints(read, lib))
+
+    empty = log(given.empty, given.run)
+    preparation, chosen = filter_for_accelerations(empty, lib, given.cutoff, given.rate)
+    stated = Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
+    friction = friction_of(empty, stated)
     plan = plan_of(given.empty, given.recipe, given.run)
-    factors = _factors(plan, gains)
-    show(_table(gains, plan, factors, lib))
-    say(f"status: {gains.status}")
-    say(f"{gains.n_samples} samples count as {gains.n_effective:.0f} independent ones")
-    for note in (*chosen, *gains.notes):
+    if given.loaded is None or known is None:
+        one = current_gains(empty, lib, masses, friction=friction, preparation=preparation)
+        notes = one.sentences()
+        show(_gains_table(one))
+        factors = tuple(float(f"{each:.6g}") for each in _earlier(plan, one.gain) * one.gain)
+        head = notes
+    else:
+        loaded = log(given.loaded, given.loaded_run or given.run)
+        gains = identify_gains(
+            *(empty, loaded, lib, known, given.link), friction=friction, preparation=preparation
+        )
+        factors = tuple(map(float, _earlier(plan, gains.gain) / gains.gain))
+        show(_table(gains, plan, factors, lib))
+        say(f"status: {gains.status}")
+        say(f"{gains.n_samples} samples count as {gains.n_effective:.0f} independent ones")
+        notes = (*gains.notes, OF_BIAS)
+        biases = [", ".join(f"{x:.4g}" for x in row) for row in gains.bias]
+        head = (
+            f"Gains of torque: {gains.status}.",
+            f"Biases, not taken off: {biases[0]} empty, {biases[1]} loaded, N·m or N.",
+        )
+    for note in (*chosen, *notes):
         say(f"note: {note}")
-    say("note: a bias has the same effect as friction that differs between the directions; column "
-        "offset of identify estimates both, so the recipe holds the gains only")  # fmt: skip
-    if given.recipe_out is None:
+    if given.recipe_out is not None:
+        torque = replace(plan.signals()["torque"], gain=factors)
+        text = recipe_text(plan.replace(torque=torque), *head, command_line())
+        write_recipe(given.recipe_out, text, given.overwrite)
+        say(f"recipe: {given.recipe_out}")
+    elif given.loaded is not None:
         say(f"recipe: [torque] gain = [{', '.join(map(repr, factors))}]")
-        return
-    write_recipe(given.recipe_out, _recipe(plan, gains, factors), given.overwrite)
-    say(f"recipe: {given.recipe_out}")
 
 
-def _factors(plan: Plan, gains: Gains) -> tuple[float, ...]:
-    """Gains of the recipe, torque over value in the file: the earlier gains over g."""
+def _earlier(plan: Plan, like: Array) -> Array:
+    """Gains of the recipe before, torque over value in the file."""
     if plan.torque is None:
         raise RecordingError(
-            "expected a log with torque, got one without; record torque or motor current"
+            "expected a log with torque or motor currents, got one without; record torque or motor "
+            "current"
         )
     before = 1.0 if plan.torque.gain is None else np.array(plan.torque.gain)
-    return tuple(float(x) for x in np.broadcast_to(before, gains.gain.shape) / gains.gain)
-
-
-def _recipe(plan: Plan, gains: Gains, factors: tuple[float, ...]) -> str:
-    torque = dataclasses.replace(plan.signals()["torque"], gain=factors)
-    biases = [", ".join(f"{x:.4g}" for x in row) for row in gains.bias]
-    return recipe_text(
-        dataclasses.replace(plan, torque=torque),
-        f"Gains of torque: {gains.status}.",
-        f"Biases, not taken off: {biases[0]} empty, {biases[1]} loaded, N·m or N.",
-        command_line(),
-    )
+    return np.broadcast_to(before, like.shape)
 
 
 def _table(gains: Gains, plan: Plan, factors: tuple[float, ...], lib: Library) -> Table:
@@ -213,10 +207,10 @@ def _meaning(gains: Gains, j: int, unit: str, factor: float) -> str:
     return f"{abs(percent):.1f} % {'high' if percent > 0 else 'low'}"
 
 
-def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, ...]:
+def weighed_masses(given: GainsSettings) -> tuple[Weighed, ...]:
     """Masses of --total-mass and the setting weighed."""
-    known = [] if total is None else [Weighed(total)]
-    for text in links:
+    known = [] if given.total_mass is None else [Weighed(given.total_mass)]
+    for text in given.weighed or ():
         link, _, kg = text.partition("=")
         try:
             known.append(Weighed(float(kg), link))
@@ -225,50 +219,6 @@ def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, 
                 f"the setting weighed needs LINK=KG, such as forearm=2.31, got '{text}'"
             ) from None
     return tuple(known)
-
-
-def print_gains_of_one_log(
-    given: GainsSettings, lib: Library, weighed: Sequence[Weighed]
-) -> tuple[CurrentGains, Plan]:
-    """Estimate and print the gains of one log."""
-    recording = of_gain_one(
-        independent_joints(
-            read_recording(given.empty, given.recipe, given.run, lib.joint_names), lib
-        )
-    )
-    preparation, chosen = filter_for_accelerations(recording, lib, given.cutoff, given.rate)
-    gains = current_gains(
-        recording,
-        lib,
-        weighed,
-        friction=friction_of(
-            recording, Settings(friction=given.friction, coulomb_speed=given.coulomb_speed)
-        ),
-        preparation=preparation,
-    )
-    show(_gains_table(gains))
-    for sentence in (*chosen, *gains.sentences()):
-        say(f"note: {sentence}")
-    plan = plan_of(given.empty, given.recipe, given.run)
-    if plan.torque is None:
-        raise RecordingError(
-            "expected a log with motor currents, got one without; record torque or motor current"
-        )
-    before = 1.0 if plan.torque.gain is None else np.array(plan.torque.gain)
-    factors = np.broadcast_to(before, gains.gain.shape) * gains.gain
-    return gains, with_factors(plan, tuple(float(f"{each:.6g}") for each in factors))
-
-
-def with_factors(plan: Plan, factors: tuple[float, ...]) -> Plan:
-    """The recipe with these gains."""
-    torque = plan.signals()["torque"]
-    return plan.replace(torque=replace(torque, gain=factors))
-
-
-def write_gains(path: Path, gains: CurrentGains, plan: Plan, overwrite: bool) -> None:
-    """Write the recipe of `symgen gains LOG --recipe-out`."""
-    text = recipe_text(plan, *gains.sentences(), command_line())
-    write_recipe(path, text, overwrite)
 
 
 def _gains_table(gains: CurrentGains) -> Table:

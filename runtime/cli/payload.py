@@ -17,7 +17,6 @@ from runtime.cli.log_options import BodyChoices
 from runtime.common.settings import FILE, data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
-from runtime.estimators.choice.regressor_choice import noisy_accelerations
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
@@ -122,11 +121,7 @@ def payload_command(given: PayloadSettings) -> None:
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
-    for note in (
-        *chosen,
-        *noisy_accelerations(moved, lib, preparation),
-        *payload.notes,
-    ):
+    for note in (*chosen, *payload.notes):
         say(f"note: {note}")
     say(f"written: {', '.join(map(str, paths))}")
 

@@ -108,7 +108,7 @@ def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
         )
     rows = explicit(problem.lib, train)
     weights = weights_of_rows(problem.lib, rows)
-    return replace(problem, train=scaled(rows, weights.weights)), weights
+    return replace(problem, train=rows.weighted(weights.weights)), weights
 
 
 def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
@@ -119,7 +119,7 @@ def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
 
     def fitted(weights: Array, spread: Array) -> tuple[Array, Array]:
         """Spread of the residuals (n,), and residuals of the blocks over it (blocks, n)."""
-        part = scaled(rows.rows(few), weights[block[few]])
+        part = rows.rows(few).weighted(weights[block[few]])
         return _spread_of(_residual(lib, rows, part, 1.0 / spread**2), block)
 
     # Trimmed least squares from fits to all blocks, and to all but a contiguous part of them.
@@ -169,14 +169,6 @@ def _spread_of(rest: Array, block: Array) -> tuple[Array, Array]:
 def explicit(lib: Library, samples: Samples) -> Samples:
     """Samples with the rows of the regressor, which can be scaled."""
     return replace(samples, base=samples.base_rows(lib), acceleration=None)
-
-
-def scaled(rows: Samples, weights: Array) -> Samples:
-    """Rows, columns and torque times √w."""
-    root = np.sqrt(weights)[:, None]
-    base = None if rows.base is None else rows.base * root[:, :, None]
-    columns = rows.columns * root[:, :, None]
-    return replace(rows, tau=rows.tau * root, columns=columns, base=base)
 
 
 def _sizes(base: Array, block: Array) -> Array:

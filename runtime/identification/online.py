@@ -162,7 +162,7 @@ class OnlineEstimator:
         latest, done = None, 0
         while done < len(s):
             part = slice(done, done + self._every - self._fresh)
-            taken = Samples(*(a[part] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
+            taken = s.rows(part)
             self._absorb(taken)
             done += len(taken)
             self._fresh += len(taken)
@@ -262,9 +262,9 @@ class OnlineEstimator:
     def _absorb(self, s: Samples) -> None:
         """RᵀR ← ϑᴺ RᵀR + Σ ϑ^(N−1−i) rows_iᵀ W rows_i."""
         values = [a.reshape(len(s), -1) for a in (s.q, s.dq, s.ddq, s.tau, s.columns)]
-        good = np.isfinite(np.hstack(values)).all(axis=1)
+        good = np.asarray(np.isfinite(np.hstack(values)).all(axis=1))
         self._rejected += int((~good).sum())
-        rows = Samples(*(a[good] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
+        rows = s.rows(good)
         count = len(rows)
         if not count:
             return

@@ -19,6 +19,7 @@ from runtime.estimators.choice.regressor_choice import (
     Differentiation,
     choose_regressor,
     differentiation_of,
+    noisy_accelerations,
 )
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
@@ -184,16 +185,19 @@ def filter_for_accelerations(
 ) -> tuple[Preparation | None, tuple[str, ...]]:
     """As `chosen_filter`, for fits that take no rows but those of accelerations.
 
-    A chosen cut-off is lowered until the noise of the accelerations biases nothing.
+    A chosen cut-off is lowered until the noise of the accelerations biases nothing; a note states
+    the noise of a stated one.
     """
     wanted = Settings(cutoff=cutoff, rate=rate)
     prepared, notes, _ = chosen_filter(recording, lib, wanted)
     quality = differentiation_of(recording, lib, prepared) if prepared and notes else None
-    if prepared is None or quality is None or not quality.is_noisy:
-        return prepared, notes
-    lower = float(f"{0.95 * quality.harmless_hz:.2g}")  # at the bound itself rounding decides
-    reason = f"{notes[0]}; lowered to {lower:g} Hz, since at it {quality.noise_in(lib)}"
-    return replace(prepared, cutoff_hz=lower, trim_s=1.0 / lower), (reason,)
+    if prepared is not None and quality is not None:
+        if not quality.is_noisy:
+            return prepared, notes
+        lower = float(f"{0.95 * quality.harmless_hz:.2g}")  # at the bound itself rounding decides
+        notes = (f"{notes[0]}; lowered to {lower:g} Hz, since at it {quality.noise_in(lib)}",)
+        prepared = replace(prepared, cutoff_hz=lower, trim_s=1.0 / lower)
+    return prepared, (*notes, *noisy_accelerations(recording, lib, prepared))
 
 
 def _default_terms(

@@ -333,7 +333,7 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     problem = assembly.problem
     test = samples_of(assembly.parts[2], problem.lib)
     rest = (test,) if assembly.is_joined else (problem.validation, test)
-    rows = joined((problem.train, *rest))
+    rows = Samples.joined((problem.train, *rest))
     whole = replace(problem, train=rows, terms=assembly.friction)
     pieces = problem.pieces
     if pieces is not None:  # a streamed log: `rows` are those of its windows
@@ -347,21 +347,3 @@ def rows_of(problem: Problem, fit: Fit) -> int:
     if problem.pieces is None:
         return len(problem.train)
     return round((fit.statistics or problem.statistics()).n_samples)
-
-
-def joined(parts: tuple[Samples, ...]) -> Samples:
-    """Samples of several parts, one after the other."""
-    first = parts[0]
-
-    def column(name: str) -> Array:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return Samples(
-        column("q"),
-        column("dq"),
-        None if first.acceleration is None else column("acceleration"),
-        column("tau"),
-        column("columns"),
-        coupling=first.coupling,
-        base=None if first.base is None else column("base"),
-    )

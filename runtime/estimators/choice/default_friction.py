@@ -40,7 +40,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.dry_friction_choice import minimum_on_grid
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import inflation, samples_of, thesis_weights
-from runtime.estimators.robust import explicit, scaled, weights_of_rows
+from runtime.estimators.robust import explicit, weights_of_rows
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -332,7 +332,7 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         )
     if robust:
         rows = explicit(lib, whole)
-        whole = scaled(rows, weights_of_rows(lib, rows).weights)
+        whole = rows.weighted(weights_of_rows(lib, rows).weights)
         blocks = [whole.rows(cut) for cut in cuts]
     weights = thesis_weights(whole.tau)
     for _ in range(_PASSES):

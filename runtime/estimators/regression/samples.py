@@ -4,7 +4,9 @@ Their residuals are r = Y π + F φ − τ, with a noise per joint and an autoco
 sample size of filtered residuals is estimated by `coloured_noise`.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,8 @@ LAGS = 24
 """Lags of the autocorrelation, in samples."""
 SILENT = 1e-6
 """Residual, relative to the largest RMS torque of a joint, below which it counts as rounding."""
+ARRAYS = ("q", "dq", "acceleration", "tau", "columns", "base")
+"""Names of the arrays of samples."""
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
 
@@ -84,21 +88,30 @@ class Samples:
         """Number m of equations per sample."""
         return int(self.tau.shape[1])
 
-    def rows(self, taken: slice | NDArray[np.int64]) -> "Samples":
+    def rows(self, taken: slice | NDArray[Any]) -> "Samples":
         """Return some of the samples, contiguous."""
+        return self.mapped(lambda key, x: np.ascontiguousarray(x[taken], dtype=float))
 
-        def part(values: Array) -> Array:
-            return np.ascontiguousarray(values[taken], dtype=float)
+    def mapped(self, change: Callable[[str, Array], Array]) -> "Samples":
+        """The samples with each of their arrays changed, by its name and value."""
+        arrays = {key: getattr(self, key) for key in ARRAYS}
+        changed: dict[str, Any] = {
+            key: change(key, x) for key, x in arrays.items() if x is not None
+        }
+        return replace(self, **changed)
 
-        return Samples(
-            part(self.q),
-            part(self.dq),
-            None if self.acceleration is None else part(self.acceleration),
-            part(self.tau),
-            part(self.columns),
-            coupling=self.coupling,
-            base=None if self.base is None else part(self.base),
+    def weighted(self, weights: Array) -> "Samples":
+        """Rows, columns and torque times √w, weights (N,)."""
+        root = np.sqrt(weights)
+        of_rows = ("tau", "columns", "base")
+        return self.mapped(
+            lambda key, x: x * root.reshape(-1, *(1,) * (x.ndim - 1)) if key in of_rows else x
         )
+
+    @staticmethod
+    def joined(parts: Sequence["Samples"]) -> "Samples":
+        """Samples of several parts, one after the other."""
+        return parts[0].mapped(lambda key, _: np.concatenate([getattr(x, key) for x in parts]))
 
     def rigid(self, lib: Library, pi: Array) -> Array:
         """Rigid-body torque Y π.

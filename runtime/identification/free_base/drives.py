@@ -20,7 +20,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Problem
-from runtime.estimators.regression.samples import residuals
+from runtime.estimators.regression.samples import Samples, residuals, thesis_weights
 from runtime.identification.free_base.noise import rms
 from runtime.identification.free_base.rows import CHOSEN, Drives, FreeBaseRows, rows_of
 from runtime.library import Array, Library
@@ -67,7 +67,9 @@ def drives_of(
             drives = replace(drives, covariance=before)
             _require_sign(lib, rows_of(lib, few, choice, drives), recording.name)
         rows = rows_of(lib, few, choice, drives)
-        problem = problem_of(lib, rows, rows, drives, None)
+        samples = rows.samples
+        names = drives.names(lib.joint_names)
+        problem = problem_of(lib, samples, samples, names, unit_noise(samples), None)
         fit = fit_by(problem, "map", None, prior)
         error = residuals(lib, rows.samples, fit.pi, fit.phi)
         after = _noise(rows, error, before, choice)
@@ -86,24 +88,29 @@ def drives_of(
 
 def problem_of(
     lib: Library,
-    trained: FreeBaseRows,
-    tested: FreeBaseRows,
-    drives: Drives,
-    sensed: FrictionPrior | None,
-    sensors: tuple[str, ...] = (),
+    train: Samples,
+    tested: Samples,
+    columns: tuple[str, ...],
+    floor: NoiseFloor | None,
+    known: FrictionPrior | None,
 ) -> Problem:
-    """The problem of rows over their noise."""
-    size = trained.samples.equations
+    """The problem of rows over their noise, where it is known."""
+    weights = thesis_weights(train.tau) if floor is None else floor.sigma**-2
     return Problem(
         lib=lib,
-        train=trained.samples,
-        validation=tested.samples,
-        weights=np.ones(size),
+        train=train,
+        validation=tested,
+        weights=weights,
         start=lib.lam0,
-        column_names=(*sensors, *drives.names(lib.joint_names)),
-        noise_floor=NoiseFloor(np.ones(size), 1.0),
-        friction_prior=sensed,
+        column_names=columns,
+        noise_floor=floor,
+        friction_prior=known,
     )
+
+
+def unit_noise(samples: Samples) -> NoiseFloor:
+    """Noise of rows that were divided by it."""
+    return NoiseFloor(np.ones(samples.equations), 1.0)
 
 
 def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:

@@ -4,11 +4,10 @@ The rows of `rows` are given to the method map (entropic prior at the URDF, the 
 so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
@@ -18,7 +17,6 @@ from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.samples import thesis_weights
 from runtime.estimators.uncertainty import (
     IDENTIFIED,
     PRIOR_DOMINATED,
@@ -26,7 +24,13 @@ from runtime.estimators.uncertainty import (
     nuisance_of_slopes,
     vague_posterior,
 )
-from runtime.identification.free_base.drives import COLUMNS, LATEST_S, drives_of, problem_of
+from runtime.identification.free_base.drives import (
+    COLUMNS,
+    LATEST_S,
+    drives_of,
+    problem_of,
+    unit_noise,
+)
 from runtime.identification.free_base.noise import (
     RowNoise,
     VerticalForce,
@@ -53,11 +57,9 @@ from runtime.identification.free_base.rows import (
     sensor_prior,
     with_contact_states,
 )
+from runtime.identification.posterior_file import SavedPosterior
 from runtime.library import Array, Library
-from runtime.library.parameters import (
-    MASS,
-    N_PARAMETERS,
-)
+from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.settings import Friction
@@ -72,61 +74,40 @@ DETERMINED = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseIdentification:
-    """Result of an identification with a free base.
+    """Result of an identification with a free base."""
 
-    Attributes:
-        lib: library of the robot.
-        pi: π, (10 L,), the base link first.
-        root: root of the covariance of π.
-        share: posterior over prior variance of every entry of π, (10 L,).
-        rows: choice of rows.
-        row_names: names of the rows whose errors are stated.
-        rms: RMS of their right side, (k,), on the test part.
-        before, after: RMS errors of URDF and result on the test part, (k,).
-        n_train, n_test: number of instants.
-        n_eff: effective sample size.
-        seconds: duration of the test part.
-        status: how the fit ended.
-        notes: sentences on the data.
-        offset_mass: standard deviation of the total mass by offsets of the force sensors [kg],
-            before the prior of the URDF.
-        sensors: errors of the sensors of vertical forces: offsets by link [N], γ as `sharing`, and
-            crosstalk [1/m].
-        sensor_sigma: their standard deviations.
-        drives: friction, armature and delay of commanded torques by name, with σ.
-        name: of the recording.
-        duration: of the recording [s].
-        cutoff_hz: low-pass of the motion [Hz]; None without one.
-        information: data and prior of the posterior; φ is that of sensors, drives and delay.
-        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part.
-        vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
-    """
-
-    lib: Library
-    pi: Array
-    root: Array
-    share: Array
-    rows: str
-    row_names: tuple[str, ...]
-    rms: Array
-    before: Array
+    lib: Library  # library of the robot
+    pi: Array  # π, (10 L,), the base link first
+    posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
+    share: Array  # posterior over prior variance of every entry of π, (10 L,)
+    rows: str  # choice of rows
+    row_names: tuple[str, ...]  # names of the k rows whose errors are stated
+    rms: Array  # RMS of their right side on the test part, (k,)
+    before: Array  # before, after: RMS errors of URDF and result there, (k,)
     after: Array
-    n_train: int
+    n_train: int  # n_train, n_test: number of instants
     n_test: int
-    n_eff: float
-    seconds: float
-    status: str
-    notes: tuple[str, ...]
-    offset_mass: float
+    n_eff: float  # effective sample size
+    seconds: float  # duration of the test part
+    status: str  # how the fit ended
+    notes: tuple[str, ...]  # sentences on the data
+    # errors of the sensors of vertical forces: offsets by link [N], γ as `sharing`, and crosstalk
+    # [1/m]
     sensors: dict[str, float]
-    vertical: VerticalForce | None
-    sensor_sigma: dict[str, float]
+    vertical: VerticalForce | None  # ΣF_z, where all vertical forces were measured
+    sensor_sigma: dict[str, float]  # standard deviations of the errors of the sensors
+    # friction, armature and delay of commanded torques by name, with σ
     drives: dict[str, tuple[float, float]]
-    name: str
-    duration: float
-    cutoff_hz: float | None
-    information: LogInformation
+    name: str  # of the recording
+    duration: float  # of the recording [s]
+    cutoff_hz: float | None  # low-pass of the motion [Hz]; None without one
+    # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
     predictions: dict[str, Array]
+
+    @property
+    def root(self) -> Array:
+        """Root of the covariance of π, (10 L, columns)."""
+        return self.posterior.pi_root
 
     @property
     def mass(self) -> tuple[float, float]:
@@ -174,33 +155,24 @@ def identify_free_base(
         )
     require_prior_of_bodies(prior)
     require_clock(recording)
-    data = _prepared(recording, lib, rows, _Cut(cutoff_hz, share, trim_s), friction, delay_s, prior)
+    data = _prepared(recording, lib, rows, cutoff_hz, (share, trim_s), friction, delay_s, prior)
     motion, drives, trained, tested = data.motion, data.drives, data.trained, data.tested
     sensed = sensor_prior(motion.contacts, trained.samples.shape)
-    sensor_columns = tuple(f"error{OF}{name}" for name in error_names(motion.contacts))
-    noise = None
+    sensor_names = error_names(motion.contacts)
+    columns = tuple(f"error{OF}{name}" for name in sensor_names)
+    fitted, offsets, noise = trained.samples, trained.offsets, None
     if drives is None:
         span = float(data.train.t[-1] - data.train.t[0])
         noise = noise_of(lib, trained, sensed, cutoff_hz, span)
-        fitted = trained.samples if noise is None else noise.weighted(trained.samples)
         floor = None if noise is None else noise.floor
-        problem = Problem(
-            lib=lib,
-            train=fitted,
-            validation=tested.samples,
-            weights=thesis_weights(fitted.tau) if floor is None else floor.sigma**-2,
-            start=lib.lam0,
-            column_names=sensor_columns,
-            noise_floor=floor,
-            friction_prior=sensed,
-        )
+        if noise is not None:
+            fitted = fitted.weighted(noise.weights)
+            offsets = offsets * np.sqrt(noise.weights)[:, None, None]
     else:
-        problem = problem_of(lib, trained, tested, drives, sensed, sensor_columns)
+        columns, floor = (*columns, *drives.names(lib.joint_names)), unit_noise(fitted)
+    problem = problem_of(lib, fitted, tested.samples, columns, floor, sensed)
     fit = fit_by(problem, "map", None, prior)
-    offsets = trained.offsets
-    if noise is not None:
-        offsets = offsets * np.sqrt(noise.weights)[:, None, None]
-    information, root, shares, deviations = _posterior(problem, fit, prior, offsets)
+    posterior, shares, deviations = _posterior(problem, fit, prior, offsets)
     names, shown = tested.shown(drives is not None)
     measured = tested.samples.tau
     level = rms(shown(measured))
@@ -208,17 +180,13 @@ def identify_free_base(
     by_urdf = tested.samples.rigid(lib, lib.pi0)
     by_result = tested.samples.rigid(lib, fit.pi) + by_columns
     after = rms(shown(by_result - measured))
-    sensor_names = error_names(motion.contacts)
     size = len(sensor_names)
     sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
     spread = None if sensed is None else sensed.sigma[0, :size]
-    offset = motion.contacts.offset_sigma
-    # An offset b of ΣF_z changes the total mass by b / g.
-    weight = float(np.linalg.norm(lib.gravity))
     return FreeBaseIdentification(
         lib=lib,
         pi=fit.pi,
-        root=root,
+        posterior=posterior,
         share=shares,
         rows=rows,
         row_names=names,
@@ -235,7 +203,6 @@ def identify_free_base(
             *_notes(lib, recording, data, noise),
             *notes_on_errors(level, after, sensors, spread, bool(recording.joint_names)),
         ),
-        offset_mass=0.0 if offset is None else float(np.linalg.norm(offset) / weight),
         sensors=sensors,
         vertical=vertical_force(lib, data.test, fit.pi, fit.phi[:, :size]),
         sensor_sigma=dict(zip(sensor_names, deviations[:size].tolist(), strict=True)),
@@ -243,7 +210,6 @@ def identify_free_base(
         name=recording.name,
         duration=float(motion.t[-1] - motion.t[0]),
         cutoff_hz=cutoff_hz,
-        information=information,
         predictions={
             "t": data.test.t,
             "measured": shown(measured),
@@ -251,15 +217,6 @@ def identify_free_base(
             "after": shown(by_result),
         },
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Cut:
-    """Low-pass [Hz], share of the training, and time that is left out at either end [s]."""
-
-    cutoff_hz: float | None
-    share: float
-    trim_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,31 +236,31 @@ def _prepared(
     recording: FreeBaseRecording,
     lib: Library,
     rows: str,
-    cut: _Cut,
+    cutoff_hz: float | None,
+    cut: tuple[float, float],
     friction: tuple[str, ...],
     delay_s: float | None,
     prior: PriorFile | None,
 ) -> _Prepared:
-    """Equations of a log that agree with the robot."""
+    """Equations of a log that agree with the robot; cut as in `_parts`."""
     drives: Drives | None = None
     notes: tuple[str, ...] = ()
     if recording.is_commanded:
         recording, notes = with_contact_states(recording, lib)
-        ends = LATEST_S if cut.cutoff_hz is None else max(LATEST_S, 1.0 / cut.cutoff_hz)
-        cut = replace(cut, trim_s=max(cut.trim_s, ends))
+        cut = cut[0], max(cut[1], LATEST_S, 0.0 if cutoff_hz is None else 1.0 / cutoff_hz)
 
         def trained_part(motion: FreeBaseMotion) -> NDArray[np.int64]:
-            return _parts(motion, cut)[0]
+            return _parts(motion, *cut)[0]
 
         terms = Friction(friction)
-        drives = drives_of(recording, lib, rows, terms, delay_s, cut.cutoff_hz, trained_part, prior)
+        drives = drives_of(recording, lib, rows, terms, delay_s, cutoff_hz, trained_part, prior)
     late, columns = (0.0, None) if drives is None else (drives.delay_s, drives.terms)
-    motion = motion_of(recording, lib.joint_names, cut.cutoff_hz, late, columns)
+    motion = motion_of(recording, lib.joint_names, cutoff_hz, late, columns)
     require_joint_units(lib, motion, recording.name)
-    first, second = _parts(motion, cut)
-    if drives is not None and cut.cutoff_hz is not None:
+    first, second = _parts(motion, *cut)
+    if drives is not None and cutoff_hz is not None:
         # More rows than these of a low-pass contain nothing new.
-        period = 1.0 / (cut.cutoff_hz * float(np.median(np.diff(motion.t))))
+        period = 1.0 / (cutoff_hz * float(np.median(np.diff(motion.t))))
         step = max(1, int(period / ROWS_PER_PERIOD))
         first, second = first[::step], second[::step]
     train, test = motion.rows(first), motion.rows(second)
@@ -349,11 +306,13 @@ def _notes(
     return tuple(notes)
 
 
-def _parts(motion: FreeBaseMotion, cut: _Cut) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Instants of the training and of the test."""
-    first, last = motion.t[0] + cut.trim_s, motion.t[-1] - cut.trim_s
+def _parts(
+    motion: FreeBaseMotion, share: float, trim_s: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Instants of the training and of the test, without `trim_s` [s] at either end."""
+    first, last = motion.t[0] + trim_s, motion.t[-1] - trim_s
     inside = np.flatnonzero((motion.t >= first) & (motion.t <= last))
-    border = motion.t[0] + cut.share * (motion.t[-1] - motion.t[0])
+    border = motion.t[0] + share * (motion.t[-1] - motion.t[0])
     first, second = inside[motion.t[inside] < border], inside[motion.t[inside] >= border]
     if min(len(first), len(second)) < 1:
         raise IdentificationError("no row is left for training or test; record for longer")
@@ -372,11 +331,10 @@ def _drives(
 
 def _posterior(
     problem: Problem, fit: Fit, prior: PriorFile | None, offsets: Array
-) -> tuple[LogInformation, Array, Array, Array]:
-    """What the posterior is computed from, root of the covariance, share of the prior, σ of φ.
+) -> tuple[SavedPosterior, Array, Array]:
+    """Posterior, share of the prior in every entry of π, and σ of φ.
 
-    With U φ = t − O π of the elimination, φ has the covariance of its own rows, and that of π.
-    offsets (N, m, o) of the rows move both.
+    offsets (N, m, o) of the rows move π and φ.
     """
     lib, (weights, noise) = problem.lib, fit.noise()
     if fit.statistics is None:
@@ -396,14 +354,10 @@ def _posterior(
     slopes = np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True)
     moved, phi_moved = nuisance_of_slopes(lib, statistics, slopes, level, spread.root)
     root = np.column_stack([spread.root, moved, fit.pi - reference])
-    rank = len(eliminated.matrix)
-    sigma = np.full(eliminated.lengths.size, np.inf)  # of a column that the data do not determine
-    if rank:
-        chosen = eliminated.order[:rank]
-        parts = np.column_stack([np.sqrt(level) * np.eye(rank), -eliminated.over_pi @ root])
-        parts = solve_triangular(eliminated.matrix, parts) / eliminated.lengths[chosen, None]
-        first = rank + len(spread.root)
-        parts[:, first : first + moved.shape[1]] += phi_moved[chosen]
-        sigma[chosen] = np.linalg.norm(parts, axis=1)
     information = LogInformation(statistics, level, kappa, lib.pi0)
-    return information, root, spread.share, sigma
+    posterior = SavedPosterior(information, fit.pi, root, lib.n_joints, 0, phi_moved)
+    sigma = np.linalg.norm(
+        np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)]), axis=1
+    )
+    sigma[eliminated.order[len(eliminated.matrix) :]] = np.inf  # the data do not determine them
+    return posterior, spread.share, sigma

@@ -10,12 +10,12 @@ holds for a share of such instants below 1 / (ν + m), a fifth for one equation.
 Little & Taylor 1989, ν = 4.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
-from runtime.estimators.regression.samples import SILENT, Samples
+from runtime.estimators.regression.samples import SILENT
 from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, reading_errors
 from runtime.library import Array, Library
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
@@ -87,17 +87,6 @@ class RowNoise:
 
     floor: NoiseFloor  # standard deviation per equation, and N / N_eff
     weights: Array  # (N,) of the instants, of the variance σ²
-
-    def weighted(self, samples: Samples) -> Samples:
-        """Equations times the roots of their weights."""
-        root = np.sqrt(self.weights)[:, None]
-        base = samples.base
-        return replace(
-            samples,
-            tau=root * samples.tau,
-            columns=root[:, :, None] * samples.columns,
-            base=None if base is None else root[:, :, None] * base,
-        )
 
 
 def noise_of(

@@ -26,7 +26,7 @@ from runtime.identification.free_base.rows import (
     with_contact_states,
 )
 from runtime.identification.model_identity import model_part
-from runtime.identification.posterior_file import SavedPosterior, write_posterior
+from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_file import (
     require_size,
     versions,
@@ -141,13 +141,12 @@ def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) 
     record = record_of(result, command)
     friction = record.friction
     require_size(np.concatenate([result.pi, *(friction.values if friction is not None else ())]))
-    known = result.information
+    known = result.posterior.information
     columns = 0 if friction is None else len(friction.columns) * len(record.joints)
     first = len(result.sensors)
     statistics = marginal(known.statistics, slice(first, first + columns))
     known = replace(known, statistics=statistics)
-    posterior = SavedPosterior(known, result.pi, result.root, result.lib.n_joints, 0)
-    write_posterior(folder, posterior)
+    write_posterior(folder, replace(result.posterior, information=known, phi_nuisance=None))
     with replacing(folder / "predictions.npz") as file:
         np.savez(file, **result.predictions)  # type: ignore[arg-type]
     write_record(record, folder)

@@ -23,7 +23,7 @@ from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction, Preparation, Split, open_streamed
 from tests.oracle import pinocchio_model
 
-RUNS = 200
+RUNS = 500
 METHODS = (
     *2 * ("map", "map", "map", "ols", "wls", "pc-ols", "lm", "adam", "iv", "ekf"),
     "log-cholesky",  # takes longer than all others together

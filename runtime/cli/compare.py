@@ -148,9 +148,8 @@ def compare_command(given: CompareSettings) -> None:
             require_streamable(name)
         others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
         say(
-            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --settings "
-            f"stream=false reads them "
-            f"as a whole, which {others} need"
+            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --settings stream=false "
+            f"reads them as a whole, which {others} need"
         )
         assembly = assemble_streamed(data.streamed, lib, **options)
         notes = (*notes, assembly.source_note)

@@ -40,8 +40,7 @@ DOCUMENT_HARMONICS = DesignSettings().harmonics
 """That of the document's problem."""
 HARMONICS_HELP = (
     f"Number M of harmonics or splines per joint; default {HARMONICS}, with --settings "
-    f"document=true "
-    f"{DOCUMENT_HARMONICS}."
+    f"document=true {DOCUMENT_HARMONICS}."
 )
 MARGIN_HELP = (
     "Share of every limit that the motion may use, 0 to 1; distances and the box have margins in "

@@ -40,8 +40,7 @@ def require_fixed_base(lib: Library, rows: str | None) -> None:
     if rows is not None:
         raise IdentificationError(
             f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
-            f"fixed; leave "
-            "it out, or build the robot with --floating"
+            "fixed; leave it out, or build the robot with --floating"
         )
 
 

@@ -107,15 +107,13 @@ def gains_command(given: GainsSettings) -> None:
     lib, masses = open_robot(given.robot, given.yes), weighed_masses(given)
     if given.loaded is None and (given.payload is not None or given.loaded_run is not None):
         raise IdentificationError(
-            "--payload and the setting loaded_run belong to a second log, with the payload; "
-            "give EMPTY "
-            "and LOADED, or leave them out"
+            "--payload and the setting loaded_run belong to a second log, with the payload; give "
+            "EMPTY and LOADED, or leave them out"
         )
     if given.loaded is not None and (given.payload is None or masses):
         raise IdentificationError(
-            "two logs need --payload and take no --total-mass and the setting weighed, which "
-            "are for one "
-            "log; give --payload KNOWN, or one log"
+            "two logs need --payload and take no --total-mass and the setting weighed, which are "
+            "for one log; give --payload KNOWN, or one log"
         )
     known = None if given.payload is None else read_known_payload(given.payload)
 

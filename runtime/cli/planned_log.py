@@ -189,8 +189,7 @@ def friction_columns(text: str) -> tuple[str, ...]:
     if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
         raise IdentificationError(
             f"--friction needs names of columns with commas, or none, got '{text}'; the setting "
-            f"viscous and "
-            "the setting coulomb of excite take numbers"
+            "viscous and the setting coulomb of excite take numbers"
         )
     return () if text == "none" else words
 

@@ -226,8 +226,7 @@ def _gain_error(given: float | None, payload_only: bool) -> float:
     if payload_only:
         raise IdentificationError(
             "the setting gain_error changes the σ of predicted torque, which --settings "
-            "payload_only=true does not print; "
-            "leave out one of them"
+            "payload_only=true does not print; leave out one of them"
         )
     require_gain_error(given)
     return given
@@ -264,15 +263,13 @@ def _require_rates_apply(
     """Refuse a rate that no motion or no log would take."""
     if log_rate is not None and not any(map(_is_motion, sources)):
         raise IdentificationError(
-            "the setting log_rate is the rate at which a planned motion (.json) will be "
-            "recorded, but "
-            f"'{sources[0]}' is a log; give --settings rate=HZ to decimate it"
+            "the setting log_rate is the rate at which a planned motion (.json) will be recorded, "
+            f"but '{sources[0]}' is a log; give --settings rate=HZ to decimate it"
         )
     if rate is not None and all(map(_is_motion, sources)):
         raise IdentificationError(
             f"the setting rate is the rate to which a log is decimated, but '{sources[0]}' is a "
-            f"planned "
-            "motion; give --settings log_rate=NUMBER"
+            "planned motion; give --settings log_rate=NUMBER"
         )
 
 

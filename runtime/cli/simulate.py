@@ -119,8 +119,7 @@ class SimulateSettings(RobotChoices):
         float | None,
         typer.Option(
             help="Rate of the controller and of the rows before the setting keep_every, Hz; "
-            "default 1000, "
-            "with --ideal 100."
+            "default 1000, with --ideal 100."
         ),
     ] = None
     torque_noise: Annotated[

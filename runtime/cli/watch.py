@@ -222,9 +222,8 @@ def _recorded(log: str, date: str | None) -> str:
         return datetime.fromisoformat(date).isoformat(timespec="seconds")
     except ValueError:
         raise RecordingError(
-            f"expected a date such as 2026-11-30 or 2026-11-30T08:15 for --settings date=DATE, "
-            f"got '{date}'; "
-            "correct it"
+            "expected a date such as 2026-11-30 or 2026-11-30T08:15 for --settings date=DATE, got "
+            f"'{date}'; correct it"
         ) from None
 
 

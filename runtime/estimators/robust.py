@@ -103,8 +103,7 @@ def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
     if len(train) < FEWEST_BLOCKS * LENGTH:
         raise IdentificationError(
             f"robust weights need {FEWEST_BLOCKS * LENGTH} training rows or more, got "
-            f"{len(train)}; "
-            "record for longer, or leave out --settings robust=true"
+            f"{len(train)}; record for longer, or leave out --settings robust=true"
         )
     rows = explicit(problem.lib, train)
     weights = weights_of_rows(problem.lib, rows)

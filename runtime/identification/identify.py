@@ -287,8 +287,7 @@ def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
     if data.is_at_rest and (delay is not None or settings.encoder_bias):
         raise IdentificationError(
             "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
-            "rest; leave "
-            "them out, or give --cutoff to identify from the motion between the poses"
+            "rest; leave them out, or give --cutoff to identify from the motion between the poses"
         )
     if delay is None or delay in {AUTO, PER_JOINT}:
         return preparation

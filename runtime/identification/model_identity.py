@@ -44,9 +44,8 @@ def require_model(
         return ()
     if len(then.joints) != len(now.joints):
         raise RecordingError(
-            f"'{folder}' was identified with a model of {len(then.joints)} joints, "
-            f"'{lib.name}' has {len(now.joints)}; name the library that it was identified with by "
-            "--robot"
+            f"'{folder}' was identified with a model of {len(then.joints)} joints, '{lib.name}' "
+            f"has {len(now.joints)}; name the library that it was identified with by --robot"
         )
     places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
     if moved := next((name for name, old, new in places if not same_place(old, new)), None):

@@ -71,10 +71,9 @@ def warnings_of(
         warnings += result.train.gains.sentences()
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
         warnings.append(
-            "on the test data this model is worse than the URDF "
-            f"({significant(before.overall, 3)} % became "
-            f"{significant(after.overall, 3)} %): keep the URDF, and record a longer motion for "
-            "training"
+            f"on the test data this model is worse than the URDF ({significant(before.overall, 3)} "
+            f"% became {significant(after.overall, 3)} %): keep the URDF, and record a longer "
+            "motion for training"
         )
     if after.overall > UNEXPLAINED:
         warnings.append(_unexplained(result, after))
@@ -149,9 +148,8 @@ def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
     advice += ["no friction was modelled: --friction auto"] * (not result.phi.size)
     return (
         f"{significant(after.overall, 3)} % of the test torque is unexplained, too much for a "
-        "useful model; "
-        f"{'; '.join(advice)}{'; ' if advice else ''}"
-        "check units, order and signs with: python -m runtime inspect LOG"
+        f"useful model; {'; '.join(advice)}{'; ' if advice else ''}check units, order and signs "
+        "with: python -m runtime inspect LOG"
     )
 
 

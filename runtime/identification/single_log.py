@@ -87,8 +87,7 @@ def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> A
         raise IdentificationError(
             f"the friction column {listed} is fitted in passes over rows of every joint in memory, "
             "got a streamed log or rows of power; use --settings stream=false and --settings "
-            "regressor=acceleration or "
-            "momentum"
+            "regressor=acceleration or momentum"
         )
     gain = np.ones(problem.lib.n_joints)
     modelled = _replaced(assembly, flags, lambda samples: np.zeros_like(samples.tau), gain)

@@ -168,10 +168,9 @@ class Verdict:
         """One sentence that names the part and the size."""
         if not self.changed:
             return (
-                f"{self.log}: no change; the torque error of {significant(self.error)} % is "
-                "within the "
-                "noise, the errors of the model and the usual change between days "
-                f"(p = {self.p_value:.2g})"
+                f"{self.log}: no change; the torque error of {significant(self.error)} % is within "
+                "the noise, the errors of the model and the usual change between days (p = "
+                f"{self.p_value:.2g})"
             )
         best = self.best
         place = f" of {best.where}" if best.where else ""

@@ -75,10 +75,9 @@ class CurrentGains:
         first = (
             "the torque is a motor current times estimated gains, whose common factor comes from "
             f"{self.scale} and has a standard deviation of {significant(percent)} %; masses, "
-            "inertias, "
-            "friction and rotor inertia are proportional to the gain of their joint, and the "
-            "intervals of this result do not contain its error. Errors in percent and ratios of "
-            "the coefficients of one joint do not depend on it"
+            "inertias, friction and rotor inertia are proportional to the gain of their joint, and "
+            "the intervals of this result do not contain its error. Errors in percent and ratios "
+            "of the coefficients of one joint do not depend on it"
         )
         opposite = [n for n, k in zip(self.channels, self.gain, strict=True) if k < 0]
         signs = tuple(

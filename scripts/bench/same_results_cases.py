@@ -190,8 +190,7 @@ CASES: dict[str, tuple[str, ...]] = {
         "inspect {inputs}/so101/multisine.csv --robot {so101}",
         *(
             f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 --settings "
-            f"report=false"
-            f" --out {log}"
+            f"report=false --out {log}"
             for log in _SO101
         ),
     ),
@@ -302,8 +301,7 @@ CASES: dict[str, tuple[str, ...]] = {
         f"{_SIMULATE} --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out loaded.npz",
         *(
             f"identify log.csv --robot {{fr3}} --method {method} --settings "
-            f"controller=log.loop.toml"
-            f" --friction viscous,coulomb --cutoff 20 --out {method}"
+            f"controller=log.loop.toml --friction viscous,coulomb --cutoff 20 --out {method}"
             for method in ("iv", "didim", "ekf", "ukf")
         ),
         "compare log.csv --robot {fr3} --methods map,iv,didim,ols --settings "
@@ -326,8 +324,7 @@ CASES: dict[str, tuple[str, ...]] = {
                       f"zero_jerk=true --out motion.json",),
     "excite-several": (
         f"{_EXCITE} --settings motions=2 --table 0 --noise fr3_simulated --settings "
-        f"noise_model=coloured"
-        " --cutoff 10 --out motion.json",
+        "noise_model=coloured --cutoff 10 --out motion.json",
     ),
     "excite-until": (
         f"{_UNTIL} v=500mNm --from home --return --out motion.json",

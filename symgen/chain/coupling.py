@@ -105,9 +105,8 @@ def read_coupling(
 def _require_joints(row: CouplingRow, joints: tuple[str, ...]) -> None:
     if row.joint not in joints:
         raise UrdfError(
-            f"a coupling names '{row.joint}', which is not a moving joint of this "
-            f"robot; its moving joints are {listing(joints)}: correct the name, or remove the "
-            "coupling"
+            f"a coupling names '{row.joint}', which is not a moving joint of this robot; its "
+            f"moving joints are {listing(joints)}: correct the name, or remove the coupling"
         )
     if not abs(row.offset) <= _FACTORS[1]:
         raise UrdfError(

@@ -123,9 +123,8 @@ def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -
         every = " ".join(f"--lock {joint}=0" for joint in bare if joint != "universe")
         raise UrdfError(
             f"link '{link}' moves with joint '{name}' but has no mass, nor do links fixed to it; "
-            "give it an <inertial> or a mass with the setting masses, lock the joint with "
-            "--lock or cut it "
-            f"off with --tip; to lock every such joint: {every}"
+            "give it an <inertial> or a mass with the setting masses, lock the joint with --lock "
+            f"or cut it off with --tip; to lock every such joint: {every}"
         )
     lower, upper, velocity, effort = _limits_of(document, name)
     return Joint(

@@ -214,9 +214,8 @@ def build_command(given: BuildSettings) -> None:
     if urdf is None:
         if any(getattr(given, each) for each in _OF_URDF):
             raise BuildError(
-                "--mechanism, --config and the settings project, masses, densities, arg, "
-                "package and "
-                "model belong to your own robot; give its --urdf too"
+                "--mechanism, --config and the settings project, masses, densities, arg, package "
+                "and model belong to your own robot; give its --urdf too"
             )
         request = bundled_request(given.robot)
         if options != ChainOptions() or name:

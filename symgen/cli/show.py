@@ -176,9 +176,8 @@ def _follows(manifest: dict[str, Any], place: int) -> str:
 def _base_table(manifest: dict[str, Any]) -> Table:
     facts = _description(manifest)
     title = (
-        f"{len(facts['base_parameters'])} base parameters "
-        f"(singular values: kept ≥ {facts['smallest_kept']:g}, "
-        f"dropped < {facts['largest_dropped_below']:g})"
+        f"{len(facts['base_parameters'])} base parameters (singular values: kept ≥ "
+        f"{facts['smallest_kept']:g}, dropped < {facts['largest_dropped_below']:g})"
     )
     rows = tuple((str(k), text) for k, text in enumerate(facts["base_parameters"], 1))
     return Table(("β", "combination"), rows, title=title)

@@ -203,8 +203,7 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         notes.append(
             f"the angles of {', '.join(rounded)} differ from right angles by less than {ROUNDED:g} "
             f"rad; if the URDF rounds them, --settings snap={ROUNDED:g} makes them exact, which "
-            f"saves "
-            "operations and spurious base parameters"
+            "saves operations and spurious base parameters"
         )
     return tuple(notes)
 
@@ -253,8 +252,7 @@ def _assumed(chain: Chain) -> list[str]:
     if given:
         notes.append(
             f"mass of {', '.join(given)} as stated by the setting masses; centre of mass and "
-            f"inertia are "
-            "those of a solid rod between the joints"
+            "inertia are those of a solid rod between the joints"
         )
     specks = [link for link, source in chain.assumed.items() if source == MASSLESS]
     if specks:
@@ -264,11 +262,10 @@ def _assumed(chain: Chain) -> list[str]:
         )
     if placeholders:
         notes.append(
-            "no moving link has an <inertial>, so each is a placeholder of "
-            f"{PLACEHOLDER_MASS:g} kg: identification uses pc-ols, which needs no inertial prior; "
-            "for map, state masses by --settings masses=FILE (TOML, link = kg), densities of "
-            "closed meshes "
-            "by --settings densities=FILE, or a prior file"
+            f"no moving link has an <inertial>, so each is a placeholder of {PLACEHOLDER_MASS:g} "
+            "kg: identification uses pc-ols, which needs no inertial prior; for map, state masses "
+            "by --settings masses=FILE (TOML, link = kg), densities of closed meshes by --settings "
+            "densities=FILE, or a prior file"
         )
     return notes
 

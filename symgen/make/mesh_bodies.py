@@ -66,9 +66,8 @@ def with_mesh_bodies(
         if element.find("inertial") is not None or density is None or not meshes:
             if name in densities:
                 raise UrdfError(
-                    f"the setting densities names the link '{name}', which has no mesh; state "
-                    f"its mass with "
-                    "the setting masses"
+                    f"the setting densities names the link '{name}', which has no mesh; state its "
+                    "mass with the setting masses"
                 )
             continue
         parts = [_placed(mesh, name, folder, packages) for mesh in meshes]
@@ -76,9 +75,8 @@ def with_mesh_bodies(
         done.append(name)
     if not done:
         raise UrdfError(
-            "the setting densities gives no link a body: every link has an <inertial>, or no "
-            "mesh; leave the "
-            "option out"
+            "the setting densities gives no link a body: every link has an <inertial>, or no mesh; "
+            "leave the option out"
         )
     return document.text(), tuple(done)
 

@@ -56,8 +56,7 @@ class Packages:
                 return prefix / "share" / name
         raise BuildError(
             f"the ROS package '{name}' is not found; name its folder with --settings package=DIR, "
-            "or set "
-            "ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+            "or set ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
         )
 
     def file(self, path: Path) -> Path:

@@ -63,8 +63,7 @@ def _expand(job: dict[str, Any]) -> dict[str, Any]:
         names = ", ".join(_one_line(name) for name in files.arguments) or "none"
         return {
             "refused": f"the setting arg names '{unknown[0]}', which '{job['path']}' and its "
-            f"includes do not "
-            f"contain; their arguments are: {names}"
+            f"includes do not contain; their arguments are: {names}"
         }
     if len(text) > LARGEST_DOCUMENT:
         return {"reason": f"the URDF has more than {LARGEST_DOCUMENT >> 20} MiB"}

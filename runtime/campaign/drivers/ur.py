@@ -130,8 +130,7 @@ def _open(lib: Library, settings: DriverSettings) -> Driver:
     if settings.gains is None:
         raise SimulationError(
             "an arm of Universal Robots measures currents; give --settings gains=K,K,… with one "
-            "number in N·m/A "
-            "per joint, which `symgen gains LOG` estimates from a log in A"
+            "number in N·m/A per joint, which `symgen gains LOG` estimates from a log in A"
         )
     return UrDriver(lib, address, settings.gains)
 

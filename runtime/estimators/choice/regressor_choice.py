@@ -145,8 +145,7 @@ def choose_regressor(
         reasons.append(
             "the low-pass of q and dq changes the torque by "
             f"{significant(100 * quality.distortion)} %, because the motion is too fast for the "
-            "cut-off or "
-            "the rate"
+            "cut-off or the rate"
         )
     cutoff = float(f"{quality.harmless_hz:.2g}")
     remedy = f"--settings regressor=momentum --cutoff {cutoff:g}"

@@ -155,6 +155,5 @@ def too_many(excited: int, wanted: int, size: int) -> str:
     return (
         f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
         "raise the setting harmonics, widen the range of positions, or leave out unknowns "
-        "(friction, a "
-        "payload that too few joints turn)"
+        "(friction, a payload that too few joints turn)"
     )

@@ -81,8 +81,7 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
         if not partners:
             raise IdentificationError(
                 f"--settings symmetric={text}: no joint with '{left}' has one with '{right}' in "
-                f"its place; "
-                f"the joints are {', '.join(names)}"
+                f"its place; the joints are {', '.join(names)}"
             )
         places += partners
     return tuple(dict.fromkeys(places))
@@ -95,8 +94,7 @@ def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification
     if covariance is None:
         raise IdentificationError(
             "the setting symmetric compares drives with their standard deviations, which this "
-            "identification "
-            "does not have; give friction columns, and a method with a posterior"
+            "identification does not have; give friction columns, and a method with a posterior"
         )
     places_of_keys = places_of(result.friction.columns)
     sets = {"armature": ("armature",), "friction": FRICTION}
@@ -183,8 +181,7 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
     if lib.n_links != lib.n_joints:
         raise IdentificationError(
             f"--settings tie=true needs one link per joint, but '{lib.name}' has {lib.n_links} "
-            f"links and "
-            f"{lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
+            f"links and {lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
         )
     poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
     mirror = _plane(poses, places)
@@ -248,9 +245,8 @@ def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:
 
 def _not_mirrored(left: str, right: str) -> IdentificationError:
     return IdentificationError(
-        f"--settings tie=true expects {left} and {right} to be mirrored about a plane of the "
-        f"base, got joints or "
-        "links that are not; leave --settings tie=true out, which compares them only"
+        f"--settings tie=true expects {left} and {right} to be mirrored about a plane of the base, "
+        "got joints or links that are not; leave --settings tie=true out, which compares them only"
     )
 
 
@@ -262,10 +258,9 @@ def identify_tied(
     prior, names = tied_prior(first, settings, pairs)
     result = fit(replace(settings, friction_prior=prior, friction=first.friction))
     note = (
-        f"{' and '.join(names)} of the joints that the setting symmetric pairs are tied to "
-        f"their mean within "
-        f"{100 * SPREAD:.0f} %, and the standard deviations count it; compare the sides without "
-        "--settings tie=true"
+        f"{' and '.join(names)} of the joints that the setting symmetric pairs are tied to their "
+        f"mean within {100 * SPREAD:.0f} %, and the standard deviations count it; compare the "
+        "sides without --settings tie=true"
     )
     kept = tuple(each for each in first.notes if each not in result.notes)
     return replace(result, notes=(note, *kept, *result.notes))

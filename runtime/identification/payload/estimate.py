@@ -114,11 +114,10 @@ class PostureDeviation:
     def sentence(self) -> str:
         """Note of the result."""
         return (
-            f"the difference of the runs has errors that repeat with the position of "
+            "the difference of the runs has errors that repeat with the position of "
             f"'{self.joint}', beside the payload: the intervals contain them (mass: "
-            f"{self.factors[0]:.1f} times the noise); check the setting link, and record both "
-            f"runs with the "
-            "same cables, springs and temperature"
+            f"{self.factors[0]:.1f} times the noise); check the setting link, and record both runs "
+            "with the same cables, springs and temperature"
         )
 
     def widened(self, covariance: Array) -> Array:

@@ -233,10 +233,9 @@ def _stale(
             preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
             evidence["skipped_ticks"] = skipped
             remedy = (
-                "without them, and on a clock rebuilt from Δq = v Δt in ticks of "
-                f"{1e3 * tick:g} ms ({skipped} ticks were skipped), velocities explain the steps "
-                f"of q to {significant(100 * rebuilt)} % instead of {significant(100 * before)} "
-                "%; set "
+                f"without them, and on a clock rebuilt from Δq = v Δt in ticks of {1e3 * tick:g} "
+                f"ms ({skipped} ticks were skipped), velocities explain the steps of q to "
+                f"{significant(100 * rebuilt)} % instead of {significant(100 * before)} %; set "
                 f"clock_tick = {tick:g} under [preparation]"
             )
     return preparation, [_repeated(WARNING, count, share, remedy, evidence)]

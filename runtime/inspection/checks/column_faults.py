@@ -69,8 +69,7 @@ def _finding(
         WARNING,
         f"{fault.sentence(names)}{other}: the model with friction that brakes leaves "
         f"{significant(100 * before)} % of the squared torque of these joints unexplained, so "
-        "corrected "
-        f"{significant(100 * after)} %; compare with the logger, and {remedy}",
+        f"corrected {significant(100 * after)} %; compare with the logger, and {remedy}",
         evidence,
     )
 

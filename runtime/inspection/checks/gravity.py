@@ -221,10 +221,9 @@ def _reversed(
     doubt = f" (the motion is too slow to exclude {_name(rivals[0])})" if rivals else ""
     comparison = (
         f"with {_name(best)}, physically consistent bodies leave "
-        f"{significant(100 * best.consistent)} % of "
-        f"the torque unexplained, in the present case {significant(100 * present.consistent)} % "
-        "(least "
-        f"squares with negative masses {significant(100 * present.free)} %){doubt}"
+        f"{significant(100 * best.consistent)} % of the torque unexplained, in the present case "
+        f"{significant(100 * present.consistent)} % (least squares with negative masses "
+        f"{significant(100 * present.free)} %){doubt}"
     )
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
         return negated(plan), [
@@ -324,8 +323,7 @@ def build_command(lib: Library, suffix: str, gravity: Array) -> str:
     return (
         f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity "
         f"{_numbers(gravity)} (with the other options of its build, such as --tip, --settings "
-        f"project=true, "
-        "--config)"
+        "project=true, --config)"
     )
 
 
@@ -353,8 +351,7 @@ def _finding(
         ERROR if exact else WARNING,
         f"gravity of the model ({_numbers(lib.gravity)} m/s² in the base frame) leaves "
         f"{significant(100 * along)} % of the torque unexplained even with negative masses, the "
-        "fitted "
-        f"gravity ({_numbers(fitted)} m/s²{f', nearly along {name}' if exact else ''}) "
+        f"fitted gravity ({_numbers(fitted)} m/s²{f', nearly along {name}' if exact else ''}) "
         f"{significant(100 * left)} %: {cause}",
         evidence | {"gravity": [float(x) for x in vector], "along": along, "left": left},
     )

@@ -354,8 +354,7 @@ def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list
         return []
     why = (
         f"the model fits it to {significant(100 * misfit)} %, and friction columns reduce the "
-        "residual by a "
-        f"factor of {friction:.2g} only, whereas real joints have friction"
+        f"residual by a factor of {friction:.2g} only, whereas real joints have friction"
         if frictionless
         else f"the model fits it to {significant(100 * misfit)} %, and its noise is "
         f"{significant(100 * floor)} % of its RMS"

@@ -179,9 +179,8 @@ def velocity_filter(
             "velocity_filtered",
             WARNING,
             f"dq of {names} is not a measurement: dq[k] = {factor:.3g} dq[k-1] + {1 - factor:.3g} "
-            "(q[k] - q[k-1])/h reproduces it, a low-pass of the positions that is "
-            f"{1e3 * lag:.0f} ms late; the velocity is computed from q instead: leave [velocity] "
-            "out of the recipe",
+            f"(q[k] - q[k-1])/h reproduces it, a low-pass of the positions that is {1e3 * lag:.0f} "
+            "ms late; the velocity is computed from q instead: leave [velocity] out of the recipe",
             {
                 "factor": numbers(memory),
                 "gain": numbers(gain),

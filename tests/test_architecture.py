@@ -5,13 +5,15 @@ of imports from room to room.
 """
 
 import ast
+import gc
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -73,6 +75,23 @@ def imports() -> Imports:
     grimp = pytest.importorskip("grimp", reason="grimp comes with pip install symgen[test]")
     graph = grimp.build_graph(*PACKAGES, include_external_packages=True, cache_dir=None)
     return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Module → its syntax tree."""
+    gc.disable()  # the trees stay: passing over them again takes longer than to make them
+    names = (".".join(path.relative_to(REPOSITORY).with_suffix("").parts) for path in MODULES)
+    parsed = [ast.parse(path.read_text(encoding="utf-8")) for path in MODULES]
+    gc.freeze()
+    gc.enable()
+    return {name.removesuffix(".__init__"): tree for name, tree in zip(names, parsed, strict=True)}
+
+
+@cache
+def nodes_of_trees() -> dict[str, tuple[ast.AST, ...]]:
+    """Module → all nodes of its syntax tree."""
+    return {module: tuple(ast.walk(tree)) for module, tree in trees().items()}
 
 
 def is_part(module: str, of: str) -> bool:
@@ -168,18 +187,22 @@ def test_every_module_has_a_user(imports: Imports) -> None:
     assert unused == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_a_module_states_each_name_once(path: Path) -> None:
-    """Property: no constant, function or class replaces one of the same name above it."""
+def stated_twice(tree: ast.Module) -> set[str]:
+    """Names that a module states more than once."""
     names: list[str] = []
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.append(node.name)
-        targets = node.targets if isinstance(node, ast.Assign) else []
+        targets = [*node.targets] if isinstance(node, ast.Assign) else []
         targets += [node.target] if isinstance(node, ast.AnnAssign) else []
         names += [each.id for t in targets for each in ast.walk(t) if isinstance(each, ast.Name)]
-    twice = {name for name in names if names.count(name) > 1}
-    assert not twice
+    return {name for name in names if names.count(name) > 1}
+
+
+def test_a_module_states_each_name_once() -> None:
+    """Property: no constant, function or class replaces one of the same name above it."""
+    guilty = {module: stated_twice(tree) for module, tree in trees().items()}
+    assert not {module: names for module, names in guilty.items() if names}
 
 
 def test_the_packages_are_independent(imports: Imports) -> None:
@@ -236,15 +259,6 @@ def test_headers_include_each_other_one_way(folder: str) -> None:
     assert floors_of(included) <= MOST_FLOORS
 
 
-TREES = {
-    ".".join(path.relative_to(REPOSITORY).with_suffix("").parts): ast.parse(
-        path.read_text(encoding="utf-8")
-    )
-    for path in MODULES
-}
-"""Module → its syntax tree."""
-
-
 def imported_in(node: ast.AST) -> list[str]:
     """Modules that one import statement names."""
     if isinstance(node, ast.Import):
@@ -252,9 +266,9 @@ def imported_in(node: ast.AST) -> list[str]:
     return [node.module or ""] if isinstance(node, ast.ImportFrom) else []
 
 
-def late_imports(tree: ast.Module) -> list[str]:
+def late_imports(nodes: Sequence[ast.AST]) -> list[str]:
     """Modules that functions of a module import."""
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
     statements = {node for function in functions for node in ast.walk(function)}
     return [name for node in statements for name in imported_in(node)]
 
@@ -264,13 +278,15 @@ def test_functions_import_optional_libraries_only() -> None:
 
     matplotlib, scipy.signal and pooch take 0.3 to 0.8 s, and most commands need none of them.
     """
-    late = [(name, other) for name, tree in TREES.items() for other in late_imports(tree)]
+    late = [
+        (name, other) for name, nodes in nodes_of_trees().items() for other in late_imports(nodes)
+    ]
     foreign = [pair for pair in late if not pair[1].startswith(OPTIONAL)]
     assert foreign == []
     assert len(late) <= MOST_LATE_IMPORTS
 
 
-def private_names(tree: ast.Module) -> set[str]:
+def private_names(nodes: Sequence[ast.AST]) -> set[str]:
     """Private names of other libraries that a module uses: library._name or from library._part."""
 
     def is_private(part: str) -> bool:
@@ -278,7 +294,7 @@ def private_names(tree: ast.Module) -> set[str]:
 
     named: dict[str, str] = {}
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, ast.Import | ast.ImportFrom):
             continue
         for alias in node.names:
@@ -289,7 +305,7 @@ def private_names(tree: ast.Module) -> set[str]:
                 found.add(".".join(parts))
             if not own:
                 named[alias.asname or alias.name.split(".")[0]] = module
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Attribute) and is_private(node.attr):
             root: ast.AST = node
             while isinstance(root, ast.Attribute):
@@ -301,7 +317,9 @@ def private_names(tree: ast.Module) -> set[str]:
 
 def test_no_private_names_of_libraries() -> None:
     """Property: a release of a library may change what it calls private."""
-    assert {(m, name) for m, tree in TREES.items() for name in private_names(tree)} == set()
+    assert {
+        (m, name) for m, nodes in nodes_of_trees().items() for name in private_names(nodes)
+    } == set()
 
 
 def test_the_process_and_the_import_system_are_left_alone() -> None:
@@ -316,17 +334,18 @@ def test_the_process_and_the_import_system_are_left_alone() -> None:
 def test_the_checks_of_imports_can_fail() -> None:
     """Property: a module with all faults is seen."""
     tree = ast.parse(
-        "import scipy\nfrom typer import _x\ndef f():\n    import json\n    scipy.a._b\n"
+        "import scipy\nfrom typer import _x\ndef f():\n    import json\n    scipy.a._b\nf = 1\n"
     )
-    assert late_imports(tree) == ["json"]
-    assert private_names(tree) == {"typer._x", "scipy.a._b"}
+    nodes = [*ast.walk(tree)]
+    assert late_imports(nodes) == ["json"]
+    assert private_names(nodes) == {"typer._x", "scipy.a._b"}
+    assert stated_twice(tree) == {"f"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(REPOSITORY).as_posix())
-def test_modules_are_short(path: Path) -> None:
+def test_modules_are_short() -> None:
     """Property: a module holds one responsibility; longer ones become a folder."""
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= LONGEST, f"{lines} lines"
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    assert {path: count for path, count in lines.items() if count > LONGEST} == {}
 
 
 def test_the_95_percent_quantile_has_one_place() -> None:
@@ -432,7 +451,6 @@ def test_run_time_names_no_build_tool() -> None:
     assert guilty == []
 
 
-RECORDING = REPOSITORY / "runtime" / "recording"
 PLAIN_WORDS = {"offset", "load", "position"}
 """Names of friction columns that mean other things, too."""
 
@@ -440,12 +458,12 @@ PLAIN_WORDS = {"offset", "load", "position"}
 def test_friction_columns_are_known_by_their_records() -> None:
     """Property: no name of a column is compared with a string outside of its own room."""
     names = {*COLUMNS} - PLAIN_WORDS
-    rooms = (RECORDING / "friction", RECORDING / "settings.py")
+    rooms = ("runtime.recording.friction", "runtime.recording.settings")
     guilty = [
-        f"{path.relative_to(REPOSITORY)}:{node.lineno}"
-        for path in MODULES
-        if not any(path.is_relative_to(room) for room in rooms)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        f"{module}:{node.lineno}"
+        for module, nodes in nodes_of_trees().items()
+        if not any(is_part(module, room) for room in rooms)
+        for node in nodes
         if isinstance(node, ast.Compare)
         for part in ast.walk(node)
         if isinstance(part, ast.Constant) and part.value in names

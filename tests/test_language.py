@@ -3,13 +3,10 @@
 import ast
 import builtins
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
-from pathlib import Path
 
-import pytest
-
-from tests.test_architecture import MODULES, REPOSITORY
+from tests.test_architecture import is_part, nodes_of_trees, trees
 
 AVOIDED = {
     *("told", "found", "own", "asked", "judged", "heard", "settled"),
@@ -21,20 +18,9 @@ AVOIDED = {
 SECTION = re.compile(r"^(Args|Returns|Yields|Raises):", re.MULTILINE)
 
 
-@cache
-def tree_of(path: Path) -> ast.Module:
-    """The syntax tree of one module."""
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def name_of(path: Path) -> str:
-    """Path of a module as a test's id."""
-    return path.relative_to(REPOSITORY).as_posix()
-
-
-def identifiers(tree: ast.Module) -> Iterator[tuple[str, int]]:
+def identifiers(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, int]]:
     """Every identifier of a module with its line."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Name):
             yield node.id, node.lineno
         elif isinstance(node, ast.arg | ast.keyword) and node.arg:
@@ -60,15 +46,6 @@ def words_of(identifier: str) -> frozenset[str]:
     return frozenset(word.lower() for word in re.split(r"[_.]", parted) if word)
 
 
-def module_of(path: Path) -> str:
-    """Dotted name of a module; that of the package for its face."""
-    parts = path.relative_to(REPOSITORY).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-TREES = {module_of(path): tree_of(path) for path in MODULES}
-
-
 def names_in_all(tree: ast.Module) -> list[str]:
     """Names that `__all__` of a module lists."""
     for node in tree.body:
@@ -81,13 +58,13 @@ def names_in_all(tree: ast.Module) -> list[str]:
 def exported() -> frozenset[tuple[str, str]]:
     """Module and name of all that some `__all__` lists, up to the definition."""
     seen: set[tuple[str, str]] = set()
-    rest = [(module, name) for module, tree in TREES.items() for name in names_in_all(tree)]
+    rest = [(module, name) for module, tree in trees().items() for name in names_in_all(tree)]
     while rest:
         module, name = rest.pop()
-        if module not in TREES or (module, name) in seen:
+        if module not in trees() or (module, name) in seen:
             continue
         seen.add((module, name))
-        for node in ast.walk(TREES[module]):
+        for node in nodes_of_trees()[module]:
             if isinstance(node, ast.ImportFrom):
                 taken = [each for each in node.names if (each.asname or each.name) == name]
                 rest += [(node.module or "", each.name) for each in taken]
@@ -97,7 +74,9 @@ def exported() -> frozenset[tuple[str, str]]:
 @cache
 def bases() -> frozenset[str]:
     """Names of the classes that others inherit from, and of protocols."""
-    classes = [n for tree in TREES.values() for n in ast.walk(tree) if isinstance(n, ast.ClassDef)]
+    classes = [
+        n for nodes in nodes_of_trees().values() for n in nodes if isinstance(n, ast.ClassDef)
+    ]
     inherited = {
         ast.unparse(b).partition("[")[0].rpartition(".")[2] for c in classes for b in c.bases
     }
@@ -107,9 +86,9 @@ def bases() -> frozenset[str]:
 
 def functions(module: str) -> Iterator[tuple[ast.FunctionDef, bool]]:
     """Functions of a module and methods of its classes, and whether others may call them."""
-    tree = TREES[module]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node in tree.body:
+    body = trees()[module].body
+    for node in nodes_of_trees()[module]:
+        if isinstance(node, ast.FunctionDef) and node in body:
             yield node, (module, node.name) in exported()
         elif isinstance(node, ast.ClassDef):
             public = (module, node.name) in exported() or node.name in bases()
@@ -142,22 +121,25 @@ def missing_sections(function: ast.FunctionDef) -> list[str]:
     return lacking
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_identifiers_use_the_words_of_the_field(path: Path) -> None:
+def test_identifiers_use_the_words_of_the_field() -> None:
     """Property: no identifier contains a word of the list above."""
-    guilty = {f"{name} (line {line})" for name, line in identifiers(tree_of(path))
-              if words_of(name) & AVOIDED and chosen_here(name)}  # fmt: skip
+    guilty = {
+        f"{module}:{line}: {name}"
+        for module, nodes in nodes_of_trees().items()
+        for name, line in identifiers(nodes)
+        if words_of(name) & AVOIDED and chosen_here(name)
+    }
     assert not guilty
 
 
-@pytest.mark.parametrize("module", TREES)
-def test_exported_functions_state_arguments_and_results(module: str) -> None:
+def test_exported_functions_state_arguments_and_results() -> None:
     """Property: two or more parameters → Args names each of them, Returns says what comes back.
 
     Functions of command-line commands are excepted: their docstring is the text of --help.
     """
     guilty = {
-        f"{function.name} (line {function.lineno})": missing_sections(function)
+        f"{module}:{function.lineno}: {function.name}": missing_sections(function)
+        for module in trees()
         for function, public in functions(module)
         if public and len(parameters(function)) > 1 and not function.name.endswith("_command")
     }
@@ -167,10 +149,10 @@ def test_exported_functions_state_arguments_and_results(module: str) -> None:
 EXPERIMENTS = "runtime.experiments"
 
 
-def internal_imports(tree: ast.Module) -> set[str]:
+def internal_imports(nodes: Iterable[ast.AST]) -> set[str]:
     """Names of runtime outside the experiments that a module imports and no `__all__` lists."""
     found: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             found |= {each.name for each in node.names if each.name.split(".")[0] == "runtime"}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "runtime":
@@ -180,17 +162,18 @@ def internal_imports(tree: ast.Module) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("module", [name for name in TREES if name.startswith(EXPERIMENTS)])
-def test_experiments_use_exported_names(module: str) -> None:
+def test_experiments_use_exported_names() -> None:
     """Property: what the experiments import of other rooms stands in some `__all__`."""
-    assert internal_imports(TREES[module]) == set()
+    rooms = [nodes for name, nodes in nodes_of_trees().items() if is_part(name, EXPERIMENTS)]
+    assert rooms
+    assert set().union(*map(internal_imports, rooms)) == set()
 
 
-@pytest.mark.parametrize("module", TREES)
-def test_other_functions_have_no_sections(module: str) -> None:
+def test_other_functions_have_no_sections() -> None:
     """Property: what no `__all__` lists and no base class declares has neither Args nor Returns."""
     guilty = [
-        f"{function.name} (line {function.lineno})"
+        f"{module}:{function.lineno}: {function.name}"
+        for module in trees()
         for function, public in functions(module)
         if not public and SECTION.search(ast.get_docstring(function) or "")
     ]
@@ -200,14 +183,14 @@ def test_other_functions_have_no_sections(module: str) -> None:
 def test_the_checks_of_this_file_can_fail() -> None:
     """Property: a module with both faults is seen."""
     tree = ast.parse('def f(told, b) -> int:\n    """F.\n\n    Args:\n        b: x.\n    """\n')
-    assert any(words_of(name) & AVOIDED for name, _ in identifiers(tree))
+    assert any(words_of(name) & AVOIDED for name, _ in identifiers(ast.walk(tree)))
     function = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
     assert missing_sections(function) == ["told", "Returns"]
     assert SECTION.search(ast.get_docstring(function) or "")
     assert ("runtime.identification.identify", "identify") in exported()
     inside = "import runtime.cli\nfrom runtime.identification import metrics\n"
     public = "from runtime import load\nfrom runtime.experiments.study import Row\n"
-    assert internal_imports(ast.parse(inside + public)) == {
+    assert internal_imports(ast.walk(ast.parse(inside + public))) == {
         "runtime.cli",
         "runtime.identification.metrics",
     }

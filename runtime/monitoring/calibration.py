@@ -145,9 +145,8 @@ def fitted(peaks: Sequence[Array], seconds: float) -> tuple[Tail, ...]:
     )
 
 
-def _rates(tails: Sequence[Tail], levels: Array) -> tuple[Array, list[Array], list[Array]]:
-    """Weights of the shapes; per joint p(c | ξ) and the rate at a level over ξ and c [1/s]."""
-    shapes, given, scales = _weights(tails)
+def _rates(tails: Sequence[Tail], scales: Sequence[Array], levels: Array) -> list[Array]:
+    """Per joint the rate at a level over ξ and c [1/s]."""
     rates = []
     for tail, scale, level in zip(tails, scales, levels, strict=True):
         y = max(level**2 - tail.peaks[-1] ** 2, 0.0) / scale
@@ -155,16 +154,17 @@ def _rates(tails: Sequence[Tail], levels: Array) -> tuple[Array, list[Array], li
         with np.errstate(divide="ignore"):
             beyond = np.where(base > 0, np.exp(-np.log(base) / _SHAPES[:, None]), 0.0)
         rates.append(beyond * ((len(tail.peaks) - 1) / tail.seconds))
-    return shapes, given, rates
+    return rates
 
 
 def levels_of(tails: Sequence[Tail], rate: float) -> Array:
     """Levels at which every joint has an n-th of a rate, in the mean over the posterior."""
     low = np.array([tail.peaks[-1] for tail in tails])
     high = np.full(len(tails), 1e3) * np.maximum(low, 1.0)
+    shapes, given, scales = _weights(tails)
     for _ in range(60):
         middle = (low + high) / 2
-        shapes, given, rates = _rates(tails, middle)
+        rates = _rates(tails, scales, middle)
         mean = [shapes @ (w * r).sum(axis=1) for w, r in zip(given, rates, strict=True)]
         is_rare = np.array(mean) < rate / len(tails)
         low, high = np.where(is_rare, low, middle), np.where(is_rare, middle, high)
@@ -178,7 +178,8 @@ def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
     The number of peaks above the lowest one has a Poisson distribution.
     """
     rng = np.random.default_rng(0)
-    shapes, given, rates = _rates(tails, levels)
+    shapes, given, scales = _weights(tails)
+    rates = _rates(tails, scales, levels)
     drawn = rng.choice(len(shapes), size=_DRAWS, p=shapes)
     total = np.zeros(_DRAWS)
     for tail, share, rate in zip(tails, given, rates, strict=True):

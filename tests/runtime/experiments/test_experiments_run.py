@@ -53,9 +53,9 @@ def begun(designs: Path, tmp_path: Path) -> Path:
 
 def test_a_killed_run_goes_on_to_the_same_digits(lib: Library, begun: Path, tmp_path: Path) -> None:
     """Property: SIGKILL after some chunks, the rest in other chunks and threads; bit for bit."""
-    trials, alone = 16, tmp_path / "alone"
+    trials, alone = 10, tmp_path / "alone"
     shutil.copytree(begun, alone)
-    words = [lib.folder, begun, "noise", trials, 2]
+    words = [lib.folder, begun, "noise", trials, 1]
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.runtime.small", *map(str, words)],
         cwd=REPOSITORY,
@@ -67,9 +67,9 @@ def test_a_killed_run_goes_on_to_the_same_digits(lib: Library, begun: Path, tmp_
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     kept = {path.name: path.stat().st_mtime_ns for path in chunks.glob("*.parquet")}
-    assert 2 <= len(kept) < trials // 2
+    assert 2 <= len(kept) < trials
     assert valid_result(begun / "noise") is None
-    with small.small(7):
+    with small.small(4):
         reproduce(lib, STUDIES["noise"], Request(begun, trials, threads=2))
     with small.small():
         reproduce(lib, STUDIES["noise"], Request(alone, trials, threads=1))

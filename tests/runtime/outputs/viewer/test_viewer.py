@@ -224,7 +224,7 @@ def test_the_browser_shows_controls_and_a_canvas(fr3: Library, scene: Scene) -> 
     player = Player(fr3, scene, motion(fr3))
     player.play.value = False
     with chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as browser:
-        page = browser.new_page()
+        page = browser.new_page(viewport={"width": 320, "height": 240})  # drawn by the processor
         page.goto(scene.url)
         page.get_by_text("dq rad/s").wait_for()
         assert page.locator("canvas").count() >= 1

@@ -237,12 +237,18 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
     A test that looks at a picture asks for `drawn`.
     """
-    if "drawn" in request.fixturenames or PAGES in request.path.parts:
-        return
-    for name in PICTURES:
-        monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_: Markup("<svg/>"))
+    if "undrawn" in request.fixturenames or not (
+        "drawn" in request.fixturenames or PAGES in request.path.parts
+    ):
+        for name in PICTURES:
+            monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_: Markup("<svg/>"))
 
 
 @pytest.fixture
 def drawn() -> None:
     """Pages of results with their curves."""
+
+
+@pytest.fixture
+def undrawn() -> None:
+    """Pages of results without curves, in a test of their words."""

@@ -229,10 +229,8 @@ def test_methods_are_given_the_same_fresh_problem(
 
 
 @pytest.mark.usefixtures("drawn")
-def test_the_page(
-    facts_of_all: dict[str, Any], lib: Library, command: Command, tmp_path: Path
-) -> None:
-    """Property: a row and bars per method; the same bytes again; sections beside a result."""
+def test_the_page(facts_of_all: dict[str, Any], command: Command) -> None:
+    """Property: a row and bars per method; the same bytes again."""
     folder = facts_of_all["folder"] / "out"
     page = (folder / "report.html").read_bytes()
     text = page.decode()
@@ -242,6 +240,13 @@ def test_the_page(
     assert facts_of_all["advice"]["sentences"][0] in text.replace("&#39;", "'")
     assert command("report", folder).code == 0
     assert (folder / "report.html").read_bytes() == page
+
+
+def test_sections_beside_a_result(
+    facts_of_all: dict[str, Any], lib: Library, command: Command, tmp_path: Path
+) -> None:
+    """Property: the page of a result has the methods where compare.json lies beside it."""
+    folder = facts_of_all["folder"] / "out"
     made = command("identify", EXAMPLE, "--robot", lib.folder, *TERMS, "--out", "both")
     assert made.code == 0, made.err
     assert "Methods side by side" not in (tmp_path / "both" / "report.html").read_text()

@@ -41,6 +41,7 @@ def test_a_full_result_shows_its_numbers(tmp_path: Path) -> None:
     assert page.tags.count("svg") == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_overall_rms_is_the_mean_square_of_joints_of_one_unit(tmp_path: Path) -> None:
     page = read(write(tmp_path, lambda raw: raw.update(units=["N*m", "N*m"])))
     assert f"all joints 27.18 % 4.67 % {np.sqrt((1.2345**2 + 6.789**2) / 2):.4f}" in page.text
@@ -63,6 +64,7 @@ def test_a_baseline_that_is_not_physical_says_so_first(tmp_path: Path) -> None:
         assert title not in page.words
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_only_the_errors_and_the_links_are_needed(tmp_path: Path) -> None:
     needed = ("format", "method", "robot", "joints", "links", "consistent")
 
@@ -75,6 +77,7 @@ def test_only_the_errors_and_the_links_are_needed(tmp_path: Path) -> None:
     assert "Samples: not recorded" in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_worse_and_equal_errors_are_worded_as_such(tmp_path: Path) -> None:
     for after, words in (
         (30.0, "increased from 27.18 % to 30.00 %"),
@@ -98,6 +101,7 @@ def test_the_page_needs_nothing_from_outside(tmp_path: Path) -> None:
     assert "default-src 'none'" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_only_the_script_of_the_page_may_run(tmp_path: Path) -> None:
     """Property: the policy's one hash is the SHA-256 of the page's one script."""
     text = write_report(write(tmp_path)).read_text(encoding="utf-8")
@@ -167,6 +171,7 @@ def test_a_long_recording_stays_a_small_file(tmp_path: Path) -> None:
     assert path.stat().st_size < 2_000_000
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     folder = write(tmp_path)
     (folder / "report.html").mkdir()

@@ -233,7 +233,7 @@ def tiny(tiny_built: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages of results without curves, outside the tests of pages: drawing takes most of a command.
+    """No curves outside the tests of pages: drawing takes most of the time of a command.
 
     A test that looks at a picture asks for `drawn`.
     """
@@ -242,11 +242,14 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     ):
         for name in PICTURES:
             monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_: Markup("<svg/>"))
+        monkeypatch.setattr(
+            "runtime.cli.observe.draw_external_torque", lambda *given: given[-1].write_bytes(b"")
+        )
 
 
 @pytest.fixture
 def drawn() -> None:
-    """Pages of results with their curves."""
+    """Pages of results and pictures of observers with their curves."""
 
 
 @pytest.fixture

@@ -39,6 +39,7 @@ def observed(command: Command, log: Path, folder: Path, *words: object) -> dict:
     return json.loads(ran.out)
 
 
+@pytest.mark.usefixtures("drawn")
 def test_free_motion_of_a_real_arm_raises_no_alarm(
     command: Command, monitored: Monitored, rest_file: Path, tmp_path: Path
 ) -> None:
@@ -62,6 +63,9 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     assert arrays["r"].shape == arrays["sigma"].shape == (len(arrays["t"]), 7)
     assert (arrays["sigma"] > 0).all()
     assert len(facts["thresholds"]) == 7
+    picture = (tmp_path / "seen" / "external_torque.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 10_000
     names = sorted(path.name for path in (tmp_path / "seen").iterdir())
     data, code = ["contacts.json"], ["observer.c", "observer.h"]
     pictures = [f"external_torque.{kind}" for kind in ("mcap", "npz", "plotjuggler.xml", "png")]

@@ -186,10 +186,7 @@ def feasible_poses(
 
 
 def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
-    """Indices of the base parameters that gravity determines.
-
-    q (N, n) → (r,).
-    """
+    """Indices of the base parameters that gravity determines at poses (N, n)."""
     rest = np.zeros_like(q)
     stacked = lib.base_regressor(q, rest, rest).reshape(q.size, -1)
     triangle, pivots = qr(stacked, mode="economic", pivoting=True)[1:]
@@ -205,10 +202,7 @@ def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
 
 
 def gravity_regressor(lib: Library, q: Array, columns: NDArray[np.intp]) -> Array:
-    """Regressor Y_g of the torques at rest.
-
-    q (N, n), columns (r,) → (N, n, r) [N·m per unit of the parameters].
-    """
+    """Regressor Y_g of the torques at rest, (N, n, r) [N·m per unit of the parameters]."""
     rest = np.zeros_like(q)
     return lib.base_regressor(q, rest, rest)[..., columns]
 
@@ -216,10 +210,7 @@ def gravity_regressor(lib: Library, q: Array, columns: NDArray[np.intp]) -> Arra
 def a_optimal(
     grams: Array, count: int, starts: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.intp], float]:
-    """Choose candidates with the least trace of the inverse information.
-
-    grams (C, r, r) → (K,).
-    """
+    """Choose candidates (K,) with the least trace of the inverse of Σ grams (C, r, r)."""
     ridge = RIDGE * float(np.trace(grams.mean(axis=0))) / grams.shape[-1]
     best, least = np.arange(count), np.inf
     for _ in range(starts):

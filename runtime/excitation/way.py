@@ -51,17 +51,7 @@ RANGE = np.pi
 
 
 class FreePoses:
-    """Poses that keep the limits of a robot at rest.
-
-    Args:
-        lib: the robot.
-        safety: limits beyond the ranges of the joints.
-        ends: start and end of a way, (2, n) [rad, m]; a way keeps `SPARE` only as far as they do.
-
-    Raises:
-        IdentificationError: the robot may not rest at an end; which limit is exceeded, and by how
-            much.
-    """
+    """Poses that keep the limits at rest; of the spare share only as much as the ends (2, n) do."""
 
     def __init__(self, lib: Library, safety: Safety, ends: Array) -> None:
         self._lib = lib
@@ -76,18 +66,12 @@ class FreePoses:
         self._spare = min(SPARE, 0.5 * float(-self._worst(ends).max(initial=-1.0)))
 
     def are_free(self, q: Array) -> NDArray[np.bool_]:
-        """Whether poses keep all limits with the spare share.
-
-        q (N, n) [rad, m] → (N,).
-        """
+        """Whether poses (N, n) [rad, m] keep all limits with the spare share, (N,)."""
         inside = ((q >= self.lower) & (q <= self.upper)).all(axis=1)
         return np.asarray(inside & (self._worst(q) < -self._spare))
 
     def is_free_between(self, first: Array, last: Array) -> bool:
-        """Whether the straight way between two poses is free.
-
-        first (n,) [rad, m], last (n,) [rad, m].
-        """
+        """Whether the straight way between two poses (n,) is free."""
         steps = max(1, int(np.ceil(np.abs(last - first).max() / STEP)))
         share = np.linspace(0.0, 1.0, steps + 1)[:, None]
         return bool(self.are_free(first + share * (last - first)).all())
@@ -134,10 +118,7 @@ def _range(lib: Library) -> tuple[Array, Array]:
 
 
 def free_path(lib: Library, poses: FreePoses, start: Array, end: Array, seed: int) -> Array:
-    """A free polyline.
-
-    start (n,) [rad, m], end (n,) [rad, m] → (K, n) [rad, m].
-    """
+    """A free polyline (K, n) [rad, m] between two poses."""
     if poses.is_free_between(start, end):
         return np.array([start, end])
     rng = np.random.default_rng(seed)
@@ -221,10 +202,7 @@ def along(corners: Array) -> Array:
 
 
 def places(corners: Array, length: Array) -> Array:
-    """Places on a polyline.
-
-    corners (K, n) [rad, m], length (N,) → (N, n) [rad, m].
-    """
+    """Places (N, n) at lengths (N,) on a polyline (K, n) [rad, m]."""
     known = along(corners)
     return np.stack([np.interp(length, known, column) for column in corners.T], axis=1)
 
@@ -267,10 +245,7 @@ def way_to(
     zero_jerk: bool = False,
     seed: int = 0,
 ) -> Way:
-    """A certified motion from one pose to another.
-
-    start (n,) [rad, m], end (n,) [rad, m].
-    """
+    """A certified motion from one pose to another, (n,) [rad, m] each."""
     if not 0 < share <= 1:
         raise IdentificationError(
             f"a way may use a share of the limits above 0 and up to 1, got {share:g}; 0.95 leaves "

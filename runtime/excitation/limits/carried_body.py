@@ -35,20 +35,11 @@ _INSIDE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class CarriedBox:
-    """A box fixed in a link; picklable.
+    """A box fixed in a link; picklable."""
 
-    Attributes:
-        center: in the link's frame, (3,) m.
-        rotation: axes of the box in the link's frame, rows of (3, 3).
-        size: lengths of its edges, (3,) m.
-
-    Raises:
-        IdentificationError: an edge is not a finite length above 0.
-    """
-
-    center: tuple[float, ...]
-    rotation: tuple[tuple[float, ...], ...]
-    size: tuple[float, ...]
+    center: tuple[float, ...]  # in the link's frame, (3,) m
+    rotation: tuple[tuple[float, ...], ...]  # axes of the box in the link's frame, rows of (3, 3)
+    size: tuple[float, ...]  # lengths of its edges, (3,) m
 
     def __post_init__(self) -> None:
         if not (np.isfinite([*self.center, *self.size]).all() and min(self.size) > 0):
@@ -76,10 +67,7 @@ class CarriedBody:
 
 
 def with_load(pi: Array, body: CarriedBody | None) -> Array:
-    """Parameters of the links with a carried body, π_link + π_body.
-
-    pi (10 n,) → (10 n,).
-    """
+    """Parameters (10 n,) of the links with a carried body, π_link + π_body."""
     if body is None:
         return pi
     loaded = pi.copy()
@@ -99,10 +87,7 @@ class Poses:
 
     @classmethod
     def at(cls, lib: Library, q: Array) -> "Poses":
-        """Compute the poses of a robot.
-
-        q (N, n) [rad, m].
-        """
+        """Poses of a robot at positions q (N, n) [rad, m]."""
         joints = lib.manifest.joints
         poses = lib.link_poses(q)
         movers = np.eye(len(joints), dtype=bool)
@@ -114,10 +99,7 @@ class Poses:
         return cls(poses[..., :3, :3], poses[..., :3, 3], axes, slides, movers)
 
     def placed(self, joint: int, point: Array) -> Array:
-        """Place of a point of a link in the base frame.
-
-        point (3,) → (N, 3).
-        """
+        """Places (N, 3) in the base frame of a point (3,) of a link."""
         if joint < 0:
             return np.broadcast_to(point, (len(self.origin), 3))
         return np.asarray(self.rotation[:, joint] @ point + self.origin[:, joint])
@@ -127,19 +109,13 @@ class Poses:
         return self.movers[joint] if joint >= 0 else np.zeros(len(self.slides), dtype=bool)
 
     def slopes(self, point: Array, normal: Array) -> Array:
-        """Slopes n · ∂P/∂q_j of a point for every joint, as if each of them moved it.
-
-        point (N, 3), normal (N, 3) → (N, n).
-        """
+        """Slopes n · ∂P/∂q_j, (N, n), of points (N, 3) for every joint, as if each moved them."""
         turned = np.cross(self.axis, point[:, None] - self.origin)
         return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
 
 
 def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
-    """Points of segments nearest to the box |x_i| ≤ h_i, and the way there from the box.
-
-    start (N, 3), direction (N, 3), half (3,) → (N, 3).
-    """
+    """Points (N, 3) of segments nearest to the box |x_i| ≤ h_i, and the ways there from the box."""
 
     def way(s: Array) -> Array:
         p = start[:, None] + s[..., None] * direction[:, None]

@@ -49,10 +49,7 @@ class DependentJoints:
         return x[:, rows], dx[:, rows], ddx[:, rows]
 
     def slopes(self, q: Array, dq: Array) -> Array:
-        """Slopes of dx/dt; those by dq are ∂x/∂q.
-
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s] → (N, R, 2, n).
-        """
+        """Slopes (N, R, 2, n) of dx/dt by q and dq, (N, n) each; those by dq are ∂x/∂q."""
         slopes = np.zeros((len(q), len(self.rows), 2, q.shape[1]))
         for j, unit in enumerate(np.eye(q.shape[1])):
             ahead, behind = (
@@ -64,10 +61,7 @@ class DependentJoints:
         return slopes
 
     def rise(self, bounds: IntervalBounds, order: int) -> Array:
-        """Largest rise of x or of a derivative between samples; of couplings.
-
-        Returns (K, R) [rad, m, and per s …].
-        """
+        """Largest rise (K, R) of x or of a derivative between samples; of couplings."""
         rows, n = list(self.rows), self.lib.n_joints
         matrix = np.abs(self.lib.all_velocities(np.eye(n))[:, rows].T)  # A
         size = bounds.motion[order] @ matrix.T
@@ -203,10 +197,7 @@ def dependent_rows(lib: Library) -> tuple[int, ...]:
 
 
 def dependent_limits(lib: Library, rows: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """Limits of chosen joints, ±inf where none are stated.
-
-    Returns (R,) [rad, m].
-    """
+    """Limits (R,) of chosen joints [rad, m], ±inf where none are stated."""
     facts = [lib.manifest.all_joints[k] for k in rows]
     missing = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
     lower, upper, speed = (

@@ -98,12 +98,10 @@ class Limits:
 
 
 def whitening(matrix: Array, n: int) -> Array:
-    """Linear change of coordinates in which the limits look alike in all directions.
+    """Linear change of coordinates (n M, n M) in which the limits look alike in all directions.
 
     With a = S x, S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest. The raw
     coefficients differ in scale by three orders of magnitude, which slows a quasi-Newton method.
-
-    matrix (rows, n M) → (n M, n M).
     """
     width = matrix.shape[1] // n
     result = np.zeros((matrix.shape[1], matrix.shape[1]))
@@ -122,10 +120,7 @@ def whitening(matrix: Array, n: int) -> Array:
 
 
 def inside(limits: Limits, a: Array) -> Array:
-    """Scale the coefficients of each joint back until no limit is exceeded.
-
-    a (n, M) → (n, M).
-    """
+    """Scale the coefficients (n, M) of each joint back until no limit is exceeded."""
     rho = np.maximum(1.0, np.max(list(limits.use(a).values()), axis=0))
     return a / rho[:, None]
 
@@ -210,19 +205,13 @@ class LimitRows:
         return float(self.values(a).max(initial=-1.0))
 
     def linearised(self, a: Array, near: float = NEAR) -> tuple[NDArray[np.intp], Array, Array]:
-        """Rows that a step could violate.
-
-        a (n, M) → (m,).
-        """
+        """Rows that a step could violate: numbers (m,), values and slopes."""
         values = self.values(a)
         chosen = np.flatnonzero(values > near)
         return chosen, values[chosen], self.jacobian(a, chosen)
 
     def jacobian(self, a: Array, chosen: NDArray[np.intp]) -> Array:
-        """Slopes ∂g/∂vec(a) of chosen rows.
-
-        a (n, M), chosen (m,) → (m, n M).
-        """
+        """Slopes ∂g/∂vec(a), (m, n M), of chosen rows (m,)."""
         motion = self.motion(a)
         blocks, first = [np.zeros((0, a.size))], 0
         for constraint, count, unit in zip(

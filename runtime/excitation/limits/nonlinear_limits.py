@@ -30,15 +30,10 @@ SMOOTH = 1e-6, 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A rigid body in a link: index of the joint that moves it, −1 for the base, and its reach.
-
-    Attributes:
-        joint: index.
-        reach: largest distance of its points from the origin of the link, m.
-    """
+    """A rigid body in a link: index of the joint that moves it, −1 for the base, and its reach."""
 
     joint: int
-    reach: float
+    reach: float  # largest distance of its points from the origin of the link, m
 
 
 BASE = Body(-1, 0.0)
@@ -57,10 +52,7 @@ class IntervalBounds:
         self._speeds: tuple[Array, Array] | None = None
 
     def bend(self, second: Array) -> Array:
-        """Rise of a function above the larger end of an interval, δ²/8 sup |g''|.
-
-        second (K, R) → (K, R).
-        """
+        """Rise of functions (K, R) above the larger ends of intervals, δ²/8 sup |g''|."""
         return self.step**2 / 8 * second
 
     def torques(self, pi: Array) -> Array:
@@ -124,10 +116,7 @@ class SampledMotion:
 
 
 def times(jacobian: Array, speed: Array) -> Array:
-    """Product J ẋ at every sample.
-
-    jacobian (N, R, n), speed (N, n) → (N, R).
-    """
+    """Product J ẋ, (N, R), of J (N, R, n) and ẋ (N, n) at every sample."""
     return np.asarray(np.matmul(jacobian, speed[:, :, None])[:, :, 0])
 
 

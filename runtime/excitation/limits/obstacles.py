@@ -31,24 +31,14 @@ LARGEST_LENGTH = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """A box grown by a radius, fixed in the base frame; picklable.
+    """A box grown by a radius, fixed in the base frame; picklable."""
 
-    Attributes:
-        name: in certificates.
-        center: (3,) m.
-        size: lengths of the edges, (3,) m; zeros are a sphere.
-        rpy: roll, pitch, yaw of the box, Rz(yaw) Ry(pitch) Rx(roll), rad.
-        radius: of the rounding, m.
-
-    Raises:
-        IdentificationError: numbers that make no body.
-    """
-
-    name: str
-    center: tuple[float, ...]
-    size: tuple[float, ...] = (0.0, 0.0, 0.0)
+    name: str  # in certificates
+    center: tuple[float, ...]  # (3,) m
+    size: tuple[float, ...] = (0.0, 0.0, 0.0)  # lengths of the edges, (3,) m; zeros are a sphere
+    # roll, pitch, yaw of the box, Rz(yaw) Ry(pitch) Rx(roll), rad
     rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
-    radius: float = 0.0
+    radius: float = 0.0  # of the rounding, m
 
     def __post_init__(self) -> None:
         vectors = self.center, self.size, self.rpy

@@ -34,36 +34,28 @@ _REMEDIES = {
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """Limits of a design beyond those of the joints; picklable.
+    """Limits of a design beyond those of the joints; picklable."""
 
-    Attributes:
-        torque_fraction: share of the effort limit that may be used, 0 < share ≤ 1.
-        clearance: margin of pairs, table and obstacles, m; by default the margins of the pairs and
-            `TABLE_MARGIN` of `distances`. Pairs that the robot allows closer than its others keep
-            their margin.
-        table: height of a horizontal plane below which nothing may go, m in the base frame.
-        box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
-        viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
-        carried: body in the hand, part of torques and distances; None is an empty hand.
-        obstacles: bodies fixed in the base frame that the links keep away from.
-        band: half-widths of the inertial parameters of all links within which torques and their
-            rates keep the limits, (10 L,), or empty.
-        friction_band: half-width of viscous and Coulomb friction, as a share of both.
-
-    Raises:
-        IdentificationError: numbers that make no limits.
-    """
-
-    torque_fraction: float = 0.95
+    torque_fraction: float = 0.95  # share of the effort limit that may be used, 0 < share ≤ 1
+    # margin of pairs, table and obstacles, m; by default the margins of the pairs and
+    # `TABLE_MARGIN` of `distances`. Pairs that the robot allows closer than its others keep their
+    # margin
     clearance: float | None = None
+    # height of a horizontal plane below which nothing may go, m in the base frame
     table: float | None = None
+    # xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open
     box: tuple[float, ...] | None = None
+    # viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty
     viscous: tuple[float, ...] = ()
     coulomb: tuple[float, ...] = ()
+    # body in the hand, part of torques and distances; None is an empty hand
     carried: CarriedBody | None = None
+    # bodies fixed in the base frame that the links keep away from
     obstacles: tuple[Obstacle, ...] = ()
+    # half-widths of the inertial parameters of all links within which torques and their rates keep
+    # the limits, (10 L,), or empty
     band: tuple[float, ...] = ()
-    friction_band: float = 0.0
+    friction_band: float = 0.0  # half-width of viscous and Coulomb friction, as a share of both
 
     @property
     def models(self) -> str:

@@ -58,9 +58,7 @@ class ModelBand:
         return np.asarray(columns + self.viscous * np.abs(motion[order + 1]))
 
     def slopes(self, motion: Array, order: int) -> Array:
-        """Slopes of `widths` by q, dq, ddq and dddq, (N, n, 3 + order, n), of the corner that is
-        reached.
-        """
+        """Slopes of `widths`, (N, n, 3 + order, n), of the corner that is reached."""
         n = motion.shape[2]
         slopes = np.zeros((motion.shape[1], n, 3 + order, n))
         for j, corner in enumerate(self._corners(motion, order)):
@@ -74,10 +72,7 @@ class ModelBand:
         return slopes
 
     def changes(self, motion: Array, order: int) -> Array:
-        """Rate in time of `widths`.
-
-        motion (5, N, n) → (N, n).
-        """
+        """Rate of `widths` in time, (N, n), of a motion (5, N, n)."""
         change = self.viscous * np.sign(motion[order + 1]) * motion[order + 2]
         q, dq, ddq, dddq, ddddq = motion[:5]
         for j, corner in enumerate(self._corners(motion, order)):

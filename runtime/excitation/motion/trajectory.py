@@ -38,10 +38,7 @@ class UnitPolynomial:
         self._suprema = [_supremum(one) for one in every]
 
     def derivative(self, order: int, s: Array) -> Array:
-        """Derivative of the polynomial.
-
-        s (N,) → (N,).
-        """
+        """Derivative of the polynomial at s (N,)."""
         k = min(order, len(self._coefficients) - 1)
         return np.asarray(polyval(s, self._coefficients[k]))
 
@@ -87,19 +84,13 @@ class Cosine(ClosedForm):
         return harmonics
 
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time, by the generated kernel where there is one.
-
-        t (N,) → (N, size, 4).
-        """
+        """Functions (N, size, 4) at times (N,), by the generated kernel where there is one."""
         if self.zero_jerk:
             return ClosedForm.at(self, lib, size, t, duration)
         return fourier_basis(lib, size, t, duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
-        """Derivatives w^k cos(ws + kπ/2) − [k = 0] + ½w² dᵏ/dsᵏ of the polynomial.
-
-        s (N,) → (orders, N, size).
-        """
+        """Derivatives w^k cos(ws + kπ/2) − [k = 0] + ½w² dᵏ/dsᵏ of the polynomial."""
         w = _frequencies(size)
         result = _waves(orders, w, s, 0)
         result[0] -= 1
@@ -140,10 +131,7 @@ class Fourier(ClosedForm):
         return 2 * harmonics
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
-        """Derivatives of the cosines, then of the sines.
-
-        s (N,) → (orders, N, size).
-        """
+        """Derivatives of the cosines, then of the sines, (orders, N, size)."""
         w = _frequencies(size // 2)
         sines = _waves(orders, w, s, 1)
         for k in range(orders):
@@ -211,19 +199,12 @@ MOST_SAMPLES = 10_000_000
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Motion q(t) of n joints from `home`, at rest at both ends; back to it with most bases.
+    """Motion q(t) of n joints from `home`, at rest at both ends; back to it with most bases."""
 
-    Attributes:
-        home: (n,) rad or m.
-        coefficients: a, (n, M) rad or m.
-        duration: t_f, s.
-        basis: functions φ.
-    """
-
-    home: Array
-    coefficients: Array
-    duration: float
-    basis: Basis = COSINE
+    home: Array  # (n,) rad or m
+    coefficients: Array  # a, (n, M) rad or m
+    duration: float  # t_f, s
+    basis: Basis = COSINE  # functions φ
 
     def at(self, lib: Library, t: Array) -> tuple[Array, Array, Array, Array]:
         """States at given times.
@@ -275,17 +256,9 @@ def sample_times(duration: float, rate_hz: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class JoinedMotion:
-    """Several motions in a row, as one motion.
+    """Several motions in a row, as one motion."""
 
-    Attributes:
-        parts: the motions in their order.
-        names: one per part.
-
-    Raises:
-        IdentificationError: there is no part, or one does not begin where the last one ends.
-    """
-
-    parts: tuple[Trajectory, ...]
+    parts: tuple[Trajectory, ...]  # the motions in their order
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -315,10 +288,7 @@ class JoinedMotion:
         return tuple(sum(part.duration for part in self.parts[:k]) for k in range(len(self.parts)))
 
     def at(self, lib: Library, t: Array) -> tuple[Array, Array, Array, Array]:
-        """States at given times; where parts meet, those of the later one.
-
-        t (N,) → (N, n).
-        """
+        """States (N, n) at times (N,); where parts meet, those of the later one."""
         t = np.asarray(t, dtype=float)
         states = np.empty((4, len(t), lib.n_joints))
         which = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, None)

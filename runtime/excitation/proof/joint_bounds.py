@@ -135,10 +135,7 @@ def _ends(basis: Basis, size: int, step: float, count: int) -> Array:
 
 
 def rooms(lib: Library, home: Array) -> tuple[Array, Array]:
-    """Limits upwards and downwards per kind and joint; those of the position count from home.
-
-    home (n,) → (4, n).
-    """
+    """Limits up and down per kind and joint, (4, n); those of the position count from home."""
     limits = lib.limits()
     same = [limits[kind] for kind in KINDS[1:]]
     return np.array([limits["upper"] - home, *same]), np.array([home - limits["lower"], *same])

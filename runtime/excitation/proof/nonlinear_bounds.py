@@ -75,13 +75,7 @@ class ConstraintBound:
 
 
 class Peaks:
-    """Largest bounds of a constraint so far.
-
-    Attributes:
-        constraint: the constraint.
-        is_proven: the bounds are proven.
-        intervals: number of intervals that were evaluated.
-    """
+    """Largest bounds of a constraint so far, and the number of intervals that were evaluated."""
 
     def __init__(self, constraint: Braking | TimedConstraint, is_proven: bool) -> None:
         self.constraint, self.is_proven, self.intervals = constraint, is_proven, 0
@@ -128,18 +122,12 @@ class MotionGrid:
         return self._moved(_phi(basis, size, first, last, self.count))
 
     def at(self, samples: NDArray[np.intp], parts: int = 1) -> Array:
-        """States q and derivatives at any instants.
-
-        samples (N,) → (5, N, n).
-        """
+        """States q and derivatives, (5, N, n), at any instants."""
         s = samples / (self.count * parts)
         return self._moved(self._trajectory.basis.derivatives(ORDERS, self._weights.shape[1], s))
 
     def suprema(self, first: Array, last: Array, step: float) -> Array:
-        """Bounds of |q| and five derivatives on intervals: the larger end, and half a step of more.
-
-        first (5, K, n) → (6, K, n).
-        """
+        """Bounds (6, K, n) on intervals: the larger end, and half a step of the next derivative."""
         bounds = np.empty((ORDERS + 1, *first.shape[1:]))
         np.maximum(np.abs(first), np.abs(last), out=bounds[:ORDERS])
         bounds[ORDERS] = self.sup[ORDERS]

@@ -44,10 +44,7 @@ class ConeBlock:
 def solve(
     quadratic: Array, linear: Array, blocks: list[ConeBlock]
 ) -> tuple[Array, list[Array]] | None:
-    """Solve min ½ xᵀP x + qᵀx over the blocks.
-
-    quadratic (p, p), linear (p,) → (p,).
-    """
+    """Solve min ½ xᵀP x + qᵀx over the blocks: x and their multipliers; None where it fails."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.direct_solve_method = "qdldl"  # one thread: the same bits everywhere
@@ -222,10 +219,7 @@ class Curved:
         return bool(new.any())
 
     def bent(self, duals: Array, after: Array) -> Array:
-        """Change of the rows' slopes, weighted by their multipliers: Σ λ (J(after) − J).
-
-        after (p,) → (p,).
-        """
+        """Change of the rows' slopes, weighted by their multipliers: Σ λ (J(after) − J), (p,)."""
         lam = duals[:-1]
         active = lam > SLACK
         rows = np.flatnonzero(self._used)[active]
@@ -244,12 +238,10 @@ class Curved:
 
 
 def corrected(nonlinear: Nonlinear, x: Array) -> Array | None:
-    """Shortest step that ends the violations, to first order.
+    """Shortest step (p,) that ends the violations, to first order.
 
     A full step along linearised rows violates by its square; without this correction the merit
     would reject it near the optimum (Maratos 1978).
-
-    x (p,) → (p,).
     """
     numbers, values, slopes = nonlinear.near(x)
     violated = values > 0

@@ -121,10 +121,7 @@ def _relative_weights(lib: Library, information: Information) -> Array:
 
 
 def torque_error(lib: Library, home: Array, information: Information) -> Measure:
-    """Log of the RMS over unseen motions of the torque error |Y_b δβ|, all joints together.
-
-    home (n,) → (k, k).
-    """
+    """Log of the RMS over unseen motions of the torque error |Y_b δβ|, all joints together."""
     return log_variance(_torque_weights(lib, home, information))
 
 

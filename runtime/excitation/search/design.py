@@ -376,10 +376,7 @@ def _design(
 
 
 def in_order(search: Search, ended: Sequence[tuple[float, Array]]) -> list[Array]:
-    """Coefficients of starts in the order in which they are to be tried.
-
-    ended (n, M) → (n, M).
-    """
+    """Coefficients (n, M) of starts in the order in which they are to be tried."""
     by_target = sorted(ended, key=lambda one: one[0])
     if not by_target:
         return []
@@ -416,10 +413,7 @@ def design_several(
 
 
 def torque_sigma(lib: Library, home: Array, known: Information) -> float:
-    """σ of the torque of motions never seen, all joints together, by what is known [N·m, N].
-
-    home (n,) [rad, m].
-    """
+    """σ of the torque of motions never seen, all joints together, by what is known [N·m, N]."""
     seen = np.sum(unseen_joints(lib, home), axis=0)
     gram = np.zeros_like(seen) if known.earlier is None else known.earlier
     if known.columns is not None:

@@ -91,10 +91,7 @@ class Projection:
     filtered: Array | None = None
 
     def seed_of_speed(self, seed: Array) -> Array:
-        """Gradient in dq by way of the friction columns.
-
-        seed (K, N, n, k) → (K, N, n).
-        """
+        """Gradient in dq, (K, N, n), by way of the friction columns."""
         along = (seed.transpose(0, 2, 1, 3) @ self.shares.swapaxes(2, 3)).transpose(0, 2, 1, 3)
         if self.filtered is not None:
             along = in_time(self.filtered.transpose(0, 2, 1), along)
@@ -102,10 +99,7 @@ class Projection:
 
 
 def in_time(matrix: Array, rows: Array) -> Array:
-    """Product of a matrix and rows along time, joint by joint.
-
-    matrix (n, M, N), rows (K, N, n, k) → (K, M, n, k).
-    """
+    """Products (K, M, n, k) of matrices (n, M, N) and rows (K, N, n, k) along time."""
     return np.asarray(np.matmul(matrix, rows.transpose(0, 2, 1, 3)).transpose(0, 2, 1, 3))
 
 
@@ -151,20 +145,11 @@ FRICTION = Friction().columns
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseSpectrum:
-    """Noise density over frequency, and the planned filter.
+    """Noise density over frequency, and the planned filter."""
 
-    Attributes:
-        frequency: centres of bands, (B,) Hz, rising; empty for white noise.
-        density: S / σ² of every joint, (B, n).
-        cutoff_hz: of the planned low-pass; None without.
-
-    Raises:
-        IdentificationError: a cut-off that is not above 0.
-    """
-
-    frequency: Array
-    density: Array
-    cutoff_hz: float | None = None
+    frequency: Array  # centres of bands, (B,) Hz, rising; empty for white noise
+    density: Array  # S / σ² of every joint, (B, n)
+    cutoff_hz: float | None = None  # of the planned low-pass; None without
 
     def __post_init__(self) -> None:
         if self.cutoff_hz is not None and not 0 < self.cutoff_hz < np.inf:
@@ -173,10 +158,7 @@ class NoiseSpectrum:
             )
 
     def amplitudes(self, frequency: Array) -> Array:
-        """w(f) of every joint.
-
-        frequency (F,) → (F, n).
-        """
+        """w(f) of every joint, (F, n)."""
         weight = np.ones((len(frequency), 1))
         if len(self.frequency):
             weight = np.stack(
@@ -259,10 +241,7 @@ def information(
 
 
 def spectrum_of(rest: Array, rate: float, cutoff_hz: float | None = None) -> NoiseSpectrum:
-    """Spectrum of the residuals of a log.
-
-    rest (N, n) [N·m, N].
-    """
+    """Spectrum of the residuals of a log, (N, n) [N·m, N]."""
     power = dct(rest, axis=0, norm="ortho") ** 2
     count = len(power)
     edges = np.unique(np.round(np.geomspace(LEAST_BINS, count, BANDS + 1)).astype(int))

@@ -125,10 +125,7 @@ def weighted(*terms: tuple[float, Measure]) -> Measure:
 
 
 def of_rows(rows: Array, criterion: SpectralFunction) -> tuple[float, Array]:
-    """Function of the eigenvalues of C for a regressor.
-
-    rows (N, n_b) → (n_b, n_b).
-    """
+    """Function of the eigenvalues of C for a regressor (N, n_b)."""
     return normalised(criterion)(rows.T @ rows)
 
 

@@ -192,12 +192,7 @@ def _covariance(gram: Array, unknowns: int, trajectory: Trajectory) -> Array:
 
 
 def payload_sigma(spread: Array) -> tuple[float, Array]:
-    """Standard deviations of a payload of 1 kg, 0.1 m before the last link.
-
-    δc = (δ(mc) − c δm) / m
-
-    spread (10, 10) → (3,).
-    """
+    """σ of mass and centre of a payload 0.1 m before the last link, δc = (δ(mc) − c δm) / m."""
     load = mass(PAYLOAD)
     slope = np.zeros((3, len(PAYLOAD)))
     slope[:, MASS], slope[:, FIRST_MOMENT] = -_COM / load, np.eye(3) / load

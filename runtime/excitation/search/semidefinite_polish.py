@@ -159,10 +159,7 @@ class Spectrum:
 def weight_of(
     at: Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
 ) -> Array:
-    """Multipliers of a cluster, V U Vᵀ of trace 1: the previous ones, as far as they lie in it.
-
-    previous (m, m) → (m, m).
-    """
+    """Multipliers of a cluster, V U Vᵀ of trace 1: the previous ones, as far as they lie in it."""
     vectors = at.vectors[:, cluster]
     if previous is not None:
         inner = vectors.T @ previous @ vectors
@@ -180,12 +177,10 @@ def of_trace_one(matrix: Array) -> Array:
 def bending(
     slopes: Array, at: Spectrum, cluster: NDArray[np.intp], weight: Array, extreme: float
 ) -> Array:
-    """Second order of a cluster through the eigenvalues outside, relative to the extreme.
+    """Second order (p, p) of a cluster through the eigenvalues outside, relative to the extreme.
 
     2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
     with a minus.
-
-    slopes (p, r, m), weight (m, m) → (p, p).
     """
     # U in the basis of the cluster, V₁ᵀ C_i V₂, and λ / |λ − Λ₂|.
     outside = np.setdiff1d(np.arange(len(at.values)), cluster)

@@ -83,17 +83,11 @@ class ElasticLimits:
         return numbers, values, self._coordinates.slopes(slopes)
 
     def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
-        """Values of chosen rows.
-
-        x (p,), numbers (m,) → (m,).
-        """
+        """Values of chosen rows, (m,)."""
         return self._rows.values(self._coordinates.of_one(x))[numbers]
 
     def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
-        """Slopes of chosen rows.
-
-        x (p,), numbers (m,) → (m, p).
-        """
+        """Slopes of chosen rows, (m, p)."""
         rows = self._rows.jacobian(self._coordinates.of_one(x), numbers)
         return self._coordinates.slopes(rows)
 
@@ -109,10 +103,7 @@ class Correlations:
         return self._cost.correlations(self._coordinates.coefficients(points))
 
     def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
-        """Matrices and slopes for a constant symmetric F.
-
-        points (K, p), weight (n_b, n_b) → (K, n_b, n_b).
-        """
+        """Matrices (K, n_b, n_b), and slopes ∂⟨F, C⟩/∂x for a constant symmetric F, (K, p)."""
         a = self._coordinates.coefficients(points)
         matrices, gradients = self._cost.correlations_slopes(a, weight)
         return matrices, self._coordinates.slopes(gradients)
@@ -125,10 +116,7 @@ def varied(
     joints: int,
     drawn: Callable[[np.random.Generator], Array],
 ) -> Array:
-    """Return a parent with noise on all coordinates, or with new motions of one or two joints.
-
-    known (K, p), drawn (p,) → (p,).
-    """
+    """Return a parent with noise on all coordinates, or with new motions of one or two joints."""
     x = _parent(rng, known, FAVOUR)
     if number % 3 == 2:
         return np.asarray(x + rng.uniform(*NOISE) * rng.normal(size=len(x)))
@@ -141,8 +129,6 @@ def varied_far(rng: np.random.Generator, known: Array, number: int, joints: int)
 
     Seven of eight variations have noise on all coordinates, which leads to a better optimum twice
     as often as new motions of two joints. A mirrored motion keeps the amplitudes of its joint.
-
-    known (K, p) → (p,).
     """
     x = _parent(rng, known, FAR_FAVOUR)
     if number % 8 == 4:

@@ -46,10 +46,7 @@ def unseen_times() -> Array:
 
 
 def unseen_torque(lib: Library, home: Array) -> Array:
-    """Mean square of the torque per error of β: Q = mean of Y_bᵀ Y_b over unseen motions.
-
-    home (n,) → (n_b, n_b).
-    """
+    """Mean square of the torque per error of β: Q = mean of Y_bᵀ Y_b over unseen motions."""
     t = unseen_times()
     result = np.zeros((len(lib.base_columns),) * 2)
     for motion in unseen_motions(lib, home):
@@ -59,10 +56,7 @@ def unseen_torque(lib: Library, home: Array) -> Array:
 
 
 def unseen_rows(lib: Library, home: Array) -> Array:
-    """Base regressor of all samples of unseen motions.
-
-    home (n,) → (N, n, n_b).
-    """
+    """Base regressor (N, n, n_b) of all samples of unseen motions."""
     t = unseen_times()
     return np.concatenate(
         [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
@@ -70,9 +64,6 @@ def unseen_rows(lib: Library, home: Array) -> Array:
 
 
 def unseen_joints(lib: Library, home: Array) -> Array:
-    """The same mean as `unseen_torque`, joint by joint.
-
-    home (n,) → (n, n_b, n_b).
-    """
+    """The same mean as `unseen_torque`, joint by joint, (n, n_b, n_b)."""
     rows = unseen_rows(lib, home)
     return np.stack([mean_gram(rows[:, j : j + 1]) for j in range(lib.n_joints)])

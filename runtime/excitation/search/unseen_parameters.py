@@ -63,10 +63,7 @@ def without_unseen(
 def unseen(
     motions: tuple[tuple[Array, Array, Array], ...], lib: Library, names: tuple[str, ...]
 ) -> tuple[int, ...]:
-    """Base parameters whose columns are combinations of others, to `SHOWN`.
-
-    motions (N, n) [rad, m, s].
-    """
+    """Base parameters whose columns are combinations of others, to `SHOWN`."""
     q, dq, ddq = (np.concatenate(each) for each in zip(*motions, strict=True))
     rows = lib.base_regressor(q, dq, ddq)
     columns = friction.columns(friction.JointMotion(dq), Friction(names))

@@ -87,10 +87,7 @@ def task_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
 
 
 def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]) -> int:
-    """Number of descents of a smooth criterion that ended far above the best of the rounds before.
-
-    Far is the last bound of `TRIED`.
-    """
+    """Number of descents of a smooth criterion that ended by the last bound of `TRIED` behind."""
     if CRITERIA[criterion].is_kinked:
         return 0
     count, behind = 0, TRIED[-1][1]

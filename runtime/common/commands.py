@@ -43,19 +43,12 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One line of the overview; NAME_command of the module runs it.
+    """One line of the overview; NAME_command of the module runs it."""
 
-    Attributes:
-        name: word after `symgen`.
-        module: module of its function.
-        sentence: first sentence of the command's own help.
-        argument: what distinguishes two commands of one name.
-    """
-
-    name: str
-    module: str
-    sentence: str
-    argument: str = ""
+    name: str  # word after `symgen`
+    module: str  # module of its function
+    sentence: str  # first sentence of the command's own help
+    argument: str = ""  # what distinguishes two commands of one name
 
     @property
     def package(self) -> str:
@@ -140,15 +133,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
 
 
 class CheckedCommand(TyperCommand):
-    """A command with settings beside its options, which refuses numbers of absurd size.
+    """A command with settings beside its options, which refuses numbers of absurd size."""
 
-    Attributes:
-        record: its choices; None for a command that takes none.
-        settings: parameters that stand in --settings only.
-    """
-
-    record: type[Choices] | None = None
-    settings: Sequence[Any] = ()
+    record: type[Choices] | None = None  # its choices; None for a command that takes none
+    settings: Sequence[Any] = ()  # parameters that stand in --settings only
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line and the settings that it names."""
@@ -269,13 +257,9 @@ class _Imports(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """Commands of one package, or of all, of which only the one that runs is imported.
+    """Commands of one package, or of all, of which only the one that runs is imported."""
 
-    Attributes:
-        package: package of the commands; empty for all.
-    """
-
-    package: ClassVar[str] = ""
+    package: ClassVar[str] = ""  # package of the commands; empty for all
 
     def __init__(self, **attributes: Any) -> None:
         """A group without commands of its own."""

@@ -62,14 +62,10 @@ _WIDEST = 97
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choices:
-    """All choices of a command.
+    """All choices of a command."""
 
-    Attributes:
-        command: word after `symgen`.
-        options: fields that are options on the command line, with spaces; the others are settings.
-    """
-
-    command: ClassVar[str] = ""
+    command: ClassVar[str] = ""  # word after `symgen`
+    # fields that are options on the command line, with spaces; the others are settings
     options: ClassVar[str] = ""
 
     def stated(self) -> dict[str, str]:
@@ -96,25 +92,15 @@ def settings_place(result: Path) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One field of a record of choices.
-
-    Attributes:
-        name: of the field.
-        key: in a file.
-        hint: its type, with what Typer reads.
-        kind: the type alone.
-        default: MISSING where a value is needed.
-        info: what Typer reads.
-        is_option: whether it stands on the command line.
-    """
+    """One field of a record of choices."""
 
     name: str
-    key: str
-    hint: Any
-    kind: Any
-    default: Any
-    info: Any
-    is_option: bool
+    key: str  # in a file
+    hint: Any  # its type, with what Typer reads
+    kind: Any  # the type alone
+    default: Any  # MISSING where a value is needed
+    info: Any  # what Typer reads
+    is_option: bool  # whether it stands on the command line
 
     @property
     def is_argument(self) -> bool:

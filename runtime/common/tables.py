@@ -12,30 +12,21 @@ NOTHING = "–"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Header and rows of text.
-
-    Attributes:
-        total: last row, which sorting leaves in place.
-        title: caption of the terminal and of notebooks.
-        note: small text below, of the terminal.
-        kind: class of the HTML table: numbers, or facts (two columns of words).
-        flagged: rows that are highlighted as faults.
-        groups: (heading, number of columns), which together cover all columns.
-        column_methods, row_methods: method of each column (row), for the filter; "" for none.
-        row_anchors: HTML ids of rows.
-    """
+    """Header and rows of text."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    total: tuple[str, ...] = ()
-    title: str = ""
-    note: str = ""
-    kind: str = "numbers"
-    flagged: frozenset[int] = frozenset()
+    total: tuple[str, ...] = ()  # last row, which sorting leaves in place
+    title: str = ""  # caption of the terminal and of notebooks
+    note: str = ""  # small text below, of the terminal
+    kind: str = "numbers"  # class of the HTML table: numbers, or facts (two columns of words)
+    flagged: frozenset[int] = frozenset()  # rows that are highlighted as faults
+    # (heading, number of columns), which together cover all columns
     groups: tuple[tuple[str, int], ...] = ()
+    # column_methods, row_methods: method of each column (row), for the filter; "" for none
     column_methods: tuple[str, ...] = ()
     row_methods: tuple[str, ...] = ()
-    row_anchors: tuple[str, ...] = ()
+    row_anchors: tuple[str, ...] = ()  # HTML ids of rows
 
     def __html__(self) -> str:
         """HTML of the table; templates insert it as it is."""

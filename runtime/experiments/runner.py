@@ -44,29 +44,19 @@ DEFAULT_TRIALS = 150
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Options of a run.
+    """Options of a run."""
 
-    Attributes:
-        out: folder of all studies.
-        trials: number of trials of studies that do not fix it.
-        seed: of the trials; None for the default of each study.
-        scheduler: address of a dask cluster; None computes on this machine.
-        threads: on this machine; None for one per core. The rows do not depend on it.
-        fresh: remove earlier trials of the study.
-        command: command line, for the provenance.
-        progress: called with the name of the study, finished trials, and all trials.
-        notify: called with sentences on damaged files.
-    """
-
-    out: Path
-    trials: int = DEFAULT_TRIALS
-    seed: int | None = None
-    scheduler: str | None = None
+    out: Path  # folder of all studies
+    trials: int = DEFAULT_TRIALS  # number of trials of studies that do not fix it
+    seed: int | None = None  # of the trials; None for the default of each study
+    scheduler: str | None = None  # address of a dask cluster; None computes on this machine
+    # on this machine; None for one per core. The rows do not depend on it
     threads: int | None = None
-    fresh: bool = False
-    command: str = ""
+    fresh: bool = False  # remove earlier trials of the study
+    command: str = ""  # command line, for the provenance
+    # called with the name of the study, finished trials, and all trials
     progress: Callable[[str, int, int], None] = lambda *_: None
-    notify: Callable[[str], None] = lambda _: None
+    notify: Callable[[str], None] = lambda _: None  # called with sentences on damaged files
 
 
 @one_blas_thread

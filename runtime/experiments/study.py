@@ -46,29 +46,17 @@ def library_alone(lib: Library, config: StudyConfig, needed: Arrays) -> Library:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One table or figure of the document, and the names of its numbers.
+    """One table or figure of the document, and the names of its numbers."""
 
-    Attributes:
-        id: name on the command line.
-        kind: table, band (mean ± std), lines, path (3-d), motion (q dq ddq tau), loglog or bars.
-        title: displayed title.
-        cases: of the rows, in the order of the columns; empty for all.
-        metrics: columns of trials.parquet, in the order of the rows.
-        series: names in series.npz, for a figure.
-        axes: labels of x and y, for a figure.
-        document: id of its numbers in document_numbers.toml, where it differs from `id`.
-        spread: how a table shows several rows: std (mean ± deviation) or quartiles (median and
-            quartiles).
-    """
-
-    id: str
-    kind: str
-    title: str
-    cases: tuple[str, ...] = ()
-    metrics: tuple[str, ...] = ()
-    series: tuple[str, ...] = ()
-    axes: tuple[str, str] = ("", "")
-    document: str = ""
+    id: str  # name on the command line
+    kind: str  # table, band (mean ± std), lines, path (3-d), motion (q dq ddq tau), loglog or bars
+    title: str  # displayed title
+    cases: tuple[str, ...] = ()  # of the rows, in the order of the columns; empty for all
+    metrics: tuple[str, ...] = ()  # columns of trials.parquet, in the order of the rows
+    series: tuple[str, ...] = ()  # names in series.npz, for a figure
+    axes: tuple[str, str] = ("", "")  # labels of x and y, for a figure
+    document: str = ""  # id of its numbers in document_numbers.toml, where it differs from `id`
+    # how a table shows several rows: std (mean ± deviation) or quartiles (median and quartiles)
     spread: str = "std"
 
 
@@ -85,38 +73,25 @@ class StudyOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """One experiment, which may have several views.
+    """One experiment, which may have several views."""
 
-    Attributes:
-        name: name of its folder.
-        title: displayed title.
-        run: (prepared, numbers, threads) → rows; a row depends on its trial number only.
-        finish: (prepared, all rows) → series and facts.
-        views: its tables and figures.
-        config: default; its seed may be replaced.
-        prepare: (library, config, arrays of `needs`) → prepared input of `run` and `finish`.
-        cases, methods: name → a sentence.
-        robot_facts: facts of the robot that belong to the config.
-        trials: fixed number of trials; None where the request determines it.
-        takes_seed: False where another seed would change the input of other studies.
-        needs: studies whose series are needed.
-        per_chunk: number of trials per file.
-    """
-
-    name: str
-    title: str
+    name: str  # name of its folder
+    title: str  # displayed title
+    # (prepared, numbers, threads) → rows; a row depends on its trial number only
     run: Callable[[Any, range, int], list[Row]]
-    finish: Callable[[Any, list[Row]], StudyOutcome]
-    views: tuple[View, ...]
-    config: StudyConfig = FixedConfig()
+    finish: Callable[[Any, list[Row]], StudyOutcome]  # (prepared, all rows) → series and facts
+    views: tuple[View, ...]  # its tables and figures
+    config: StudyConfig = FixedConfig()  # default; its seed may be replaced
+    # (library, config, arrays of `needs`) → prepared input of `run` and `finish`
     prepare: Callable[[Library, Any, Arrays], Any] = library_alone
-    cases: Mapping[str, str] = field(default_factory=dict)
+    cases: Mapping[str, str] = field(default_factory=dict)  # cases, methods: name → a sentence
     methods: Mapping[str, str] = field(default_factory=dict)
+    # facts of the robot that belong to the config
     robot_facts: Callable[[Library], Mapping[str, Any]] | None = None
-    trials: int | None = None
-    takes_seed: bool = True
-    needs: tuple[str, ...] = ()
-    per_chunk: int = 25
+    trials: int | None = None  # fixed number of trials; None where the request determines it
+    takes_seed: bool = True  # False where another seed would change the input of other studies
+    needs: tuple[str, ...] = ()  # studies whose series are needed
+    per_chunk: int = 25  # number of trials per file
 
 
 def canonical(value: object) -> str:

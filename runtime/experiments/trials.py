@@ -64,12 +64,10 @@ def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
 def sinusoidal(
     lib: Library, duration: float, rate_hz: float, share: float, seed: int
 ) -> tuple[Recording, Array]:
-    """Motion q = a + b sin(2t + φ) (Eqs. 5.5–5.7) and its amplitudes b.
+    """Motion q = a + b sin(2t + φ) (Eqs. 5.5–5.7) and its amplitudes b, (n,) [rad].
 
     The document states neither a nor b: here a is the default pose and b a share of the largest
     amplitude within the limits of position, velocity and acceleration. φ ~ U(0, 2π) per joint.
-
-    Returns (n,) [rad].
     """
     limits = lib.limits()
     room = np.minimum(limits["upper"] - lib.home, lib.home - limits["lower"])
@@ -113,10 +111,7 @@ class Scorer:
     mass: Array  # (K, n, n) true mass matrices
 
     def row(self, pi: Array, friction: Array | None = None, unrepaired: float | None = None) -> Row:
-        """Metrics of a result: airm, frobenius, torque errors, base error, consistency.
-
-        pi (10 n,), friction (N, n) [N·m, N].
-        """
+        """Metrics of a result: airm, frobenius, torque errors, base error, consistency."""
         lib, test = self.lib, self.test
         predicted = lib.inverse_dynamics(test.q, test.dq, test.ddq, pi)
         if friction is not None:

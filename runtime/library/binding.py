@@ -210,10 +210,7 @@ class Binding:
         return function
 
     def call(self, name: str, *values: ArrayLike) -> tuple[Array, ...]:
-        """All outputs of a kernel over a batch.
-
-        values (N, *shape) → (N, *shape).
-        """
+        """All outputs (N, *shape) of a kernel over a batch (N, *shape)."""
         kernel = self.kernel(name)
         arrays = [
             _checked(name, argument, value)

@@ -35,20 +35,15 @@ class LeastSquares:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdamProblem:
-    """One descent by Adam.
+    """One descent by Adam."""
 
-    Attributes:
-        start: x = [λ, ψ].
-        training, held: what to descend on, unless on samples, and what to stop on.
-        samples: rows [q dq ddq tau columns], columns in units of ψ; None descends on `training`.
-        weights: diagonal of W of the samples, (n,).
-    """
-
-    start: Array
+    start: Array  # x = [λ, ψ]
+    # training, held: what to descend on, unless on samples, and what to stop on
     training: LeastSquares
     held: LeastSquares
+    # rows [q dq ddq tau columns], columns in units of ψ; None descends on `training`
     samples: Array | None
-    weights: Array
+    weights: Array  # diagonal of W of the samples, (n,)
 
 
 class _LeastSquaresJob(ctypes.Structure):
@@ -262,24 +257,16 @@ def _padded(array: Array, size: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexTask:
-    """(‖A π − b‖² + ρ)/2N + γ Σ share_k (slope_k·π_k − log det P_k), for each γ in turn.
+    """(‖A π − b‖² + ρ)/2N + γ Σ share_k (slope_k·π_k − log det P_k), for each γ in turn."""
 
-    Attributes:
-        factor, target, rest, count: A (m, 10 n), b (m,), ρ and N.
-        slope: (10 n,).
-        share: (n,), above 0.
-        gammas: one or more.
-        start: π, strictly inside.
-    """
-
-    factor: Array
+    factor: Array  # factor, target, rest, count: A (m, 10 n), b (m,), ρ and N
     target: Array
     rest: float
     count: float
-    slope: Array
-    share: Array
-    gammas: Array
-    start: Array
+    slope: Array  # (10 n,)
+    share: Array  # (n,), above 0
+    gammas: Array  # one or more
+    start: Array  # π, strictly inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)

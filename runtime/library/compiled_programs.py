@@ -39,17 +39,12 @@ class CompiledStatistics:
         dq: Array,
         ddq: Array,
         tau: Array,
-        columns: Array,
-        weights: Array,
-        sample_weights: Array | None,
+        columns: Array,  # (N, n, k)
+        weights: Array,  # (n,)
+        sample_weights: Array | None,  # (N,)
         products: bool = True,
     ) -> tuple[Array, int]:
-        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ] and a diagonal ≥ 0, of contiguous
-        arrays.
-
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], ddq (N, n) [rad/s², m/s²], tau (N, n) [N·m, N],
-        columns (N, n, k), weights (n,), sample_weights (N,).
-        """
+        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ], diagonal ≥ 0, of contiguous arrays."""
         k = columns.shape[2]
         size = self._joints * k + self._base + 1
         work, triangle = np.empty(self._work(k)), np.empty((size, size))
@@ -69,11 +64,7 @@ class CompiledStatistics:
         tau: Array,
         weights: Array,
     ) -> None:
-        """Add one sample to a triangle over [β; τ], in place.
-
-        triangle (n_b + 1, n_b + 1), q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²],
-        tau (n,) [N·m, N], weights (n,).
-        """
+        """Add one sample to a triangle (n_b + 1, n_b + 1) over [β; τ], in place."""
         state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
         self._update(triangle.ctypes.data, forgetting, *state)
 

@@ -41,10 +41,7 @@ class BaseMotion(NamedTuple):
 
 
 def coordinates_of_pose(pose: ArrayLike) -> Array:
-    """Position and rotation vector of poses.
-
-    pose (4, 4) → (6,) [m, rad].
-    """
+    """Positions and rotation vectors (6,) [m, rad] of poses (4, 4) or (7,)."""
     array = np.asarray(pose, dtype=float)
     is_matrix = array.ndim in {2, 3} and array.shape[-2:] == (4, 4)
     if not is_matrix and not (array.ndim in {1, 2} and array.shape[-1] == 7):
@@ -77,10 +74,7 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
 
 
 def stacked(values: ArrayLike, part: ArrayLike, what: str) -> Array:
-    """Six entries of the base before those of the joints.
-
-    values (n,), part (6,) → (6 + n,).
-    """
+    """Six entries of the base before those of the joints, (6 + n,)."""
     array, base = np.asarray(values, dtype=float), np.asarray(part, dtype=float)
     if base.ndim not in {1, 2} or base.shape[-1] != FREEDOM:
         raise ShapeError(f"the {what} of the base needs (6,) or (N, 6) numbers, got {base.shape}")

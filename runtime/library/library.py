@@ -255,11 +255,7 @@ class Library(
 
 
 class ForeignRobotError(LibraryError):
-    """A robot of this name lies in the working directory only, and was not built by this user.
-
-    Attributes:
-        folder: its generated folder.
-    """
+    """A robot of this name lies in the working directory only, and was not built by this user."""
 
     def __init__(self, robot: str, folder: Path) -> None:
         self.folder = folder

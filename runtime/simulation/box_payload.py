@@ -15,19 +15,12 @@ LARGEST_PAYLOAD = 1e6
 
 
 class Box(Record, frozen=True):
-    """A homogeneous box, its edges along the axes of the link's frame; also the TOML file of it.
+    """A homogeneous box, its edges along the axes of the link's frame; also the TOML file of it."""
 
-    Attributes:
-        mass: kg.
-        com: centre, in the frame of the link, m.
-        size: edges, m.
-        link: link that carries it; None is the link of the tip.
-    """
-
-    mass: float
-    com: Vector3
-    size: Vector3 = (0.0, 0.0, 0.0)
-    link: str | None = None
+    mass: float  # kg
+    com: Vector3  # centre, in the frame of the link, m
+    size: Vector3 = (0.0, 0.0, 0.0)  # edges, m
+    link: str | None = None  # link that carries it; None is the link of the tip
 
     def __post_init__(self) -> None:
         numbers = np.array([self.mass, *self.com, *self.size], dtype=float)
@@ -42,11 +35,7 @@ class Box(Record, frozen=True):
             )
 
     def place(self, lib: Library) -> int:
-        """Index of the link that carries it.
-
-        Raises:
-            IdentificationError: the robot has no such moving link.
-        """
+        """Index of the link that carries it."""
         link = self.link or lib.manifest.tip_frame.link
         if link not in lib.link_names:
             raise IdentificationError(
@@ -72,10 +61,7 @@ class Box(Record, frozen=True):
 
 
 def pi_from_pseudo(lib: Library, P: Array) -> Array:
-    """Parameters π of pseudo-inertias, linear: the inverse of `Library.pseudo_inertia`.
-
-    P (n, 4, 4) → (10 n,).
-    """
+    """Parameters π (10 n,) of pseudo-inertias (n, 4, 4), inverse of `Library.pseudo_inertia`."""
     n = lib.n_links
     units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
     rows, columns = np.triu_indices(4)
@@ -83,11 +69,7 @@ def pi_from_pseudo(lib: Library, P: Array) -> Array:
 
 
 def read_payload(text: str) -> Box:
-    """Read a payload as an option states it: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file.
-
-    Raises:
-        IdentificationError: neither.
-    """
+    """Read a payload of an option: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file."""
     if text.endswith(".toml"):
         return record_from_toml(Box, Path(text), f"the payload '{text}'", IdentificationError)
     try:

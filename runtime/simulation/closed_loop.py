@@ -129,17 +129,14 @@ def closed_loop(
 
 def follow(
     lib: Library,
-    reference: Array,
+    reference: Array,  # (N, 3, n)
     plant: Plant,
     controller: Controller,
     rate_hz: float,
-    noise: Array | None = None,
+    noise: Array | None = None,  # (N, 2, n)
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedMotion:
-    """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
-
-    reference (N, 3, n), noise (N, 2, n).
-    """
+    """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period."""
     require_no_springs(lib)
     period = 1.0 / rate_hz
     loop = lib.closed_loop(

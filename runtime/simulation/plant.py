@@ -11,24 +11,17 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """The robot that is simulated; values of joints are one number for all of them or (n,).
+    """The robot that is simulated; values of joints are one number for all of them or (n,)."""
 
-    Attributes:
-        pi: true standard parameters, (10 n,).
-        viscous, coulomb: friction, N·m·s/rad and N·m.
-        offset: constant torque, N·m.
-        coulomb_speed: width of the smooth sign, rad/s.
-        rotor: inertia J of every motor, reflected to its joint, kg·m². The torque sensor does not
-            measure it, but without it no controller could hold a wrist.
-        position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m.
-    """
-
-    pi: Array
-    viscous: ArrayLike = 0.0
+    pi: Array  # true standard parameters, (10 n,)
+    viscous: ArrayLike = 0.0  # viscous, coulomb: friction, N·m·s/rad and N·m
     coulomb: ArrayLike = 0.0
-    offset: ArrayLike = 0.0
-    coulomb_speed: float = 0.03
+    offset: ArrayLike = 0.0  # constant torque, N·m
+    coulomb_speed: float = 0.03  # width of the smooth sign, rad/s
+    # inertia J of every motor, reflected to its joint, kg·m². The torque sensor does not measure
+    # it, but without it no controller could hold a wrist
     rotor: ArrayLike = 0.1
+    # position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     torque_noise: float = 0.0
@@ -50,20 +43,13 @@ class Plant:
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """Computed torque: τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q).
+    """Controller τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q)."""
 
-    Attributes:
-        pi: model of the controller, (10 n,); None is that of the URDF.
-        rotor: J_c; None is that of the plant.
-        stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,).
-        feels_noise: the controller uses the measured q and dq instead of the true ones.
-    """
-
-    pi: Array | None = None
-    rotor: ArrayLike | None = None
-    stiffness: ArrayLike = 225.0
+    pi: Array | None = None  # model of the controller, (10 n,); None is that of the URDF
+    rotor: ArrayLike | None = None  # J_c; None is that of the plant
+    stiffness: ArrayLike = 225.0  # stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,)
     damping: ArrayLike = 30.0
-    feels_noise: bool = False
+    feels_noise: bool = False  # the controller uses the measured q and dq instead of the true ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +64,7 @@ class SimulatedMotion:
 
 
 def per_joint(n: int, value: ArrayLike, name: str) -> Array:
-    """One number for all joints, or one for each.
-
-    value (n,) → (n,).
-    """
+    """One number for all joints, or one for each, as (n,)."""
     array = np.asarray(value, dtype=float)
     if array.shape not in {(), (n,)}:
         raise IdentificationError(

@@ -74,20 +74,14 @@ class Engine:
         self.mujoco.mj_step(self.model, self.data)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
-
-        q (n,), dq (n,), ddq (n,) → (n,).
-        """
+        """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order."""
         data = self.data
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         self.mujoco.mj_inverse(self.model, data)
         return np.array(data.qfrc_inverse)
 
     def mass_diagonal(self, q: Array) -> Array:
-        """Diagonal of M(q) with the rotors, in MuJoCo's order.
-
-        q (n,) → (n,).
-        """
+        """Diagonal of M(q) with the rotors, in MuJoCo's order."""
         data, n = self.data, self.model.nv
         data.qpos[:], data.qvel[:] = q, 0.0
         self.mujoco.mj_forward(self.model, data)
@@ -217,18 +211,12 @@ class ReducedEngine:
         self.q += h * self.dq
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Torque of one state, rotors, springs and curves included.
-
-        q (n,) [rad, m], dq (n,) [rad/s, m/s], ddq (n,) [rad/s², m/s²] → (n,) [N·m, N].
-        """
+        """Torque of one state, rotors, springs and curves included, (n,) [N·m, N]."""
         rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         return np.asarray(rigid + self.rotor * ddq + self.lib.known_torque(q))
 
     def mass_diagonal(self, q: Array) -> Array:
-        """Diagonal of M(q) + J.
-
-        q (n,) [rad, m] → (n,) [kg·m², kg].
-        """
+        """Diagonal of M(q) + J, (n,) [kg·m², kg]."""
         return np.array(np.diagonal(self._mass(q)))
 
     def _mass(self, q: Array) -> Array:
@@ -239,10 +227,7 @@ class ReducedEngine:
 def plant_engine(
     lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
 ) -> Engine | ReducedEngine:
-    """Engine of a robot with given parameters.
-
-    pi (10 L,), rotor (n,) [kg·m², kg].
-    """
+    """Engine of a robot with parameters (10 L,) and rotors (n,) [kg·m², kg]."""
     if has_mechanism(lib):
         return ReducedEngine(lib, pi, rotor, step)
     return engine(lib, pi, rotor, step, ranges)

@@ -74,10 +74,7 @@ def quantised(values: Array, quantum: Array) -> Array:
 def measured_torque(
     link: Array, sensors: Sensors, of: Calibration, rng: np.random.Generator
 ) -> Array:
-    """Measured torque τ̂.
-
-    link (N, n) → (N, n).
-    """
+    """Measured torque τ̂, (N, n), of that behind the rotors."""
     noise = sensors.torque_noise * rng.normal(size=link.shape)
     return quantised(of.gain * link + of.bias + noise, sensors.torque_quantum)
 
@@ -100,10 +97,7 @@ class Encoders:
         self._speed = np.zeros(len(order))
 
     def read(self, k: int, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Measured state of a period from the true one; before the first one dq̂ is true.
-
-        q (n,), dq (n,) → (n,).
-        """
+        """Measured state of a period from the true one; before the first one dq̂ is true."""
         raw = q + self._noise[k]
         measured = np.rint(raw * self._inverse) * self._quantum
         if self._any_exact:
@@ -228,10 +222,7 @@ def record(
 
 
 def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) -> Array:
-    """Parameters of another, physically consistent robot: P^½ exp(s S) P^½ for every P.
-
-    pi (10 n,) → (10 n,).
-    """
+    """Parameters of another, physically consistent robot: P^½ exp(s S) P^½ for every P."""
     lib.lam_from_pi(pi)  # raises where a body is not physically consistent: it has no root
     draws = rng.normal(size=(lib.n_links, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
@@ -262,11 +253,9 @@ class SimulatedFriction:
         self._bend = step / law.dahl_stroke[order]
 
     def advance(self, q: Array, dq: Array, tau: Array) -> tuple[Array, Array]:
-        """Friction torque of a step; moves the state z over it.
+        """Friction torque of a step and its slope in dq, (n,) each; moves the state z over it.
 
         z ← (z + h dq/z_c) / (1 + h |dq|/z_c) never leaves [−1, 1], however long the step.
-
-        q (n,), dq (n,), tau (n,) → (n,).
         """
         travel = self._bend * dq
         way = 1 + np.abs(travel)

@@ -126,11 +126,7 @@ def is_experiments(folder: Path) -> bool:
 
 
 def read_experiments(folder: Path) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
-    """Read the finished studies of a folder, and a sentence for each unfinished one.
-
-    Raises:
-        RuntimeFault: a study is damaged or differs from its config, or none is finished.
-    """
+    """Read the finished studies of a folder, and a sentence for each unfinished one."""
     finished, notes = [], []
     for place in _places(folder):
         if (place / RESULT).exists():

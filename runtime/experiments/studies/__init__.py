@@ -27,11 +27,7 @@ IDS: dict[str, Study] = {view.id: study for study in STUDIES.values() for view i
 
 
 def study_of(name: str) -> Study:
-    """Study of an id.
-
-    Raises:
-        RuntimeFault: the id is unknown.
-    """
+    """Study of an id."""
     if name not in IDS:
         raise RuntimeFault(
             f"expected an experiment of {', '.join(IDS)}, got '{name}'; choose one of them"

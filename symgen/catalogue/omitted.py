@@ -15,24 +15,17 @@ _FREE_BASE = {
     "momentum_regressor": "use base_regressor with differentiated velocities: the momentum of a "
     "free base is not a derivative by coordinates",
     "energy_regressor": "use base_regressor with differentiated velocities",
-    "harmonic_basis": _FIXED,
-    "transfer_basis": _FIXED,
-    "regressor_adjoint": _FIXED,
+    **dict.fromkeys(("harmonic_basis", "transfer_basis", "regressor_adjoint"), _FIXED),
     "torque_rate": "use differences of inverse_dynamics along the motion",
     "torque_rate_adjoint": _FIXED,
     "torque_course": "use differences of inverse_dynamics along the motion",
     "tip_motion": "use end_effector for the pose of the tip",
-    "clearance": _FIXED,
-    "plane_clearance": _FIXED,
-    "torque_bounds": _FIXED,
-    "tip_bounds": _FIXED,
-    "speed_bounds": _FIXED,
+    **dict.fromkeys(("clearance", "plane_clearance"), _FIXED),
+    **dict.fromkeys(("torque_bounds", "tip_bounds", "speed_bounds"), _FIXED),
     "coriolis_matrix": "use bias_forces for C dq",
     "slotine_li_regressor": "use regressor",
     "mobility_bound": "use the eigenvalues of mass_matrix",
 }
-
-
 _PART = "use it on a part of the robot: build with --base and --tip, or --lock"
 _LARGE = {
     "momentum_regressor": "use base_regressor with differentiated velocities",

@@ -16,7 +16,6 @@ Pinocchio gives frames and Jacobians. The same rows as expressions are in
 `symgen.mechanics.closure`. Source: Featherstone, Rigid Body Dynamics Algorithms, 2008, Ch. 8.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -24,7 +23,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from symgen.chain.coupling import Coupling
+from symgen.chain.coupling import Coupling, require_joints
 from symgen.chain.document import listing
 from symgen.chain.mechanism import FREE_ROWS, IN_SHARED, Loop, Mechanism
 from symgen.chain.model import Closure, Frame, Joint, Loops, rows_of, snapped
@@ -79,10 +78,10 @@ def close_loops(
 ) -> Loops | None:
     """Loops of a mechanism; None without any."""
     names = [joint.name for joint in joints]
-    _require_joints(mechanism.assembly, names, "[assembly]")
+    require_joints(mechanism.assembly, names, "[assembly]")
     if not mechanism.loop:
         return None
-    _require_joints(mechanism.independent, names, "independent")
+    require_joints(mechanism.independent, names, "independent")
     count = len(joints)
     free = tuple(range(count)) if coupling is None else coupling.independent
     matrix = np.eye(count) if coupling is None else np.array(coupling.matrix)
@@ -127,15 +126,6 @@ def close_loops(
         _blocks([slope[rows][:, dependent] for slope in slopes]),
         tuple(float(v) for v in np.round(x, _DIGITS) + 0.0),
     )
-
-
-def _require_joints(stated: Iterable[str], names: list[str], where: str) -> None:
-    for name in stated:
-        if name not in names:
-            raise UrdfError(
-                f"{where} names '{name}', which is not a moving joint of this robot; its moving "
-                f"joints are {listing(names)}"
-            )
 
 
 def _position(joint: Joint, assembly: dict[str, float]) -> float:

@@ -8,11 +8,10 @@ nothing.
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from symgen.chain.document import MOVING, Document, listing, numbers, origin
+from symgen.chain.document import MOVING, Document, add_inertial, numbers, origin
 from symgen.errors import UrdfError
 
 GIVEN = "given mass"
@@ -31,11 +30,7 @@ _LEAST_RADIUS = 0.05
 
 def require_bare(document: Document, link: str, option: str) -> None:
     """Refuse a link that an option gives a body but that is unknown or has one."""
-    if link not in document.links:
-        raise UrdfError(
-            f"{option} names the link '{link}', which the URDF does not define; its links are "
-            f"{listing(document.links)}"
-        )
+    document.require_link(link, option)
     if document.links[link].find("inertial") is not None:
         raise UrdfError(
             f"{option} names the link '{link}', which has an <inertial> in the URDF; leave it "
@@ -113,12 +108,4 @@ def _write_body(document: Document, link: str, mass: float) -> None:
     radius = max(length / 4, _LEAST_RADIUS)
     rod = length**2 / 12 * (np.eye(3) - np.outer(u, u))
     inertia = mass * (rod + 0.4 * radius**2 * np.eye(3))
-    inertial = SubElement(document.links[link], "inertial")
-    inertial.append(Element("origin", {"xyz": " ".join(f"{x:.17g}" for x in p / 2)}))
-    inertial.append(Element("mass", {"value": f"{mass:.17g}"}))
-    entries = {
-        f"i{'xyz'[i]}{'xyz'[k]}": f"{inertia[i, k] + 0.0:.17g}"
-        for i in range(3)
-        for k in range(i, 3)
-    }
-    inertial.append(Element("inertia", entries))
+    add_inertial(document.links[link], mass, p / 2, inertia)

@@ -4,7 +4,7 @@ A row is x_d = Σ_m c_m x_m + o, from <mimic> or from a mechanism file. The mast
 dependent themselves; substitution from row to row gives A and b, and a cycle of rows is refused.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -33,17 +33,11 @@ class CouplingRow(Record, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """q_all = A q + b of N joints, n of them independent.
+    """q_all = A q + b of N joints, n of them independent."""
 
-    Attributes:
-        independent: (n,) indices of the independent joints, in the order of q.
-        matrix: (N, n) A, a unit row for every independent joint.
-        offset: (N,) b [rad, m].
-    """
-
-    independent: tuple[int, ...]
-    matrix: MatrixRows
-    offset: Vector
+    independent: tuple[int, ...]  # (n,) indices of the independent joints, in the order of q
+    matrix: MatrixRows  # (N, n) A, a unit row for every independent joint
+    offset: Vector  # (N,) b [rad, m]
 
     def masters(self, joint: int) -> list[int]:
         """Columns of A that move a joint."""
@@ -76,7 +70,7 @@ def read_coupling(
     """A and b of coupling rows."""
     by_joint: dict[str, CouplingRow] = {}
     for row in rows:
-        _require_joints(row, joints)
+        _check_row(row, joints)
         if row.joint in by_joint:
             raise UrdfError(f"joint '{row.joint}' has two couplings; keep one of them")
         by_joint[row.joint] = row
@@ -102,28 +96,32 @@ def read_coupling(
     return Coupling(places, tuple(map(tuple, matrix.tolist())), tuple(offset.tolist()))
 
 
-def _require_joints(row: CouplingRow, joints: tuple[str, ...]) -> None:
-    if row.joint not in joints:
-        raise UrdfError(
-            f"a coupling names '{row.joint}', which is not a moving joint of this robot; its "
-            f"moving joints are {listing(joints)}: correct the name, or remove the coupling"
-        )
+def require_joints(
+    stated: Iterable[str], joints: Collection[str], where: str, remedy: str = ""
+) -> None:
+    """Refuse a name that is not one of a moving joint."""
+    for name in stated:
+        if name not in joints:
+            raise UrdfError(
+                f"{where} names '{name}', which is not a moving joint of this robot; its moving "
+                f"joints are {listing(joints)}{remedy}"
+            )
+
+
+def _check_row(row: CouplingRow, joints: tuple[str, ...]) -> None:
+    what = f"the coupling of joint '{row.joint}'"
+    require_joints([row.joint], joints, "a coupling", ": correct the name, or remove the coupling")
+    require_joints(row.of, joints, what, f": correct the name, or fix '{row.joint}' with --lock")
     if not abs(row.offset) <= _FACTORS[1]:
         raise UrdfError(
-            f"the coupling of joint '{row.joint}' has the offset {row.offset:g}, expected a number "
+            f"{what} has the offset {row.offset:g}, expected a number "
             f"of rad or m below {_FACTORS[1]:g}; correct it"
         )
     for name, factor in row.of.items():
         if not (factor == 0 or _FACTORS[0] <= abs(factor) <= _FACTORS[1]):
             raise UrdfError(
-                f"the coupling of joint '{row.joint}' multiplies '{name}' by {factor:g}, expected "
+                f"{what} multiplies '{name}' by {factor:g}, expected "
                 f"0 or a factor from {_FACTORS[0]:g} to {_FACTORS[1]:g}; correct it"
-            )
-        if name not in joints:
-            raise UrdfError(
-                f"the coupling of joint '{row.joint}' names '{name}', which is not a moving joint "
-                f"of this robot; its moving joints are {listing(joints)}: correct the name, or "
-                f"fix '{row.joint}' with --lock"
             )
 
 
@@ -171,12 +169,7 @@ def _solved(
     offset: np.ndarray,
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """The same coupling by other independent joints: x_w = A_w q + b_w is solved for q."""
-    for name in wanted:
-        if name not in joints:
-            raise UrdfError(
-                f"independent names '{name}', which is not a moving joint of this robot; "
-                f"its moving joints are {listing(joints)}"
-            )
+    require_joints(wanted, joints, "independent")
     named = tuple(dict.fromkeys(wanted))
     if set(named) == set(free):  # only another order, without rounding
         return named, matrix[:, [free.index(name) for name in named]], offset

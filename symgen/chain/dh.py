@@ -18,6 +18,7 @@ import pinocchio
 from msgspec import Meta
 
 from runtime.common.records import Factors, Name, Record, Vector3, record_from_table
+from symgen.chain.document import add_inertial, add_joint
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import UrdfError
 
@@ -42,6 +43,7 @@ class Row(Record, frozen=True):
     effort: float | None = None
     mass: float | None = None
     com: Vector3 = (0.0, 0.0, 0.0)
+    # xx, yy, zz, xy, xz, yz about the centre of mass
     inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
 
 
@@ -98,33 +100,17 @@ def _add(robot: Element, links: list[str], row: Row, where: str) -> list[dict[st
     if kind == "revolute" and not {"lower", "upper"} & set(limits):
         kind = "continuous"
     name = row.joint or f"{link}_joint"
-    joint = SubElement(robot, "joint", {"name": name, "type": kind if moves else "fixed"})
     tilt = pinocchio.rpy.rpyToMatrix(row.alpha, 0.0, 0.0)
     turn = tilt @ pinocchio.rpy.rpyToMatrix(0.0, 0.0, row.theta)
     xyz = (row.a, -row.d * math.sin(row.alpha), row.d * math.cos(row.alpha))
-    SubElement(
-        joint, "origin", {"xyz": _words(xyz), "rpy": _words(pinocchio.rpy.matrixToRpy(turn))}
-    )
-    SubElement(joint, "parent", {"link": parent})
-    SubElement(joint, "child", {"link": link})
+    joint = add_joint(robot, name, kind if moves else "fixed", parent, link, xyz, turn)
     if moves:
         SubElement(joint, "axis", {"xyz": "0 0 1"})
         if limits:
             SubElement(joint, "limit", limits)
-    _add_body(SubElement(robot, "link", {"name": link}), row)
+    element = SubElement(robot, "link", {"name": link})
+    if row.mass is not None:
+        xx, yy, zz, xy, xz, yz = row.inertia
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        add_inertial(element, row.mass, row.com, tensor)
     return [{"joint": name, "of": row.of}] if row.of is not None else []
-
-
-def _add_body(link: Element, row: Row) -> None:
-    """<inertial> of a row with a mass: centre of mass, and inertia about it (xx, yy, zz, xy, …)."""
-    if row.mass is None:
-        return
-    body = SubElement(link, "inertial")
-    SubElement(body, "origin", {"xyz": _words(row.com)})
-    SubElement(body, "mass", {"value": f"{row.mass:.17g}"})
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    SubElement(body, "inertia", {k: f"{v:.17g}" for k, v in zip(names, row.inertia, strict=True)})
-
-
-def _words(values: Any) -> str:
-    return " ".join(f"{x:.17g}" for x in np.ravel(values))

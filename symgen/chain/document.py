@@ -1,11 +1,12 @@
-"""The XML of a URDF: parsed without entities, as one tree of named links and joints.
+"""The XML of a URDF: parsed without entities, as one tree of named links and joints; new elements.
 
 Cutting, locking and snapping are left to `normalise`, kinematics and inertias to pinocchio.
 """
 
 import re
 from collections.abc import Iterable, Iterator
-from xml.etree.ElementTree import Element, ParseError, indent, tostring
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
 
 import numpy as np
 import pinocchio
@@ -27,24 +28,13 @@ MOST_LINKS = 500
 
 
 class Document:
-    """A URDF tree with the look-ups that cutting and locking need.
-
-    Attributes:
-        root: the <robot> element.
-        links: name → element.
-        joints: name → element.
-        parent_joint: child link → the joint that carries it.
-        root_link: the only link without a parent joint.
-
-    Raises:
-        UrdfError: the joints do not form one tree of named links.
-    """
+    """A URDF, one tree of named links, with the look-ups that cutting and locking need."""
 
     def __init__(self, text: str) -> None:
-        self.root = parse(text)
-        self.links = _named(self.root, "link")
+        self.root = parse(text)  # the <robot> element
+        self.links = _named(self.root, "link")  # name → element
         self.joints = _named(self.root, "joint")
-        self.parent_joint: dict[str, str] = {}
+        self.parent_joint: dict[str, str] = {}  # child link → the joint that carries it
         for name in self.joints:
             parent, child = self.parent_link(name), self.child_link(name)
             for link in (parent, child):
@@ -159,6 +149,20 @@ def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
+def axis_of(joint: Element, owner: str) -> np.ndarray:
+    """Direction of the axis of a joint, x where it states none."""
+    node = joint.find("axis")
+    axis = numbers("1 0 0" if node is None else node.get("xyz", "1 0 0"), 3, f"{owner}: axis")
+    size = np.abs(axis).max()
+    if not size > 0:
+        raise UrdfError(f"{owner} has the axis 0 0 0; give it a direction")
+    if not 1e-100 < size < 1e100:  # its square overflows or vanishes
+        raise UrdfError(
+            f"{owner} has an axis of length {size:g}, expected about 1; give a unit vector"
+        )
+    return axis
+
+
 def numbers(text: str, count: int, what: str) -> np.ndarray:
     """Finite numbers of an attribute."""
     try:
@@ -244,3 +248,35 @@ def listing(names: Iterable[str], most: int = 12) -> str:
     """The first names, separated by commas."""
     shown = list(names)
     return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")
+
+
+def add_joint(
+    robot: Element, name: str, kind: str, parent: str, child: str, at: Any, rotation: Any
+) -> Element:
+    """Joint without axis and limits."""
+    joint = SubElement(robot, "joint", {"name": name, "type": kind})
+    add_origin(joint, at, rotation)
+    SubElement(joint, "parent", {"link": parent})
+    SubElement(joint, "child", {"link": child})
+    return joint
+
+
+def add_origin(element: Element, at: Any, rotation: Any) -> None:
+    """Placement of a joint or of an inertial."""
+    rpy = pinocchio.rpy.matrixToRpy(rotation)
+    SubElement(element, "origin", {"xyz": words(at), "rpy": words(rpy)})
+
+
+def add_inertial(link: Element, mass: float, com: Any, inertia: np.ndarray) -> None:
+    """Inertial of a link, its inertia (3, 3) about the centre of mass."""
+    element = SubElement(link, "inertial")
+    SubElement(element, "origin", {"xyz": words(com)})
+    SubElement(element, "mass", {"value": words(mass)})
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = inertia[np.triu_indices(3)]
+    SubElement(element, "inertia", {k: words(v) for k, v in zip(keys, values, strict=True)})
+
+
+def words(values: Any) -> str:
+    """Numbers with all their digits."""
+    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))

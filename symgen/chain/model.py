@@ -23,33 +23,22 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """One moving joint and the body it moves; the joint frame is the frame of that link.
-
-    Attributes:
-        name: joint name of the URDF.
-        kind: revolute, continuous, prismatic, or floating for a free base.
-        parent: index of the joint whose body carries this one, −1 for the base.
-        rotation: R from this joint's frame (at q = 0) to the parent's frame.
-        translation: origin of this joint in the parent's frame, m.
-        axis: unit vector in the joint frame.
-        lower, upper: position limits, rad or m; None without limit.
-        velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none.
-        link: name of the moved link.
-        mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
-            about the centre of mass, axes of the link frame.
-    """
+    """One moving joint and the body it moves; the joint frame is the frame of that link."""
 
     name: str
-    kind: str
-    parent: int
-    rotation: MatrixRows
-    translation: Vector
-    axis: Vector
-    lower: float | None
+    kind: str  # revolute, continuous, prismatic, or floating for a free base
+    parent: int  # index of the joint whose body carries this one, −1 for the base
+    rotation: MatrixRows  # R from this joint's frame (at q = 0) to the parent's frame
+    translation: Vector  # origin of this joint in the parent's frame, m
+    axis: Vector  # unit vector in the joint frame
+    lower: float | None  # lower, upper: position limits, rad or m; None without limit
     upper: float | None
+    # velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none
     velocity: float | None
     effort: float | None
     link: str
+    # mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
+    # about the centre of mass, axes of the link frame
     mass: float
     com: Vector
     inertia: MatrixRows
@@ -121,38 +110,26 @@ class Loops:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A kinematic tree with the inertias of its moving bodies.
+    """A kinematic tree with the inertias of its moving bodies."""
 
-    Attributes:
-        name: name of the robot in the URDF.
-        base: name of the base link.
-        joints: the moving joints, parents before children, one body each; of a free base the
-            first one is the joint of six degrees of freedom between world and base link.
-        gravity: m/s², in the frame of the base link, of a free base in that of the world.
-        tip: the frame of the end effector.
-        lumped: fixed bodies counted into moving links.
-        removed: links cut off by --base and --tip.
-        urdf: the normalised document that the chain describes.
-        assumed: link → origin of a body that the URDF does not state (`assumed_bodies`).
-        base_is_assumed: no fixed joint attaches the base to the world; it is taken as fixed.
-        coupling: q_all = A q + b; None where every joint is independent.
-        mechanism: springs, torque curves and further friction coordinates.
-        loops: loop joints of a closed chain; None for a tree.
-    """
-
-    name: str
-    base: str
+    name: str  # name of the robot in the URDF
+    base: str  # name of the base link
+    # the moving joints, parents before children, one body each; of a free base the first one is the
+    # joint of six degrees of freedom between world and base link
     joints: tuple[Joint, ...]
-    gravity: Vector
-    tip: Tip
-    lumped: tuple[LumpedBody, ...]
-    removed: tuple[str, ...]
-    urdf: str
+    gravity: Vector  # m/s², in the frame of the base link, of a free base in that of the world
+    tip: Tip  # the frame of the end effector
+    lumped: tuple[LumpedBody, ...]  # fixed bodies counted into moving links
+    removed: tuple[str, ...]  # links cut off by --base and --tip
+    urdf: str  # the normalised document that the chain describes
+    # link → origin of a body that the URDF does not state (`assumed_bodies`)
     assumed: dict[str, str] = field(default_factory=dict)
+    # no fixed joint attaches the base to the world; it is taken as fixed
     base_is_assumed: bool = False
-    coupling: Coupling | None = None
+    coupling: Coupling | None = None  # q_all = A q + b; None where every joint is independent
+    # springs, torque curves and further friction coordinates
     mechanism: Mechanism = field(default_factory=Mechanism)
-    loops: Loops | None = None
+    loops: Loops | None = None  # loop joints of a closed chain; None for a tree
 
     @property
     def floating(self) -> bool:

@@ -7,13 +7,20 @@ identified numbers.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio
 
 from symgen.chain.coupling import mimic_rows
-from symgen.chain.document import MOVING, Document, listing, numbers, origin
+from symgen.chain.document import (
+    MOVING,
+    Document,
+    add_origin,
+    axis_of,
+    listing,
+    numbers,
+    origin,
+)
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
@@ -128,14 +135,7 @@ def _lock(document: Document, joint: str, value: float) -> None:
     if kind not in MOVING:
         element.set("type", "fixed")
         return
-    axis_node = element.find("axis")
-    axis = numbers(
-        axis_node.get("xyz", "1 0 0") if axis_node is not None else "1 0 0",
-        3,
-        f"joint '{joint}': axis",
-    )
-    if not np.linalg.norm(axis) > 0:
-        raise UrdfError(f"joint '{joint}' has the axis 0 0 0; give it a direction")
+    axis = axis_of(element, f"joint '{joint}'")
     axis = axis / np.linalg.norm(axis)
     rotation, translation = origin(element, f"joint '{joint}'")
     if kind == "prismatic":
@@ -147,16 +147,7 @@ def _lock(document: Document, joint: str, value: float) -> None:
         if node is not None:
             element.remove(node)
     element.set("type", "fixed")
-    rpy = pinocchio.rpy.matrixToRpy(rotation)
-    element.append(
-        Element(
-            "origin",
-            {
-                "xyz": " ".join(f"{x:.17g}" for x in translation),
-                "rpy": " ".join(f"{x:.17g}" for x in rpy),
-            },
-        )
-    )
+    add_origin(element, translation, rotation)
 
 
 def _gravity(document: Document, options: ChainOptions) -> np.ndarray:

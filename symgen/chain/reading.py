@@ -12,7 +12,7 @@ import pinocchio
 from symgen.chain.assembly import close_loops
 from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
-from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.document import MOVING, Document, axis_of, numbers
 from symgen.chain.mechanism import Mechanism
 from symgen.chain.model import (
     FLOATING,
@@ -126,7 +126,6 @@ def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -
             "give it an <inertial> or a mass with the setting masses, lock the joint with --lock "
             f"or cut it off with --tip; to lock every such joint: {every}"
         )
-    lower, upper, velocity, effort = _limits_of(document, name)
     return Joint(
         name=name,
         kind=document.kind(name),
@@ -134,14 +133,11 @@ def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -
         rotation=rows_of(placement.rotation),
         translation=snapped(placement.translation),
         axis=_axis(model, index),
-        lower=lower,
-        upper=upper,
-        velocity=velocity,
-        effort=effort,
         link=link,
         mass=float(inertia.mass),
         com=snapped(inertia.lever),
         inertia=tuple(tuple(float(x) for x in row) for row in inertia.inertia),
+        **_limits_of(document, name),
     )
 
 
@@ -230,17 +226,7 @@ def parse_with_pinocchio(document: Document) -> pinocchio.Model:
             if node is not None:
                 element.remove(node)
         if copy.kind(name) in MOVING:
-            axis = element.find("axis")
-            if axis is not None:
-                direction = numbers(axis.get("xyz", "1 0 0"), 3, f"joint '{name}': axis")
-                size = max(map(abs, direction))
-                if not size > 0:
-                    raise UrdfError(f"joint '{name}' has the axis 0 0 0; give it a direction")
-                if not 1e-100 < size < 1e100:  # its square overflows or vanishes
-                    raise UrdfError(
-                        f"joint '{name}' has an axis of length {size:g}, expected about 1; give a "
-                        "unit vector"
-                    )
+            axis_of(element, f"joint '{name}'")
             element.set("type", "prismatic" if copy.kind(name) == "prismatic" else "revolute")
             element.append(element.makeelement("limit", {"effort": "1", "velocity": "1"}))
     try:
@@ -249,17 +235,16 @@ def parse_with_pinocchio(document: Document) -> pinocchio.Model:
         raise UrdfError(f"pinocchio cannot read the URDF: {' '.join(str(error).split())}") from None
 
 
-def _limits_of(
-    document: Document, name: str
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Lower, upper, velocity and effort limit of a joint."""
+def _limits_of(document: Document, name: str) -> dict[str, Any]:
+    """Lower, upper, velocity and effort limit of a joint; None where not given."""
     node = document.joints[name].find("limit")
-    values: dict[str, float | None] = dict.fromkeys(("lower", "upper", "velocity", "effort"))
-    if node is not None:
-        for key in values:
-            if key in node.attrib:
-                what = f"joint '{name}': limit {key}"
-                values[key] = float(numbers(node.get(key, ""), 1, what)[0])
+    stated = {} if node is None else node.attrib
+    values: dict[str, Any] = {
+        key: float(numbers(stated[key], 1, f"joint '{name}': limit {key}")[0])
+        if key in stated
+        else None
+        for key in ("lower", "upper", "velocity", "effort")
+    }
     lower, upper = values["lower"], values["upper"]
     if document.kind(name) == "continuous":
         lower = upper = None
@@ -274,7 +259,7 @@ def _limits_of(
         values[key] = value or None  # 0 is how exporters write "not given"
     if lower == upper == 0 and not (values["velocity"] or values["effort"]):
         lower = upper = None
-    return lower, upper, values["velocity"], values["effort"]
+    return values | {"lower": lower, "upper": upper}
 
 
 def _range_of_followers(joints: tuple[Joint, ...], coupling: Coupling) -> dict[int, dict[str, Any]]:

@@ -102,9 +102,7 @@ def read_arguments(items: list[str]) -> dict[str, str]:
 
 
 def generated_here(out: Path) -> list[Path]:
-    """Generated folders: those in a folder; for `DEFAULT_ROOT` those of the package and all builds
-    of this user too.
-    """
+    """Generated folders of a place; of `DEFAULT_ROOT` those of the package and of this user too."""
     package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
     roots = [out]
     if out == DEFAULT_ROOT:

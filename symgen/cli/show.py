@@ -144,18 +144,16 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
 
 
 def _joint_table(manifest: dict[str, Any]) -> Table:
-    rows = []
-    for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
-        limits = [joint[key] for key in _LIMITS]
-        shown = ["none" if x is None else f"{x:.4g}" for x in limits]
-        names = [str(joint[key]) for key in ("name", "link", "kind")]
-        rows.append((*names, *shown, f"{home:.3f}"))
     free = {joint["name"] for joint in manifest["joints"]}
+    ends = [(j, f"{x:.3f}") for j, x in zip(manifest["joints"], manifest["home"], strict=True)]
     for place, joint in enumerate(manifest.get("all_joints", [])):
         if joint["name"] not in free:
-            shown = ["none" if joint[key] is None else f"{joint[key]:.4g}" for key in _LIMITS]
-            names = [str(joint[key]) for key in ("name", "link", "kind")]
-            rows.append((*names, *shown, _follows(manifest, place)))
+            ends.append((joint, _follows(manifest, place)))
+    rows = []
+    for joint, end in ends:
+        shown = ["none" if joint[key] is None else f"{joint[key]:.4g}" for key in _LIMITS]
+        names = [str(joint[key]) for key in ("name", "link", "kind")]
+        rows.append((*names, *shown, end))
     title = f"{manifest['robot']}: joints (rad or m, rad/s or m/s, N·m or N)"
     return Table(("joint", "moves", "kind", *_LIMITS, "home"), tuple(rows), title=title)
 

@@ -15,8 +15,8 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.collision.model import CollisionModel, Pair, Proxy
 from symgen.kernel import Matrix
-from symgen.mechanics.kinematics import all_positions, independent_forces
-from symgen.mechanics.spatial import joint_pose
+from symgen.mechanics.kinematics import frames_in_base, independent_forces
+from symgen.mechanics.spatial import Pose
 
 _PARALLEL = 1e-12
 """Sine² of the angle below which two segments count as parallel: rounding of their directions."""
@@ -26,11 +26,9 @@ _CROSSING = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Pose of a link in the base frame; its joint's axis z, moment z × o; joints that move it."""
+    """Pose of a link in the base frame, moment z × o of its joint's axis, joints that move it."""
 
-    rotation: Matrix
-    origin: Matrix
-    axis: Matrix
+    pose: Pose
     moment: Matrix
     slides: bool
     movers: frozenset[int]
@@ -83,19 +81,13 @@ def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
 
 
 def _frames(chain: Chain, q: Matrix) -> list[_Frame]:
-    q = all_positions(chain, q)
     frames: list[_Frame] = []
-    for i, joint in enumerate(chain.joints):
-        pose = joint_pose(joint, q[i])
-        rotation, origin, movers = pose.rotation, pose.translation, frozenset([i])
+    for i, (joint, pose) in enumerate(zip(chain.joints, frames_in_base(chain, q), strict=True)):
+        movers = frozenset([i])
         if joint.parent >= 0:
-            parent = frames[joint.parent]
-            origin = parent.origin + ca.mtimes(parent.rotation, origin)
-            rotation = ca.mtimes(parent.rotation, rotation)
-            movers |= parent.movers
-        axis = ca.mtimes(rotation, pose.axis)
-        slides = joint.kind == "prismatic"
-        frames.append(_Frame(rotation, origin, axis, ca.cross(axis, origin), slides, movers))
+            movers |= frames[joint.parent].movers
+        moment = ca.cross(pose.axis, pose.translation)
+        frames.append(_Frame(pose, moment, joint.kind == "prismatic", movers))
     return frames
 
 
@@ -105,10 +97,9 @@ def _segment(chain: Chain, model: CollisionModel, frames: list[_Frame], proxy: P
     direction = ca.SX(ca.DM(proxy.end) - ca.DM(proxy.start))
     movers: frozenset[int] = frozenset()
     if joint >= 0:
-        frame = frames[joint]
-        start = frame.origin + ca.mtimes(frame.rotation, start)
-        direction = ca.mtimes(frame.rotation, direction)
-        movers = frame.movers
+        pose, movers = frames[joint].pose, frames[joint].movers
+        start = pose.translation + ca.mtimes(pose.rotation, start)
+        direction = ca.mtimes(pose.rotation, direction)
     return _Segment(start, direction, proxy.length * proxy.length, movers)
 
 
@@ -167,8 +158,8 @@ def _row(
         if (j in first) == (j in second):
             row.append(ca.SX(1, 1))
             continue
-        lever = ca.dot(frame.axis, normal)
+        lever = ca.dot(frame.pose.axis, normal)
         if not frame.slides:
-            lever = ca.dot(frame.axis, moment) - ca.dot(normal, frame.moment)
+            lever = ca.dot(frame.pose.axis, moment) - ca.dot(normal, frame.moment)
         row.append(lever if j in first else -lever)
     return ca.horzcat(*row)

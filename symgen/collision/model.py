@@ -25,20 +25,13 @@ Word = Annotated[
 
 
 class Proxy(Record, frozen=True, kw_only=False):
-    """All points within `radius` of the segment from `start` to `end`; a sphere if they are equal.
+    """All points within `radius` of the segment from `start` to `end`; a sphere if these agree."""
 
-    Attributes:
-        name: unique.
-        link: moving link that carries it, or `BASE`.
-        start, end: m, in the frame of that link (of its joint), or of the base link.
-        radius: m.
-    """
-
-    name: Word
-    link: Word
-    start: Vector3
+    name: Word  # unique
+    link: Word  # moving link that carries it, or `BASE`
+    start: Vector3  # start, end: m, in the frame of that link (of its joint), or of the base link
     end: Vector3
-    radius: float
+    radius: float  # m
 
     @property
     def length(self) -> float:
@@ -56,11 +49,7 @@ class Pair(Record, frozen=True, kw_only=False):
 
 @dataclass(frozen=True, slots=True)
 class CollisionModel:
-    """Proxies of a robot and the pairs of them that a motion must keep apart.
-
-    Raises:
-        CollisionError: a name twice or unknown, a number that is not finite, a radius ≤ 0.
-    """
+    """Proxies of a robot and the pairs of them that a motion must keep apart."""
 
     proxies: tuple[Proxy, ...] = ()
     pairs: tuple[Pair, ...] = ()

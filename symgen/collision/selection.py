@@ -23,8 +23,7 @@ from symgen.collision.distance import clearance
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy
 from symgen.mechanics.closure import supplied
-from symgen.mechanics.kinematics import all_positions
-from symgen.mechanics.spatial import joint_pose
+from symgen.mechanics.kinematics import link_poses
 
 Array = NDArray[np.float64]
 
@@ -163,14 +162,10 @@ def link_distances(
 def poses_of_link(chain: Chain, link: str, postures: Array) -> Array:
     """Pose of a link in the base frame at postures (N, n) [rad, m], (N, 4, 4)."""
     q = ca.SX.sym("q", len(chain.coordinates))
-    positions = all_positions(chain, q)
     pose = ca.SX.eye(4)
-    index = -1 if link == BASE else [j.link for j in chain.joints].index(link)
-    while index >= 0:
-        step = joint_pose(chain.joints[index], positions[index])
-        top = ca.horzcat(step.rotation, step.translation)
-        pose = ca.mtimes(ca.vertcat(top, ca.SX(ca.DM([[0, 0, 0, 1]]))), pose)
-        index = chain.joints[index].parent
+    if link != BASE:
+        k = 4 * [joint.link for joint in chain.joints].index(link)
+        pose = link_poses(chain, q)[k : k + 4, :]
     function = ca.Function("pose", [q], [supplied(chain, ca.densify(ca.vec(pose.T)), q)])
     rows = np.asarray(function.map(len(postures))(postures.T)).T
     return rows.reshape(-1, 4, 4)

@@ -9,7 +9,7 @@ any of them was (George & Heath, Linear Algebra Appl. 34, 1980).
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -123,16 +123,7 @@ def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
     columns: list[int] = []
     placed = []
     for p in panels:
-        placed.append(
-            {
-                "first": p.first,
-                "width": p.width,
-                "row_at": len(rows),
-                "rows": p.rows,
-                "column_at": len(columns),
-                "columns": p.columns,
-            }
-        )
+        placed.append(asdict(p) | {"row_at": len(rows), "column_at": len(columns)})
         rows += p.rows
         columns += p.columns
     per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
@@ -156,13 +147,9 @@ def _products(runs: tuple[Run, ...]) -> dict[str, Any]:
     """Tables of the columns whose products are summed."""
     placed, ranges, rows = [], list[dict[str, Any]](), list[int]()
     for run in runs:
-        placed.append(
-            {"first": run.first, "width": run.width, "range_at": len(ranges), "ranges": run.ranges}
-        )
+        placed.append(asdict(run) | {"range_at": len(ranges)})
         for item in run.ranges:
-            ranges.append(
-                {"first": item.first, "end": item.end, "row_at": len(rows), "rows": item.rows}
-            )
+            ranges.append(asdict(item) | {"row_at": len(rows)})
             rows += item.rows
     return {"runs": placed, "range_table": ranges, "range_row_table": rows}
 

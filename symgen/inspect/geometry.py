@@ -62,11 +62,7 @@ class Group:
 
 
 class Meshes:
-    """Search and measurement of the mesh files of a model file.
-
-    Attributes:
-        missing: file names that were not found or are not solids.
-    """
+    """Search and measurement of the mesh files of a model file."""
 
     def __init__(self, model_file: Path, packages: tuple[Path, ...] = ()) -> None:
         self._folder = model_file.resolve().parent
@@ -75,7 +71,7 @@ class Meshes:
         shares = [p / "share" for p in listed]
         self._roots = (*packages, *listed, *shares, self._folder, *self._folder.parents)
         self._cache: dict[tuple[str, tuple[float, ...]], Array | None] = {}
-        self.missing: list[str] = []
+        self.missing: list[str] = []  # names of files that were not found or are not solids
 
     def extent(self, link: Link) -> Extent | None:
         """Extent of the collision shapes of a link, else of its visual shapes; None if unknown."""

@@ -39,23 +39,14 @@ class LinkFigures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """Contents and faults of a file.
+    """Contents and faults of a file."""
 
-    Attributes:
-        model: links and joints as written.
-        text: the URDF as read, None for MJCF.
-        rows: one entry per link with mass or inertia.
-        findings: errors first, then warnings.
-        base: rank and K, None where `notes` give the reason.
-        notes: sentences about parts that could not be checked.
-    """
-
-    model: Model
-    text: str | None
-    rows: tuple[LinkFigures, ...]
-    findings: tuple[Finding, ...]
-    base: SampledBase | None
-    notes: tuple[str, ...]
+    model: Model  # links and joints as written
+    text: str | None  # the URDF as read, None for MJCF
+    rows: tuple[LinkFigures, ...]  # one entry per link with mass or inertia
+    findings: tuple[Finding, ...]  # errors first, then warnings
+    base: SampledBase | None  # rank and K, None where `notes` give the reason
+    notes: tuple[str, ...]  # sentences about parts that could not be checked
 
     @property
     def errors(self) -> tuple[Finding, ...]:

@@ -23,19 +23,12 @@ WARNING = "warning"
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One fault: its place, the value, and the expected value.
+    """One fault: its place, the value, and the expected value."""
 
-    Attributes:
-        severity: `ERROR` or `WARNING`.
-        kind: short name of the check, for programs.
-        where: the link or joint, such as "link 'hand'".
-        observed, expected: halves of the sentence.
-    """
-
-    severity: str
-    kind: str
-    where: str
-    observed: str
+    severity: str  # `ERROR` or `WARNING`
+    kind: str  # short name of the check, for programs
+    where: str  # the link or joint, such as "link 'hand'"
+    observed: str  # observed, expected: halves of the sentence
     expected: str
 
     @property
@@ -46,22 +39,17 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """Mass properties of a link.
+    """Mass properties of a link."""
 
-    Attributes:
-        mass: kg.
-        com: (3,) centre of mass in the link frame, m.
-        inertia: (3, 3) about the centre of mass in the link's axes, kg·m².
-    """
-
-    mass: float
-    com: Array
-    inertia: Array
+    mass: float  # kg
+    com: Array  # (3,) centre of mass in the link frame, m
+    inertia: Array  # (3, 3) about the centre of mass in the link's axes, kg·m²
 
     @property
     def pi(self) -> Array:
         """(10,) π, inertia about the link origin."""
-        return _flat(inertia.pi_from_com(self.mass, ca.DM(self.com), ca.DM(self.inertia)))
+        pi = inertia.pi_from_com(self.mass, ca.DM(self.com), ca.DM(self.inertia))
+        return np.asarray(ca.DM(pi), dtype=float).ravel()
 
     @property
     def pseudo_inertia(self) -> Array:
@@ -136,33 +124,21 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """A joint with its numbers as written; None where the file gives none.
-
-    Attributes:
-        name: of the joint.
-        kind: revolute, continuous, prismatic, fixed, …
-        parent, child: names of links.
-        offset, rotation: frame at q = 0 in the parent link's frame, m.
-        axis: (3,) in the joint frame.
-        lower, upper: rad or m.
-        velocity, effort: rad/s or m/s, N·m or N.
-        damping, friction: N·m·s/rad or N·s/m, N·m or N.
-        has_effort: False if the format has no effort and velocity limits.
-    """
+    """A joint with its numbers as written; None where the file gives none."""
 
     name: str
-    kind: str
-    parent: str
+    kind: str  # revolute, continuous, prismatic, fixed, …
+    parent: str  # parent, child: names of links
     child: str
-    offset: Array
-    axis: Array
-    lower: float | None = None
+    offset: Array  # offset, rotation: frame at q = 0 in the parent link's frame, m
+    axis: Array  # (3,) in the joint frame
+    lower: float | None = None  # lower, upper: rad or m
     upper: float | None = None
-    velocity: float | None = None
+    velocity: float | None = None  # velocity, effort: rad/s or m/s, N·m or N
     effort: float | None = None
-    damping: float | None = None
+    damping: float | None = None  # damping, friction: N·m·s/rad or N·s/m, N·m or N
     friction: float | None = None
-    has_effort: bool = True
+    has_effort: bool = True  # False if the format has no effort and velocity limits
     rotation: Array = field(default_factory=lambda: np.eye(3))
 
     @property
@@ -204,7 +180,3 @@ class Model:
             reached.append(here)
             pending += [j.child for j in self.children(here) if not (rigid and j.moves)]
         return [name for name in reached if name in self.links]
-
-
-def _flat(matrix: ca.DM) -> Array:
-    return np.asarray(ca.DM(matrix), dtype=float).ravel()

@@ -9,7 +9,6 @@ the file are checked.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -20,7 +19,7 @@ import pinocchio
 from symgen.chain.document import Document, numbers, parse
 from symgen.errors import UrdfError
 from symgen.inspect.model import ERROR, Array, Body, Finding, Joint, Link, Model, Shape
-from symgen.sources.compiled_mjcf import compile_mjcf
+from symgen.sources.compiled_mjcf import compile_mjcf, rotation_of
 
 _SIZES = {
     "box": (("size", 3),),
@@ -83,8 +82,8 @@ class _Reader:
             lacks = "<mass>" if mass is None else "<inertia>"
             self.fault("incomplete", where, f"an <inertial> without {lacks}", "expected both")
             return None
-        m = self.number(mass, "value", where, "mass", None)
-        entries = [self.number(tensor, key, where, f"inertia {key}", None) for key in _ENTRIES]
+        m = self.number(mass, "value", where, "mass")
+        entries = [self.number(tensor, key, where, f"inertia {key}") for key in _ENTRIES]
         place = self.placement(inertial, where)
         if m is None or place is None or any(x is None for x in entries):
             return None
@@ -135,36 +134,16 @@ class _Reader:
         if axis_node is not None:
             read = self.numbers(axis_node, "xyz", 3, where, "axis", axis)
             axis = axis if read is None else read
-        values: dict[str, float | None] = {}
+        values: dict[str, Any] = {}
         for tag, keys in (
             ("limit", ("lower", "upper", "velocity", "effort")),
             ("dynamics", ("damping", "friction")),
         ):
             node = element.find(tag)
             for key in keys:
-                is_given = node is not None and key in node.attrib
-                values[key] = (
-                    self.number(node, key, where, f"{tag} {key}", None)
-                    if is_given and node is not None
-                    else None
-                )
-        return [
-            Joint(
-                name,
-                kind,
-                parent,
-                child,
-                place[1],
-                axis,
-                lower=values["lower"],
-                upper=values["upper"],
-                velocity=values["velocity"],
-                effort=values["effort"],
-                damping=values["damping"],
-                friction=values["friction"],
-                rotation=place[0],
-            )
-        ]
+                if node is not None and key in node.attrib:
+                    values[key] = self.number(node, key, where, f"{tag} {key}")
+        return [Joint(name, kind, parent, child, place[1], axis, rotation=place[0], **values)]
 
     def placement(self, element: Element, where: str) -> tuple[Array, Array] | None:
         node = element.find("origin")
@@ -189,10 +168,8 @@ class _Reader:
         self.fault("unreadable", where, observed, f"expected numbers in SI units, below {HUGE:g}")
         return None
 
-    def number(
-        self, node: Element, key: str, where: str, what: str, default: Array | None
-    ) -> float | None:
-        values = self.numbers(node, key, 1, where, what, default)
+    def number(self, node: Element, key: str, where: str, what: str) -> float | None:
+        values = self.numbers(node, key, 1, where, what, None)
         return None if values is None else float(values[0])
 
     def _caught(self, read: Callable[[], Array], where: str, what: str) -> Array | None:
@@ -214,7 +191,7 @@ def read_mjcf(path: Path) -> Model:
         )
         note = "inertias that MuJoCo infers from geoms are unknown: only written ones are read"
         links, unread = _readable({b["name"]: _written(b) for b in compiled.bodies})
-        joints = tuple(_written_joint(j, mujoco) for j in compiled.joints)
+        joints = tuple(_joint(_kind(j.pop("kind"), mujoco), **j) for j in compiled.joints)
         return Model(compiled.name, "MJCF", links, joints, (finding, *unread), (note,))
     links, all_joints = _compiled(compiled.model, mujoco)
     links, unread = _readable(links)
@@ -241,61 +218,46 @@ def _compiled(model: Any, mujoco: Any) -> tuple[dict[str, Link], tuple[Joint, ..
     links, joints = {}, []
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
     for k in range(1, model.nbody):
-        rotation = _rotation(model.body_iquat[k], mujoco)
+        rotation = rotation_of(model.body_iquat[k])
         tensor = rotation @ np.diag(model.body_inertia[k]) @ rotation.T
         body = Body(float(model.body_mass[k]), model.body_ipos[k].copy(), (tensor + tensor.T) / 2)
         links[names[k]] = Link(names[k], None if body.is_empty else body)
         parent = names[model.body_parentid[k]]
         first, count = model.body_jntadr[k], model.body_jntnum[k]
+        place = {"parent": parent, "child": names[k], "offset": model.body_pos[k]}
         if count == 0:
-            turned = _rotation(model.body_quat[k], mujoco)
-            fixed = _joint(f"{names[k]} (fixed)", "fixed", parent, names[k], model.body_pos[k])
-            joints.append(replace(fixed, rotation=turned))
+            turned = rotation_of(model.body_quat[k])
+            joints.append(_joint("fixed", name=f"{names[k]} (fixed)", rotation=turned, **place))
         for j in range(first, first + count):
-            dof, kind = model.jnt_dofadr[j], _kind(model.jnt_type[j], mujoco)
-            limited = bool(model.jnt_limited[j])
-            turns = kind == "revolute" and not limited
+            dof = model.jnt_dofadr[j]
             joints.append(
                 _joint(
-                    model.joint(j).name or f"joint {j}",
-                    "continuous" if turns else kind,
-                    parent,
-                    names[k],
-                    model.body_pos[k],
-                    model.jnt_axis[j],
-                    limits=model.jnt_range[j] if limited else None,
+                    _kind(model.jnt_type[j], mujoco),
+                    name=model.joint(j).name or f"joint {j}",
+                    axis=model.jnt_axis[j],
+                    limits=model.jnt_range[j] if model.jnt_limited[j] else None,
                     damping=float(model.dof_damping[dof].min()),
                     friction=float(model.dof_frictionloss[dof]),
+                    **place,
                 )
             )
     return links, tuple(joints)
 
 
 def _joint(
-    name: str,
-    kind: str,
-    parent: str,
-    child: str,
-    offset: Any,
-    axis: Any = (0.0, 0.0, 1.0),
-    limits: Any = None,
-    damping: float | None = None,
-    friction: float | None = None,
+    kind: str, offset: Any, axis: Any = (0.0, 0.0, 1.0), limits: Any = None, **rest: Any
 ) -> Joint:
+    """A joint of MJCF, which states no limits of effort; a hinge without limits is continuous."""
     lower, upper = (None, None) if limits is None else map(float, limits)
     place = np.array(offset, dtype=float)
     return Joint(
-        name,
-        kind,
-        parent,
-        child,
-        np.where(np.isfinite(place), place, 0.0),
-        np.array(axis, dtype=float),
+        kind="continuous" if kind == "revolute" and limits is None else kind,
+        offset=np.where(np.isfinite(place), place, 0.0),
+        axis=np.array(axis, dtype=float),
         lower=lower,
         upper=upper,
-        damping=damping,
-        friction=friction,
         has_effort=False,
+        **rest,
     )
 
 
@@ -305,19 +267,7 @@ def _kind(code: int, mujoco: Any) -> str:
     return names.get(int(code), "floating")
 
 
-def _rotation(quaternion: Any, mujoco: Any) -> np.ndarray:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
-    return matrix.reshape(3, 3)
-
-
 def _written(body: dict[str, Any]) -> Link:
     if body["mass"] is None:
         return Link(body["name"])
     return Link(body["name"], Body(body["mass"], np.array(body["com"]), np.array(body["inertia"])))
-
-
-def _written_joint(joint: dict[str, Any], mujoco: Any) -> Joint:
-    kind = _kind(joint.pop("kind"), mujoco)
-    turns = kind == "revolute" and joint["limits"] is None
-    return _joint(kind="continuous" if turns else kind, **joint)

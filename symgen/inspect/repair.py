@@ -47,18 +47,12 @@ _WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repair:
-    """Changed bodies.
+    """Changed bodies."""
 
-    Attributes:
-        bodies: link → body, only for links that changed.
-        torque_change: ‖Δτ‖ / ‖τ‖ at random states, each joint relative to its own torque; 0 if
-            kept.
-        kept: True if the base parameters are those of the file.
-    """
-
-    bodies: dict[str, Body]
+    bodies: dict[str, Body]  # link → body, only for links that changed
+    # ‖Δτ‖ / ‖τ‖ at random states, each joint relative to its own torque; 0 if kept
     torque_change: float
-    kept: bool
+    kept: bool  # True if the base parameters are those of the file
 
 
 def repair(model: Model, base: SampledBase | None) -> Repair:

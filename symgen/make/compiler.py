@@ -118,14 +118,6 @@ class Compilation:
     """Compilation of the files of a folder on all cores, each as soon as it is written.
 
     Leaving the context waits for running commands and cancels the others.
-
-    Args:
-        folder: where the sources are or will be, and where objects are written.
-        how: from `how_to_compile`.
-        wanted: as in `compile_library`.
-
-    Raises:
-        CompilerError: no compiler, or an unsupported level is requested.
     """
 
     def __init__(self, folder: Path, how: dict[str, Any], wanted: Sequence[str] = ()) -> None:

@@ -148,10 +148,7 @@ def _middle(joint: Joint) -> float:
 def within_couplings(
     chain: Chain, coupling: Coupling, usual: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """A home at which coupled joints have room to both sides.
-
-    usual (n,) [rad, m] → (n,) [rad, m].
-    """
+    """A home (n,) [rad, m] at which coupled joints have room to both sides."""
     # A joint with one master has already narrowed the range of that one.
     rows = [
         k

@@ -17,7 +17,7 @@ from msgspec import to_builtins
 from symgen.chain import Chain, Joint
 from symgen.chain.assumed_bodies import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDER, PLACEHOLDER_MASS
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
-from symgen.chain.model import FLOATING, Frame
+from symgen.chain.model import FLOATING, Frame, Tip
 from symgen.collision.distance import moving
 from symgen.collision.model import tables_from_collision
 from symgen.errors import BuildError, InertiaError
@@ -80,11 +80,7 @@ def model_facts(
     return extra | {
         "base": WORLD if chain.floating else chain.base,
         "tip": chain.tip.link,
-        "tip_frame": {
-            "link": chain.joints[chain.tip.joint].link,
-            "rotation": [list(row) for row in chain.tip.rotation],
-            "translation": list(chain.tip.translation),
-        },
+        "tip_frame": _frame_facts(chain, chain.tip),
         "gravity": list(chain.gravity),
         "joints": [_joint_facts(joint) for joint in chain.coordinates],
         "home": list(home_of(chain, config)),
@@ -148,7 +144,7 @@ def _mechanism_facts(chain: Chain) -> dict[str, Any]:
     return facts
 
 
-def _frame_facts(chain: Chain, frame: Frame) -> dict[str, Any]:
+def _frame_facts(chain: Chain, frame: Frame | Tip) -> dict[str, Any]:
     return {
         "link": chain.base if frame.joint < 0 else chain.joints[frame.joint].link,
         "rotation": [list(row) for row in frame.rotation],

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio
 
 from symgen.chain import ChainOptions
+from symgen.chain.document import add_inertial, add_joint, words
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.make.compiler import levels_of_processor
@@ -23,7 +24,6 @@ from symgen.make.pipeline import build as build_request
 from symgen.make.request import BuildRequest
 from symgen.sources import Source, read_source, with_springs_of_file
 from symgen.sources.mjcf import robot_of_compiled
-from symgen.sources.urdf_elements import add_inertial, add_joint, words
 
 UNLIMITED = 1e9
 """Limits from here on are none: libraries write the largest number."""

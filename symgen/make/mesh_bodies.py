@@ -11,22 +11,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from msgspec import Meta
 
 from runtime.common.records import record_from_toml
 from symgen.chain.assumed_bodies import require_bare
-from symgen.chain.document import Document, numbers, origin
+from symgen.chain.document import Document, add_inertial, numbers, origin
 from symgen.errors import BuildError, UrdfError
-from symgen.inspect.geometry import is_sound
+from symgen.inspect.geometry import LARGEST_MESH, is_sound
 from symgen.sources import Packages
 
 DEFAULT = "default"
 """Key of the density of all links that the file does not name."""
-LARGEST_MESH = 200 * 2**20
-"""Largest size of a mesh file that is read, bytes."""
 _MERGED = 1e-6
 """Distance of two corners that are one, over the size of the mesh: STL repeats them in single
 precision."""
@@ -148,10 +146,7 @@ def _loaded(path: Path, scale: Array, link: str) -> tuple[Array, Array]:
             f"cannot read the mesh '{path}' of link '{link}': {' '.join(str(error).split())}; "
             "correct its name, or give --settings package=DIR"
         ) from None
-    triangles = [
-        [triangle[k] for k in range(3)]
-        for triangle in map(model.tri_indices, range(model.num_tris))
-    ]
+    triangles = [[t[0], t[1], t[2]] for t in map(model.tri_indices, range(model.num_tris))]
     return np.array(model.vertices()), np.array(triangles, dtype=np.intp).reshape(-1, 3)
 
 
@@ -161,12 +156,4 @@ def _write(link: Element, density: float, parts: Sequence[Moments]) -> None:
     centre = np.sum([part.first for part in parts], axis=0) / volume
     second = np.sum([part.second for part in parts], axis=0) - volume * np.outer(centre, centre)
     inertia = density * (np.trace(second) * np.eye(3) - second)
-    node = SubElement(link, "inertial")
-    node.append(Element("origin", {"xyz": " ".join(f"{x:.17g}" for x in centre)}))
-    node.append(Element("mass", {"value": f"{density * volume:.17g}"}))
-    entries = {
-        f"i{'xyz'[i]}{'xyz'[k]}": f"{inertia[i, k] + 0.0:.17g}"
-        for i in range(3)
-        for k in range(i, 3)
-    }
-    node.append(Element("inertia", entries))
+    add_inertial(link, density * volume, centre, inertia)

@@ -34,7 +34,6 @@ from symgen.make.compiler import (
     PORTABLE,
     REFERENCE,
     Compilation,
-    Compiled,
     how_to_compile,
     level_names,
 )
@@ -232,7 +231,8 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
 
         files = _emitted(request, draft, early).files
         _write_files(staging, {name: files[name] for name in files if name not in started})
-        compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
+        sources = [name for kind in _KINDS for name in kind if name in files]
+        compiled = compilation.finish(sources, staging / f"lib{request.name}.so")
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),
@@ -249,10 +249,6 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
 def _write_files(staging: Path, files: Mapping[str, str]) -> None:
     for name, text in files.items():
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
-
-
-def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) -> Compiled:
-    return compilation.finish([name for kind in _KINDS for name in kind if name in files], library)
 
 
 @contextmanager

@@ -20,24 +20,14 @@ from symgen.make.config import CONFIG_KEYS, RobotConfig, config_from_table, read
 
 @dataclass(frozen=True, slots=True)
 class BuildRequest:
-    """Everything that decides the bytes of a generated folder.
+    """Everything that decides the bytes of a generated folder."""
 
-    Attributes:
-        name: folder and prefix of the C functions: a-z, 0-9, _.
-        urdf: text of the URDF.
-        options: changes to the URDF.
-        config: what a URDF does not contain: home, further limits, proxies.
-        project: True replaces inconsistent inertias by the nearest consistent ones.
-
-    Raises:
-        BuildError: the name is not a C prefix.
-    """
-
-    name: str
-    urdf: str
-    options: ChainOptions = field(default_factory=ChainOptions)
+    name: str  # folder and prefix of the C functions: a-z, 0-9, _
+    urdf: str  # text of the URDF
+    options: ChainOptions = field(default_factory=ChainOptions)  # changes to the URDF
+    # what a URDF does not contain: home, further limits, proxies
     config: RobotConfig = field(default_factory=RobotConfig)
-    project: bool = False
+    project: bool = False  # True replaces inconsistent inertias by the nearest consistent ones
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):

@@ -13,13 +13,7 @@ import casadi as ca
 
 from symgen.errors import InertiaError
 from symgen.kernel import Matrix
-from symgen.mechanics.spatial import (
-    exp_so3,
-    log_so3,
-    skew,
-    so3_coefficients,
-    symmetric_eigen,
-)
+from symgen.mechanics.spatial import exp_so3, log_so3, so3_coefficients, symmetric_eigen
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 PI_UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
@@ -68,7 +62,7 @@ def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
 
 def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
     """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30)."""
-    return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
+    return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(ca.skew(com), ca.skew(com)))
 
 
 def in_parent_frame(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassMoments:
@@ -94,14 +88,11 @@ def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """m, c and I_com = I + m [c×]² (Eq. 4.20, errata)."""
     mass, moment, inertia = mass_moment_inertia(pi)
     com = moment / mass
-    return mass, com, inertia + mass * ca.mtimes(skew(com), skew(com))
+    return mass, com, inertia + mass * ca.mtimes(ca.skew(com), ca.skew(com))
 
 
 def pi_from_lam(lam: Matrix) -> Matrix:
-    """π from λ: m = e^μ, I_com = R diag(b²+c², c²+a², a²+b²) Rᵀ, I = I_com − m [c×]².
-
-    Source: Eqs. 4.25–4.31.
-    """
+    """π from λ: m = e^μ, I_com = R diag(b²+c², c²+a², a²+b²) Rᵀ, I = I_com − m [c×]²."""
     mass, com, rotation = ca.exp(lam[0]), lam[1:4], exp_so3(lam[4:7])
     a2, b2, c2 = lam[7] ** 2, lam[8] ** 2, lam[9] ** 2
     moments = ca.diag(ca.vertcat(b2 + c2, c2 + a2, a2 + b2))
@@ -179,7 +170,7 @@ def lam_from_pi(pi: Matrix) -> Matrix:
 def spatial_inertia(lam: Matrix) -> Matrix:
     """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], (6, 6), linear part first (Eq. 4.14, errata)."""
     mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
-    h = skew(moment)
+    h = ca.skew(moment)
     return ca.vertcat(ca.horzcat(mass * ca.DM.eye(3), h.T), ca.horzcat(h, inertia))
 
 
@@ -254,10 +245,7 @@ def cholesky_from_pi(pi: Matrix) -> Matrix:
 
 
 def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
-    """π with the eigenvalues of Σ_com raised to a floor: the nearest such matrix (Frobenius).
-
-    Mass and centre of mass are kept.
-    """
+    """π with the eigenvalues of Σ_com raised to a floor (nearest by Frobenius), m and c kept."""
     mass, com, rotation, sigma, _ = principal_sigma(pi)
     least = floor * sum(ca.fmax(sigma[i], 0) for i in range(3)) + mass * THINNEST**2
     s = [ca.fmax(sigma[i], least) for i in range(3)]

@@ -93,6 +93,19 @@ def joint_poses(chain: Chain, q: Matrix) -> list[Pose]:
     return [joint_pose(joint, x) for joint, x in zip(chain.joints, positions, strict=True)]
 
 
+def frames_in_base(chain: Chain, q: Matrix) -> list[Pose]:
+    """Pose of every joint's frame in the base frame, with the axis of the joint there."""
+    placed: list[Pose] = []
+    for joint, pose in zip(chain.joints, joint_poses(chain, q), strict=True):
+        rotation, origin = pose.rotation, pose.translation
+        if joint.parent >= 0:
+            before = placed[joint.parent]
+            origin = before.translation + ca.mtimes(before.rotation, origin)
+            rotation = ca.mtimes(before.rotation, rotation)
+        placed.append(Pose(rotation, origin, ca.mtimes(rotation, pose.axis)))
+    return placed
+
+
 def end_effector(chain: Chain, q: Matrix) -> Matrix:
     """Pose [R p; 0 1] of the tip frame in the base frame, (4, 4)."""
     frames = joint_poses(chain, q)
@@ -126,39 +139,28 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
     v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
     base, with a free base in axes of the world.
     """
-    poses = joint_poses(chain, q)
-    rotations: list[Matrix] = []
-    origins: list[Matrix] = []
-    for i, joint in enumerate(chain.joints):
-        pose = poses[i]
-        if joint.parent >= 0:
-            before = rotations[joint.parent]
-            origins.append(origins[joint.parent] + ca.mtimes(before, pose.translation))
-            rotations.append(ca.mtimes(before, pose.rotation))
-        else:
-            origins.append(pose.translation)
-            rotations.append(pose.rotation)
-    axes = [ca.mtimes(r, ca.DM(j.axis)) for r, j in zip(rotations, chain.joints, strict=True)]
-    frames = list(enumerate(origins))
+    poses = frames_in_base(chain, q)
+    frames = [(k, pose.translation) for k, pose in enumerate(poses)]
+    tip = ca.SX(3, 1)  # where no joint moves it
     if chain.tip.joint >= 0:
-        offset = ca.mtimes(rotations[chain.tip.joint], ca.DM(chain.tip.translation))
-        frames.append((chain.tip.joint, origins[chain.tip.joint] + offset))
-    else:  # a tip that no joint moves
-        frames.append((-1, ca.SX(3, 1)))
+        last = poses[chain.tip.joint]
+        tip = last.translation + ca.mtimes(last.rotation, ca.DM(chain.tip.translation))
+    frames.append((chain.tip.joint, tip))
     blocks = []
     first = BASE_FREEDOM - 1 if chain.floating else 0  # joint k has column first + k
-    for last, origin in frames:
-        jacobian, k = ca.SX(6, first + len(chain.joints)), last
+    for moved, origin in frames:
+        jacobian, k = ca.SX(6, first + len(chain.joints)), moved
         while k >= 0:
-            kind, lever = chain.joints[k].kind, origin - origins[k]
+            kind, pose = chain.joints[k].kind, poses[k]
+            lever = origin - pose.translation
             if kind == FLOATING:  # v = R v_b + (R ω_b) × lever, ω = R ω_b
-                jacobian[:3, :3] = jacobian[3:, 3:BASE_FREEDOM] = rotations[k]
-                jacobian[:3, 3:BASE_FREEDOM] = -ca.mtimes(ca.skew(lever), rotations[k])
+                jacobian[:3, :3] = jacobian[3:, 3:BASE_FREEDOM] = pose.rotation
+                jacobian[:3, 3:BASE_FREEDOM] = -ca.mtimes(ca.skew(lever), pose.rotation)
             elif kind == "prismatic":
-                jacobian[:3, first + k] = axes[k]
+                jacobian[:3, first + k] = pose.axis
             else:
-                jacobian[:3, first + k] = ca.cross(axes[k], lever)
-                jacobian[3:, first + k] = axes[k]
+                jacobian[:3, first + k] = ca.cross(pose.axis, lever)
+                jacobian[3:, first + k] = pose.axis
             k = chain.joints[k].parent
         blocks.append(independent_forces(chain, q, jacobian.T).T)  # J A of coupled joints
     return ca.vertcat(*blocks)

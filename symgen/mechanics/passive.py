@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from symgen.chain import Chain
+from symgen.chain.coupling import require_joints
 from symgen.chain.document import listing
 from symgen.chain.mechanism import KnownTorque, Spring
 from symgen.errors import UrdfError
@@ -92,11 +93,7 @@ def _row(chain: Chain, of: dict[str, float]) -> np.ndarray:
 
 def _index(chain: Chain, name: str) -> int:
     names = [joint.name for joint in chain.joints]
-    if name not in names:
-        raise UrdfError(
-            f"the mechanism names the joint '{name}', which does not move in this robot; its "
-            f"moving joints are {listing(names)}"
-        )
+    require_joints([name], names, "the mechanism")
     return names.index(name)
 
 

@@ -29,16 +29,11 @@ class Pose:
     axis: Matrix
 
 
-def skew(v: Matrix) -> Matrix:
-    """[v×], the matrix with [v×] w = v × w (Eq. 2.3)."""
-    return ca.skew(v)
-
-
 def exp_so3(omega: Matrix) -> Matrix:
     """R = I + A [ω×] + B [ω×]² (Eq. 2.7), with the coefficients of `so3_coefficients`."""
     a, b, _ = so3_coefficients(omega)
     cosine = 1 - b * ca.dot(omega, omega)
-    rotation = ca.diag(ca.vertcat(cosine, cosine, cosine)) + a * skew(omega)
+    rotation = ca.diag(ca.vertcat(cosine, cosine, cosine)) + a * ca.skew(omega)
     for i in range(3):
         for j in range(i + 1):
             product = b * (omega[i] * omega[j])  # of [ω×]² = ω ωᵀ − θ² 1, once for both places
@@ -106,7 +101,7 @@ def log_so3(rotation: Matrix) -> Matrix:
 def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
     """Rodrigues' rotation about a constant unit axis; zeros of the axis stay structural zeros."""
     s, c = ca.sin(angle), ca.cos(angle)
-    return ca.DM.eye(3) * c + skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
+    return ca.DM.eye(3) * c + ca.skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
 
 
 def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:

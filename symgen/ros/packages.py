@@ -27,20 +27,12 @@ _NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 @dataclass(frozen=True, slots=True)
 class Packages:
-    """Folders in which packages are searched.
+    """Folders in which packages are searched."""
 
-    Attributes:
-        folders: folder of a package, or a folder that holds packages.
-    """
-
-    folders: tuple[Path, ...] = ()
+    folders: tuple[Path, ...] = ()  # folder of a package, or a folder that holds packages
 
     def folder(self, name: str) -> Path:
-        """Folder of a package.
-
-        Raises:
-            BuildError: no folder holds it, or it is no name.
-        """
+        """Folder of a package; BuildError where no folder holds it, or the name is none."""
         if not _NAME.fullmatch(name):
             raise BuildError(
                 f"'{name[:80]}' is not the name of a ROS package; "
@@ -60,11 +52,7 @@ class Packages:
         )
 
     def file(self, path: Path) -> Path:
-        """A path, or the file that `package://PACKAGE/path` names.
-
-        Raises:
-            BuildError: the package is not found.
-        """
+        """A path, or the file that `package://PACKAGE/path` names."""
         text = str(path)
         if not text.startswith(_SCHEME):
             return path

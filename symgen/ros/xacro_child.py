@@ -114,23 +114,16 @@ class _Messages(io.TextIOBase):
 
 
 class Files:
-    """Files that an expansion may read: those of its own package and of packages it names.
-
-    Attributes:
-        packages: where $(find PACKAGE) searches.
-        folders: the folders whose files may be read.
-        words: names that occur in the files that were read.
-        arguments: names of their <xacro:arg>, in the order of reading.
-    """
+    """Files that an expansion may read: those of its own package and of packages it names."""
 
     def __init__(self, path: Path, packages: Packages) -> None:
         """Allow the package of a file, or its folder where it is in none, and `packages`."""
         real = path.resolve()
-        self.packages = packages
-        self.folders = [_package_of(real) or real.parent]
+        self.packages = packages  # where $(find PACKAGE) searches
+        self.folders = [_package_of(real) or real.parent]  # whose files may be read
         self.folders += [folder.resolve() for folder in packages.folders]
-        self.words: set[str] = set()
-        self.arguments: dict[str, None] = {}
+        self.words: set[str] = set()  # names that occur in the files that were read
+        self.arguments: dict[str, None] = {}  # of their <xacro:arg>, in the order of reading
         self._names: set[str] = set()
 
     def find(self, name: str) -> str:

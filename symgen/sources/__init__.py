@@ -47,19 +47,12 @@ _ROBOTS = "share/example-robot-data/robots/"
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A robot file and what it takes to read it.
+    """A robot file and what it takes to read it."""
 
-    Attributes:
-        path: the file, or `package://PACKAGE/path`.
-        arguments: of xacro, name → value.
-        packages: where ROS packages are searched.
-        model: robot of a file that has several.
-    """
-
-    path: Path
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    packages: Packages = field(default_factory=Packages)
-    model: str | None = None
+    path: Path  # the file, or `package://PACKAGE/path`
+    arguments: Mapping[str, str] = field(default_factory=dict)  # of xacro, name → value
+    packages: Packages = field(default_factory=Packages)  # where ROS packages are searched
+    model: str | None = None  # robot of a file that has several
 
 
 def read_source(
@@ -122,17 +115,7 @@ def read_source(
 
 
 def urdf_text(path: Path) -> str:
-    """Text of a file of UTF-8.
-
-    Args:
-        path: file.
-
-    Returns:
-        Its text.
-
-    Raises:
-        BuildError: it cannot be read, or is no UTF-8 text.
-    """
+    """Text of a file of UTF-8."""
     try:
         return text_of(path)
     except UnicodeDecodeError as error:
@@ -143,19 +126,10 @@ def urdf_text(path: Path) -> str:
 
 
 def published_urdf(name: str) -> Path:
-    """URDF of a published robot.
+    """URDF of a published robot such as "panda", "talos_full_v2" or "go2".
 
     A module of robot_descriptions (`NAME` or `NAME_description`) goes first, then the files of
     example-robot-data: a URDF or a folder of this name.
-
-    Args:
-        name: such as "panda", "talos_full_v2" or "go2".
-
-    Returns:
-        Path of its URDF.
-
-    Raises:
-        BuildError: neither package is installed, or none has this robot.
     """
     module = _from_robot_descriptions(name)
     if module is not None:

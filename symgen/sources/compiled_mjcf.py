@@ -16,6 +16,8 @@ from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from runtime.common.child import ExceededError, Limits, answer_of
 from runtime.common.files import LARGEST_DOCUMENT
 from symgen.errors import BuildError
@@ -73,6 +75,15 @@ def compile_mjcf(path: Path, limits: Limits = LIMITS) -> CompiledMjcf:
             written = tuple(answer["bodies"]), tuple(answer["joints"])
             return CompiledMjcf(name, None, (), answer["reason"], *written)
         return CompiledMjcf(name, mujoco.MjModel.from_binary_path(str(out)), tuple(answer["notes"]))
+
+
+def rotation_of(quaternion: Any) -> np.ndarray:
+    """Rotation of a quaternion (w, x, y, z), as MuJoCo computes it."""
+    import mujoco
+
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
+    return matrix.reshape(3, 3)
 
 
 def require_bounded_files(path: Path) -> None:

@@ -23,13 +23,12 @@ import numpy as np
 import pinocchio
 
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.document import listing
+from symgen.chain.document import add_inertial, add_joint, listing, words
 from symgen.chain.mechanism import Loop, Mechanism
 from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
-from symgen.sources.compiled_mjcf import compile_mjcf
-from symgen.sources.springs import springs_of_mjcf
-from symgen.sources.urdf_elements import add_inertial, add_joint, words
+from symgen.sources.compiled_mjcf import compile_mjcf, rotation_of
+from symgen.sources.springs import factors_of_tendon, springs_of_mjcf
 
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
@@ -178,7 +177,7 @@ def _add_body(
     shifts: dict[int, np.ndarray],
 ) -> None:
     parent = int(model.body_parentid[body])
-    rotation = _matrix(mujoco, model.body_quat[body])
+    rotation = rotation_of(model.body_quat[body])
     place = model.body_pos[body] - shifts[parent]
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     above, anchor = names[parent], np.zeros(3)
@@ -215,7 +214,7 @@ def _add_body(
     element = SubElement(robot, "link", {"name": names[body]})
     mass = float(model.body_mass[body])
     if mass > 0:
-        turn = _matrix(mujoco, model.body_iquat[body])
+        turn = rotation_of(model.body_iquat[body])
         inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
         add_inertial(element, mass, model.body_ipos[body] - anchor, inertia)
 
@@ -250,17 +249,23 @@ def _coupling(model: Any, k: int) -> CouplingRow:
     """Row of an equality x_1 − ref_1 = c_0 + c_1 (x_2 − ref_2)."""
     first, second = (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
     name = model.joint(first).name
-    c = np.array(model.eq_data[k][:5])
-    if np.any(c[2:]):
-        raise BuildError(
-            f"the equality of joint '{name}' is a polynomial of degree 2 or more, expected a "
-            "linear one; remove it, or state [[coupling]] in a mechanism file"
-        )
+    c = _linear(model, k, f"joint '{name}'")
     offset = float(c[0] + model.qpos0[model.jnt_qposadr[first]])
     if second < 0:
         return CouplingRow(name, {}, offset)
     offset -= float(c[1] * model.qpos0[model.jnt_qposadr[second]])
     return CouplingRow(name, {model.joint(second).name: float(c[1])}, offset)
+
+
+def _linear(model: Any, k: int, what: str) -> np.ndarray:
+    """Coefficients of the polynomial of an equality, which has the degree 1."""
+    c = np.array(model.eq_data[k][:5])
+    if np.any(c[2:]):
+        raise BuildError(
+            f"the equality of {what} is a polynomial of degree 2 or more, expected a linear one; "
+            "remove it, or state [[coupling]] in a mechanism file"
+        )
+    return c
 
 
 def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> CouplingRow:
@@ -270,28 +275,21 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
     """
     first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
     name = model.tendon(first).name or f"tendon_{first}"
-    c = np.array(model.eq_data[k][:5])
-    if np.any(c[2:]):
-        raise BuildError(
-            f"the equality of tendon '{name}' is a polynomial of degree 2 or more, expected a "
-            "linear one; remove it, or state [[coupling]] in a mechanism file"
-        )
+    c = _linear(model, k, f"tendon '{name}'")
     factors: dict[str, float] = {}
     total = float(c[0])
     for tendon, share in ((first, 1.0), (second, -float(c[1]))):
         if tendon < 0:
             continue
         total += share * float(model.tendon_length0[tendon])
-        start = int(model.tendon_adr[tendon])
-        for part in range(start, start + int(model.tendon_num[tendon])):
-            if int(model.wrap_type[part]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
-                raise BuildError(
-                    f"the equality of tendon '{name}' is not one of tendons along joints; remove "
-                    "it, or state [[coupling]] in a mechanism file"
-                )
-            joint = int(model.wrap_objid[part])
-            key = model.joint(joint).name or f"joint_{joint}"
-            factors[key] = factors.get(key, 0.0) + share * float(model.wrap_prm[part])
+        along = factors_of_tendon(mujoco, model, tendon)
+        if along is None:
+            raise BuildError(
+                f"the equality of tendon '{name}' is not one of tendons along joints; remove "
+                "it, or state [[coupling]] in a mechanism file"
+            )
+        for key, factor in along.items():
+            factors[key] = factors.get(key, 0.0) + share * factor
     free = [key for key, factor in factors.items() if factor and key not in dependent]
     if not free:
         raise BuildError(
@@ -302,12 +300,6 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
     return CouplingRow(
         free[-1], {key: -f / factor for key, f in factors.items() if f}, total / factor
     )
-
-
-def _matrix(mujoco: Any, quaternion: Any) -> np.ndarray:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
-    return matrix.reshape(3, 3)
 
 
 def loop_of_equality(
@@ -325,11 +317,11 @@ def loop_of_equality(
     turn, other = np.eye(3), np.eye(3)
     if int(model.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
         (first, at, turn), (second, to, other) = (
-            (int(model.site_bodyid[s]), model.site_pos[s], _matrix(mujoco, model.site_quat[s]))
+            (int(model.site_bodyid[s]), model.site_pos[s], rotation_of(model.site_quat[s]))
             for s in (first, second)
         )
     elif kinds[kind] == "fixed":  # the pose of body 2 in body 1, of a point given in body 2
-        at, to, turn = data[3:6], data[:3], _matrix(mujoco, data[6:10])
+        at, to, turn = data[3:6], data[:3], rotation_of(data[6:10])
     else:
         at, to = data[:3], data[3:6]
     at, to = at - shifts[first], to - shifts[second]

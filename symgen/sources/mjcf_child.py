@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from runtime.common.child import serve
+from symgen.sources.compiled_mjcf import rotation_of
 
 _MISSING = "Error opening file"
 
@@ -72,9 +73,7 @@ def _body(body: Any) -> dict[str, Any]:
         xx, yy, zz, xy, xz, yz = full
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, np.array(body.iquat, dtype=float))
-        rotation = turn.reshape(3, 3)
+        rotation = rotation_of(body.iquat)
         tensor = rotation @ np.diag(body.inertia) @ rotation.T
     com = np.array(body.ipos, dtype=float)
     com = np.where(np.isfinite(com), com, 0.0)

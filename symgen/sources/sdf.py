@@ -16,12 +16,11 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.document import listing, numbers
+from symgen.chain.document import add_joint, add_origin, listing, numbers, words
 from symgen.chain.mechanism import Loop, Mechanism, Spring
 from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
 from symgen.sources.springs import spring_of_sdf
-from symgen.sources.urdf_elements import add_joint, add_origin, words
 
 _MODEL = "__model__"
 _FAR = 0.05

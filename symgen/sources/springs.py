@@ -117,6 +117,18 @@ def with_springs_of_file(
     return replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
 
 
+def factors_of_tendon(mujoco: Any, model: Any, k: int) -> dict[str, float] | None:
+    """Joint → factor of the length of a tendon along joints; None for another tendon."""
+    factors: dict[str, float] = {}
+    for part in range(model.tendon_adr[k], model.tendon_adr[k] + model.tendon_num[k]):
+        if int(model.wrap_type[part]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+            return None
+        joint = int(model.wrap_objid[part])
+        key = model.joint(joint).name or f"joint_{joint}"
+        factors[key] = factors.get(key, 0.0) + float(model.wrap_prm[part])
+    return factors
+
+
 def _of_tendon(
     mujoco: Any,
     model: Any,
@@ -130,12 +142,7 @@ def _of_tendon(
     kinds = {int(model.wrap_type[p]) for p in parts}
     low, high = (float(x) for x in model.tendon_lengthspring[k])
     if high - low <= _SAME * max(1.0, abs(high)):
-        if kinds == {int(mujoco.mjtWrap.mjWRAP_JOINT)}:
-            of: dict[str, float] = {}
-            for p in parts:
-                joint = int(model.wrap_objid[p])
-                key = model.joint(joint).name or f"joint_{joint}"
-                of[key] = of.get(key, 0.0) + float(model.wrap_prm[p])
+        if of := factors_of_tendon(mujoco, model, k):
             return Spring(_word(name), of, rest=low, stiffness=stiffness)
         if kinds == {int(mujoco.mjtWrap.mjWRAP_SITE)} and len(parts) == 2:
             sites = [int(model.wrap_objid[p]) for p in parts]

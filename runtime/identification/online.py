@@ -28,7 +28,8 @@ from runtime.identification.expected_accuracy.growth import (
     gained_by_same_motion,
     verdict,
 )
-from runtime.library import Array, ConvexTask, Library
+from runtime.library import Array, Library
+from runtime.library.compiled_descent import CompiledConvex, ConvexTask
 
 DECREMENT, MOST_STEPS = 1e-12, 50
 """Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of
@@ -248,7 +249,7 @@ class OnlineEstimator:
             np.ones(1),
             self._pi,
         )
-        (answer,) = self._lib.convex([task], DECREMENT, MOST_STEPS).run()
+        (answer,) = CompiledConvex(self._lib.binding, [task], DECREMENT, MOST_STEPS).run()
         return answer.points[0], int(answer.steps.sum()), answer.converged
 
     def _estimate_of(

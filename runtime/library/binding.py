@@ -145,21 +145,15 @@ class Binding:
             )
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
-    def function(self, name: str, *types: Any) -> Callable[..., None] | None:
-        """Function of the level other than a batch of a kernel; None if the library lacks it."""
-        function = self.of_level(name)
-        if function is not None:
-            function.argtypes, function.restype = types, None
+    def program(self, name: str, *types: Any) -> Callable[..., None]:
+        """Function of the level that works off jobs; LibraryError where the level has none."""
+        function: Callable[..., None] | None = self.of_level(name)
+        if function is None:
+            raise LibraryError(
+                f"the level '{self.level}' of '{self._manifest.robot}' has no compiled descent"
+            )
+        function.argtypes, function.restype = types, None  # type: ignore[attr-defined]
         return function
-
-    def excitation(self) -> tuple[Callable[..., float], Callable[..., int]] | None:
-        """Cost of a trajectory and the size of its work at this level; None where there is none."""
-        cost, work = self.of_level("excitation_cost"), self.of_level("excitation_work")
-        if cost is None or work is None:
-            return None
-        cost.argtypes, cost.restype = (ctypes.c_void_p,) * 3, ctypes.c_double
-        work.argtypes, work.restype = (ctypes.c_void_p,), ctypes.c_long
-        return cost, work
 
     def of_level(self, name: str) -> Any:
         """Function of the level, without types; None where the library has none."""

@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.binding import LANES, Array, padded, padded_size, zeros
+from runtime.library.binding import LANES, Array, Binding, padded, padded_size, zeros
 from runtime.library.parameters import N_PARAMETERS
 
 PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
 _GROWTH = 2.0
 
 _POINTER, _LONGS = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
+_DESCENT = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
+"""Jobs, their number, and iterations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,17 +133,21 @@ class Jobs:
 
 
 class CompiledAdam(Jobs):
-    """Descents by Adam of `Library.adam`; `run` goes on where the last call stopped."""
+    """Descents by Adam; `run` goes on where the last call stopped.
+
+    options: rate, beta1, beta2, epsilon, threshold, validate_every, patience. traces: the largest
+    number of validations per job. batch: samples per mini-batch; 0 descends on compressed data.
+    """
 
     def __init__(
         self,
-        function: Callable[..., None],
+        binding: Binding,
         problems: Sequence[AdamProblem],
         options: dict[str, float],
         traces: int,
         batch: int,
     ) -> None:
-        super().__init__(function, _AdamJob, len(problems))
+        super().__init__(binding.program("adam", *_DESCENT), _AdamJob, len(problems))
         self.training_trace = np.zeros((len(problems), traces))
         self.held_trace = np.zeros((len(problems), traces))
         self._x: list[Array] = []
@@ -179,14 +185,7 @@ class CompiledAdam(Jobs):
         rows: Sequence[NDArray[np.int64]] | None = None,
         threads: int = 1,
     ) -> None:
-        """Continue for a number of iterations.
-
-        Args:
-            iterations: steps of every job.
-            rows: per job (iterations, batch) indices of samples; None descends on the compressed
-                data.
-            threads: over which the jobs are spread.
-        """
+        """Continue all jobs; rows: indices of samples per job, (iterations, batch)."""
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
         for job, named in zip(self._jobs, kept, strict=False):
             job.rows = named.ctypes.data_as(_LONGS)
@@ -202,18 +201,22 @@ class CompiledAdam(Jobs):
 
 
 class CompiledLevenberg(Jobs):
-    """Descents of `Library.levenberg`; `run` goes on where the last call stopped."""
+    """Levenberg–Marquardt descents in λ or log-Cholesky θ; `run` continues them.
+
+    options: first_damping, step_tolerance, decrease_tolerance. traces: the largest number of
+    accepted steps per job. cholesky: x begins with θ instead of λ.
+    """
 
     def __init__(
         self,
-        function: Callable[..., None],
+        binding: Binding,
         starts: Sequence[Array],
         problems: Sequence[LeastSquares],
         options: dict[str, float],
         traces: int,
-        cholesky: bool,
+        cholesky: bool = False,
     ) -> None:
-        super().__init__(function, _LevenbergJob, len(problems))
+        super().__init__(binding.program("levenberg", *_DESCENT), _LevenbergJob, len(problems))
         self.trace = np.zeros((len(problems), traces))
         self._x: list[Array] = []
         for k, (start, problem) in enumerate(zip(starts, problems, strict=True)):
@@ -229,12 +232,7 @@ class CompiledLevenberg(Jobs):
             job.work = self._pointer(zeros(scratch))
 
     def run(self, iterations: int, threads: int = 1) -> None:
-        """Continue for a number of iterations.
-
-        Args:
-            iterations: steps of every job.
-            threads: over which the jobs are spread.
-        """
+        """Continue all jobs for a number of iterations."""
         self._run(threads, iterations)
 
     def x(self, index: int) -> Array:
@@ -298,15 +296,15 @@ class _ConvexJob(ctypes.Structure):
 
 
 class CompiledConvex(Jobs):
-    """Estimators of `Library.convex`; every call of `run` solves them all anew."""
+    """Convex estimators; every call of `run` solves them all anew.
+
+    tolerance: of the Newton decrement, in units of the smallest γ · share. most_steps: per γ.
+    """
 
     def __init__(
-        self,
-        function: Callable[..., None],
-        tasks: Sequence[ConvexTask],
-        tolerance: float,
-        most_steps: int,
+        self, binding: Binding, tasks: Sequence[ConvexTask], tolerance: float, most_steps: int
     ) -> None:
+        function = binding.program("convex", ctypes.c_void_p, ctypes.c_long)
         super().__init__(function, _ConvexJob, len(tasks))
         self._starts: list[Array] = []
         self._answers: list[tuple[Array, Array, Array, NDArray[np.int64]]] = []

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.library.binding import LANES, Array, padded_size, zeros
+from runtime.library.binding import LANES, Array, Binding, padded_size, zeros
 
 _ADDRESS, _LONG = ctypes.c_void_p, ctypes.c_long
 
@@ -96,24 +96,23 @@ class _CostJob(ctypes.Structure):
     ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ExcitationFunctions:
-    """`excitation_cost` and `excitation_work` of one level."""
-
-    cost: Callable[..., float]
-    work: Callable[..., int]
-
-
 class CompiledExcitation:
     """log cond W̄_b and its gradient in a; threads may share it, each has its own work."""
 
-    def __init__(self, functions: ExcitationFunctions, home: Array, basis: Array) -> None:
+    def __init__(self, cost: Any, work: Any, home: Array, basis: Array) -> None:
         """Take home (n,) [rad, m] and basis (N, M, 3), φ, φ', φ'' at the samples."""
-        self._functions = functions
+        self._cost = _typed(cost, ctypes.c_double, *(_ADDRESS,) * 3)
+        self._work = _typed(work, _LONG, _ADDRESS)
         self._home = np.array(home, dtype=float)
         self._samples, self._harmonics, _ = basis.shape
         self._basis = tiled(basis)
         self._local = threading.local()
+
+    @classmethod
+    def of(cls, binding: Binding, home: Array, basis: Array) -> "CompiledExcitation | None":
+        """The cost of the level; None where the level has none."""
+        cost, work = binding.of_level("excitation_cost"), binding.of_level("excitation_work")
+        return None if cost is None or work is None else cls(cost, work, home, basis)
 
     def value(self, coefficients: Array) -> float:
         """The cost alone; coefficients (n, M)."""
@@ -131,7 +130,7 @@ class CompiledExcitation:
     def _workplace(self, coefficients: Array) -> "_Workplace":
         place = getattr(self._local, "place", None)
         if place is None:
-            place = self._local.place = _Workplace(self._functions, self._job())
+            place = self._local.place = _Workplace(self._cost, self._work, self._job())
             place.keep(np.zeros((len(self._home), self._harmonics)))
         place.coefficients[...] = coefficients
         return place
@@ -145,9 +144,9 @@ class CompiledExcitation:
 class _Workplace:
     """Arrays that one thread writes to; their addresses are looked up once."""
 
-    def __init__(self, functions: ExcitationFunctions, job: _CostJob) -> None:
-        self.job, self._cost = job, functions.cost
-        self._work = zeros(functions.work(ctypes.byref(job)))
+    def __init__(self, cost: Any, work: Any, job: _CostJob) -> None:
+        self.job, self._cost = job, cost
+        self._work = zeros(work(ctypes.byref(job)))
         job.work = _pointer(self._work)
 
     def keep(self, like: Array) -> None:
@@ -161,7 +160,7 @@ class _Workplace:
 
     def run(self, slope: bool) -> float:
         job, a, gradient = self._arguments
-        return self._cost(job, a, gradient if slope else None)
+        return float(self._cost(job, a, gradient if slope else None))
 
 
 def tiled(basis: Array) -> Array:
@@ -220,11 +219,15 @@ class ClosedLoopController:
 
 
 class CompiledClosedLoop:
-    """A simulation of `Library.closed_loop`; `run` goes on where the last call stopped."""
+    """A plant under its controller; `run` goes on where the last call stopped.
+
+    reference: q_d, dq_d, ddq_d per period [s], (N, 3, n). substeps: of the plant per period.
+    noise: on the measured q and dq, (N, 2, n).
+    """
 
     def __init__(
         self,
-        function: Callable[..., None],
+        binding: Binding,
         body: ClosedLoopPlant,
         law: ClosedLoopController,
         reference: Array,
@@ -232,7 +235,7 @@ class CompiledClosedLoop:
         substeps: int,
         noise: Array | None = None,
     ) -> None:
-        self._function = function
+        self._function = binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
         count, _, n = reference.shape
         self._count = count
         self.log = np.zeros((count, 5, n))

@@ -1,11 +1,8 @@
 """A robot by name or folder, and one typed NumPy method per kernel of it."""
 
-import ctypes
 import os
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,22 +10,7 @@ from runtime.common.files import sha256_of
 from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
-from runtime.library.compiled_descent import (
-    AdamProblem,
-    CompiledAdam,
-    CompiledConvex,
-    CompiledLevenberg,
-    ConvexTask,
-    LeastSquares,
-)
-from runtime.library.compiled_programs import (
-    ClosedLoopController,
-    ClosedLoopPlant,
-    CompiledClosedLoop,
-    CompiledExcitation,
-    CompiledStatistics,
-    ExcitationFunctions,
-)
+from runtime.library.compiled_programs import CompiledStatistics
 from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_kernels import BodyKernels, JointKernels
 from runtime.library.manifest import read_manifest
@@ -55,10 +37,6 @@ class Library(
         self.manifest = read_manifest(folder / "manifest.json")
         self.binding = Binding(folder, self.manifest, level, threads)
         self.level, self.levels = self.binding.level, self.binding.levels
-        job = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
-        self._adam = self.binding.function("adam", *job)
-        self._levenberg = self.binding.function("levenberg", *job)
-        self._convex = self.binding.function("convex", ctypes.c_void_p, ctypes.c_long)
         m = self.manifest
         self.compiled_statistics = (
             CompiledStatistics(
@@ -139,119 +117,10 @@ class Library(
         except OSError:
             raise LibraryError(f"'{path}' is missing; run: python -m symgen build") from None
 
-    # --- programs in C: descents, convex estimators, excitation -------------------------------
-
     @property
     def descends(self) -> bool:
-        """Whether this level holds the loops of `adam` and `levenberg`."""
-        return self._adam is not None
-
-    def adam(
-        self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
-    ) -> CompiledAdam:
-        """Compiled descents by Adam.
-
-        Args:
-            problems: one per job.
-            options: rate, beta1, beta2, epsilon, threshold, validate_every, patience.
-            traces: largest number of validations per job.
-            batch: samples per mini-batch; 0 descends on the compressed training data.
-
-        Returns:
-            Jobs that `run` continues.
-
-        Raises:
-            LibraryError: this level has no compiled descent.
-        """
-        return CompiledAdam(self._needed(self._adam), problems, options, traces, batch)
-
-    def levenberg(
-        self,
-        starts: Sequence[Array],
-        problems: Sequence[LeastSquares],
-        options: dict[str, float],
-        traces: int,
-        cholesky: bool = False,
-    ) -> CompiledLevenberg:
-        """Compiled Levenberg–Marquardt descents, in λ or log-Cholesky θ.
-
-        Args:
-            starts: first point x of each job.
-            problems: one per job.
-            options: first_damping, step_tolerance, decrease_tolerance.
-            traces: largest number of accepted steps per job.
-            cholesky: x begins with θ instead of λ.
-
-        Returns:
-            Jobs that `run` continues.
-
-        Raises:
-            LibraryError: this level has no compiled descent.
-        """
-        run = self._needed(self._levenberg)
-        return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
-
-    def convex(
-        self, tasks: Sequence[ConvexTask], tolerance: float, most_steps: int
-    ) -> CompiledConvex:
-        """Compiled convex estimators.
-
-        Args:
-            tasks: one per job.
-            tolerance: of the Newton decrement, in units of the smallest γ · share.
-            most_steps: largest number of Newton steps per γ.
-
-        Returns:
-            Jobs that `run` solves.
-
-        Raises:
-            LibraryError: this level has no compiled estimators.
-        """
-        return CompiledConvex(self._needed(self._convex), tasks, tolerance, most_steps)
-
-    def _needed(self, function: Callable[..., None] | None) -> Callable[..., None]:
-        if function is None:
-            raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
-        return function
-
-    def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
-        """Compiled log cond W̄_b of a trajectory and its gradient.
-
-        Args:
-            home: (n,) joint positions at the ends [rad, m].
-            basis: (N, M, 3) φ, φ', φ'' at the samples.
-
-        Returns:
-            None where this level has none.
-        """
-        functions = self.binding.excitation()
-        if functions is None:
-            return None
-        return CompiledExcitation(ExcitationFunctions(*functions), home, basis)
-
-    def closed_loop(
-        self,
-        body: ClosedLoopPlant,
-        law: ClosedLoopController,
-        reference: Array,
-        period: float,
-        **options: Any,
-    ) -> CompiledClosedLoop:
-        """Compiled simulation of the robot under a computed-torque controller.
-
-        Args:
-            body: plant.
-            law: controller.
-            reference: (N, 3, n) q_d, dq_d, ddq_d per period [rad, rad/s, rad/s²].
-            period: of the controller [s].
-            **options: `substeps` of the plant per period, and `noise` (N, 2, n) on the measured q
-                and dq.
-
-        Returns:
-            Simulation that `run` continues.
-        """
-        function = self.binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
-        return CompiledClosedLoop(function, body, law, reference, period, **options)
+        """Whether this level holds the loops of the compiled descents."""
+        return self.binding.of_level("adam") is not None
 
 
 class ForeignRobotError(LibraryError):

@@ -17,7 +17,13 @@ from runtime.common.files import replacing
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
-from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
+from runtime.library import Array, Library
+from runtime.library.compiled_programs import (
+    NOT_POSITIVE,
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+)
 from runtime.recording import Friction, Recording, friction
 from runtime.simulation.plant import (
     Controller,
@@ -139,7 +145,8 @@ def follow(
     """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period."""
     require_no_springs(lib)
     period = 1.0 / rate_hz
-    loop = lib.closed_loop(
+    loop = CompiledClosedLoop(
+        lib.binding,
         _body(lib, plant),
         _law(lib, plant, controller),
         reference,

@@ -31,6 +31,7 @@ from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledLevenberg
+from runtime.library.compiled_programs import CompiledExcitation
 from runtime.recording import Preparation, Recording
 from runtime.simulation import Plant, ideal, perturbed_lam
 
@@ -171,17 +172,16 @@ def _levenberg(s: Setting, cholesky: bool) -> Callable[[], CompiledLevenberg]:
     squares = least_squares(descent.statistics, descent.objective.unit)
     names = ("first_damping", "step_tolerance", "decrease_tolerance")
     settings = {name: getattr(options, name) for name in names}
-    return lambda: s.lib.levenberg(
-        [descent.x0], [squares], settings, options.max_iterations, cholesky=cholesky
-    )
+    most, binding = options.max_iterations, s.lib.binding
+    return lambda: CompiledLevenberg(binding, [descent.x0], [squares], settings, most, cholesky)
 
 
 def excitation_value(s: Setting) -> Callable[[], float]:
-    """`Library.excitation_cost` without its gradient."""
+    """`CompiledExcitation` without its gradient."""
     t = s.trajectory
     times = np.linspace(0.0, t.duration, COST_SAMPLES)[: COST_SAMPLES // 2]
     basis = fourier_basis(s.lib, t.coefficients.shape[1], times, t.duration)[..., :3]
-    cost = s.lib.excitation_cost(t.home, basis)
+    cost = CompiledExcitation.of(s.lib.binding, t.home, basis)
     return repeated(lambda: cost.value(t.coefficients))
 
 

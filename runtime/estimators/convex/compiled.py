@@ -26,7 +26,8 @@ from runtime.estimators.convex.newton import (
     factors,
     minimise_anywhere,
 )
-from runtime.library import Array, ConvexAnswer, ConvexTask, Library
+from runtime.library import Array, Library
+from runtime.library.compiled_descent import CompiledConvex, ConvexAnswer, ConvexTask
 from runtime.library.parameters import N_PARAMETERS
 
 SMALLEST_GAP = 1e-7
@@ -102,7 +103,7 @@ def solve_many(
     if not plain or not problems:
         return [minimise_anywhere(p, s) for p, s in zip(problems, firsts, strict=True)]
     tasks = [_task(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
-    answers = lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads)
+    answers = CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads)
     minima = [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
     return _continued(lib, minima, firsts, threads)
 
@@ -133,7 +134,7 @@ def follow_many(
         _task(ConvexProblem(d, p, np.ones(p.centre.size // N_PARAMETERS)), gammas)
         for (d, p), gammas in zip(pairs, sequences, strict=True)
     ]
-    answers = lib.convex(tasks, DECREMENT, most_steps).run(threads)
+    answers = CompiledConvex(lib.binding, tasks, DECREMENT, most_steps).run(threads)
     paths = []
     for (_, prior), gammas, a in zip(pairs, sequences, answers, strict=True):
         ended, steps = float(a.decrements[-1]), int(a.steps.sum())
@@ -157,7 +158,7 @@ def _continued(
         return minima
     results = list(minima)
     for k, answer in zip(
-        places, lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads), strict=True
+        places, CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads), strict=True
     ):
         results[k] = better(minima[k], _minimum(minima[k].problem, answer))
     return results

@@ -21,7 +21,8 @@ from runtime.estimators.optimizers import (
     descend_validated,
 )
 from runtime.estimators.regression.compression import CompressedObjective, TorqueObjective
-from runtime.library import AdamProblem, Array, CompiledAdam
+from runtime.library import Array
+from runtime.library.compiled_descent import AdamProblem, CompiledAdam
 
 __all__ = [
     "Preset",
@@ -90,7 +91,8 @@ def descend_many(
         "patience": rule.patience,
     }
     traces = rule.max_iterations // rule.validate_every + 1
-    jobs = lib.adam([_adam_problem(d, batch) for d in descents], options, traces, batch or 0)
+    problems = [_adam_problem(d, batch) for d in descents]
+    jobs = CompiledAdam(lib.binding, problems, options, traces, batch or 0)
     draws = [np.random.default_rng(d.problem.seed) for d in descents]
     sizes = [len(d.problem.train) for d in descents]
     done, interrupted = 0, False

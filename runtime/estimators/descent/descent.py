@@ -25,8 +25,15 @@ from runtime.estimators.optimizers import (
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.factor import Statistics
-from runtime.library import Array, LeastSquares
-from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
+from runtime.library import Array
+from runtime.library.compiled_descent import (
+    CONVERGED,
+    DIVERGED,
+    PATIENCE,
+    STALLED,
+    CompiledLevenberg,
+    LeastSquares,
+)
 
 NEWTON_STEPS = 600
 """Limit of Newton steps; 10 to 60 are usual, 400 where several links end on the boundary."""
@@ -116,9 +123,8 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
         "decrease_tolerance": options.decrease_tolerance,
     }
     squares = least_squares(descent.statistics, objective.unit)
-    jobs = problem.lib.levenberg(
-        [descent.x0], [squares], settings, options.max_iterations, descent.cholesky
-    )
+    most, binding = options.max_iterations, problem.lib.binding
+    jobs = CompiledLevenberg(binding, [descent.x0], [squares], settings, most, descent.cholesky)
     job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
     try:
         while job.finished == 0 and job.step < options.max_iterations:

@@ -13,6 +13,7 @@ from runtime.excitation.search.information import (
 )
 from runtime.excitation.search.measures import Measure, log_cond, normalised
 from runtime.library import Array, Library
+from runtime.library.compiled_programs import CompiledExcitation
 
 COST_SAMPLES = 80
 """Samples of the cost over the whole duration (document Sec. 3.4.2)."""
@@ -61,7 +62,9 @@ class ConditionCost:
                 self._filtered = information.spectrum.weighted_cosines(len(t), float(t[1] - t[0]))
             names = information.friction
             self._nuisance = even_columns(names) if basis.is_symmetric else names
-        self.compiled = lib.excitation_cost(home, self._basis) if information is None else None
+        self.compiled = None
+        if information is None:
+            self.compiled = CompiledExcitation.of(lib.binding, home, self._basis)
 
     def value_gradient(self, coefficients: Array) -> tuple[float, Array]:
         """Cost and gradient ∂cost/∂a, (n, M)."""

@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from runtime import load
-from runtime.library import (
+from runtime.library import Library
+from runtime.library.compiled_programs import (
     NOT_POSITIVE,
     ClosedLoopController,
     ClosedLoopPlant,
     CompiledClosedLoop,
-    Library,
 )
 from runtime.simulation import Plant
 
@@ -35,7 +35,7 @@ def released(
     law = ClosedLoopController(np.zeros_like(plant.pi), zero, zero, zero)
     reference = np.zeros((steps + 1, 3, n))
     reference[0, :2] = start
-    loop = robot.closed_loop(body, law, reference, h, substeps=1)
+    loop = CompiledClosedLoop(robot.binding, body, law, reference, h, substeps=1)
     loop.run(steps + 1)
     return loop
 

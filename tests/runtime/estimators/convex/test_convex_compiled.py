@@ -17,6 +17,7 @@ from runtime.estimators.convex.newton import (
     minimise_anywhere,
 )
 from runtime.library import Library, load
+from runtime.library.compiled_descent import CompiledConvex
 from tests.robots import levels_here
 from tests.runtime.estimators.convex.paths import follow
 from tests.runtime.estimators.convex.test_convex import compressed
@@ -123,12 +124,12 @@ def test_a_path_ends_where_steps_run_out(arm):
 def test_a_level_without_the_program_is_refused(arm, monkeypatch):
     """Property: the reference level, the only one without it, is named by one sentence."""
     lib = load(arm.folder, "portable")
-    monkeypatch.setattr(lib, "_convex", None)
+    monkeypatch.setattr(lib.binding, "of_level", lambda _: None)
     p = problem(lib)
     for call in (
         lambda: solve(lib, p),
         lambda: follow_compiled(lib, p.data, p.prior),
-        lambda: lib.convex([], 1e-3, 10),
+        lambda: CompiledConvex(lib.binding, [], 1e-3, 10),
     ):
         with pytest.raises(LibraryError, match=r"the level 'portable' .* has no compiled"):
             call()

@@ -24,6 +24,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.library import Library, load
+from runtime.library.compiled_descent import CompiledAdam, CompiledLevenberg
 from runtime.recording.friction.coupled_motors import Coupling
 from tests.robots import levels_here
 from tests.runtime.estimators.descent.levenberg import levenberg_of
@@ -182,8 +183,7 @@ def test_levels_without_a_loop_descend_in_python(arm, monkeypatch, cholesky):
     """Oracle: the compiled loop's optimum, which Newton's method reaches from the start."""
     usual = fit_levenberg(problem(arm), cholesky)
     lib = load(arm.folder, "portable")
-    monkeypatch.setattr(lib, "_adam", None)
-    monkeypatch.setattr(lib, "_levenberg", None)
+    monkeypatch.setattr(lib.binding, "of_level", lambda _: None)
     preset = Preset(AdamOptions(1e-3), StoppingRule(20, NEVER), None)
     first, second = both(problem(lib), preset)
     np.testing.assert_array_equal(first.x, second.x)
@@ -193,9 +193,9 @@ def test_levels_without_a_loop_descend_in_python(arm, monkeypatch, cholesky):
     lost = problem(lib, start=np.full(lib.lam0.size, 800.0))
     assert levenberg_descend(descent(lost), LevenbergOptions()).status is Status.DIVERGED
     with pytest.raises(LibraryError, match="no compiled descent"):
-        lib.adam([], {}, 1, 0)
+        CompiledAdam(lib.binding, [], {}, 1, 0)
     with pytest.raises(LibraryError, match="no compiled descent"):
-        lib.levenberg([], [], {}, 1)
+        CompiledLevenberg(lib.binding, [], [], {}, 1)
 
 
 @pytest.mark.parametrize("columns", [0, 2])

@@ -9,6 +9,7 @@ from runtime import load
 from runtime.excitation import ConditionCost, Trajectory, log_condition
 from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.library import Library
+from runtime.library.compiled_programs import CompiledExcitation
 from tests.robots import levels_here
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -85,7 +86,7 @@ def test_samples_that_fill_no_tile(lib: Library, samples: int) -> None:
     a = 0.3 * SCALE[:3] * np.random.default_rng(samples).normal(size=(7, 3))
     wanted = by_numpy(lib, basis, a)
     for one in at_every_level(lib):
-        cost = one.excitation_cost(lib.home, basis)
+        cost = CompiledExcitation.of(one.binding, lib.home, basis)
         assert cost is not None
         for _ in range(2):  # what the first call leaves behind must not count, either
             assert_same(cost.value_gradient(a), wanted)
@@ -101,7 +102,7 @@ def test_a_regressor_without_full_rank(lib: Library, case: str) -> None:
         a[0 if case == "rest" else 1 :] = 0.0
     columns = len(lib.base_columns)
     for one in at_every_level(lib):
-        cost = one.excitation_cost(lib.home, basis)
+        cost = CompiledExcitation.of(one.binding, lib.home, basis)
         assert cost is not None
         value, gradient = cost.value_gradient(a)
         assert cost.deficient()

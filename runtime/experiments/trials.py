@@ -278,12 +278,16 @@ class MonteCarloSetup:
 
 
 def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
-    """Samples of the designed motions, best first: training, validation, test."""
+    """Samples of the motions of the excitation study."""
+    return setup_along(lib, config, designed(lib, needed))
+
+
+def setup_along(
+    lib: Library, config: MonteCarloConfig, motions: Sequence[Trajectory]
+) -> MonteCarloSetup:
+    """Samples of designed motions, best first: training, validation, test."""
     pi = document_robot(lib)
-    runs = [
-        samples_of(ideal(lib, motion, Plant(pi), config.rate_hz), lib)
-        for motion in designed(lib, needed)
-    ]
+    runs = [samples_of(ideal(lib, m, Plant(pi), config.rate_hz), lib) for m in motions]
     return MonteCarloSetup(
         lib=lib,
         config=config,

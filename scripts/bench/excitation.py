@@ -20,7 +20,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.limits.limit_rows import Limits, inside, whitening
 from runtime.excitation.motion.trajectory import fourier_basis
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.single_start import START, Search
 from runtime.library import Array, Library
 
@@ -48,20 +48,20 @@ def timed(work: Callable[[int], float], number: int) -> Start:
     return Start(condition, time.process_time() - cpu, time.perf_counter() - wall)
 
 
-def ours(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
+def ours(lib: Library, problem: DesignSettings) -> Callable[[int], float]:
     """`runtime.excitation`'s search."""
     search = Search(lib, problem)
     finish = _finish(lib, problem)
     return lambda number: finish(search.start(number)[1])
 
 
-def slsqp_exact(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
+def slsqp_exact(lib: Library, problem: DesignSettings) -> Callable[[int], float]:
     """SciPy's SLSQP with our compiled value and gradient."""
-    cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
+    cost = ConditionCost(lib, lib.home, problem.harmonics, problem.duration)
     return _slsqp(lib, problem, [(cost.value_gradient, ITERATIONS)])
 
 
-def slsqp_staged(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
+def slsqp_staged(lib: Library, problem: DesignSettings) -> Callable[[int], float]:
     """SciPy's SLSQP through the smooth stages of our search, then on the kinked objective."""
     search = Search(lib, problem)
     stages: list[tuple[Cost, int]] = [
@@ -70,17 +70,17 @@ def slsqp_staged(lib: Library, problem: SearchProblem) -> Callable[[int], float]
     return _slsqp(lib, problem, [*stages, (search.cost.value_gradient, ITERATIONS)])
 
 
-def slsqp_differences(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
+def slsqp_differences(lib: Library, problem: DesignSettings) -> Callable[[int], float]:
     """SciPy's SLSQP with Pinocchio's regressor, NumPy's SVD and forward differences."""
     condition = _pinocchio_condition(lib, problem)
     return _slsqp(lib, problem, [(lambda a: (condition(a), None), ITERATIONS)])
 
 
 def _slsqp(
-    lib: Library, problem: SearchProblem, stages: Sequence[tuple[Cost, int]]
+    lib: Library, problem: DesignSettings, stages: Sequence[tuple[Cost, int]]
 ) -> Callable[[int], float]:
     """One start of SLSQP on objectives in turn, each from the end of the one before it."""
-    matrix, bound = Limits(lib, problem.home, problem.harmonics, problem.duration).inequalities()
+    matrix, bound = Limits(lib, lib.home, problem.harmonics, problem.duration).inequalities()
     spread = whitening(matrix, lib.n_joints)
     spread *= np.sqrt(len(matrix) / (3.0 * len(spread)))
     rows, shape = matrix @ spread, (lib.n_joints, problem.harmonics)
@@ -114,13 +114,13 @@ def _slsqp(
     return start
 
 
-def _finish(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
-    fine = Limits(lib, problem.home, problem.harmonics, problem.duration, step=1e-3)
-    cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
+def _finish(lib: Library, problem: DesignSettings) -> Callable[[Array], float]:
+    fine = Limits(lib, lib.home, problem.harmonics, problem.duration, step=1e-3)
+    cost = ConditionCost(lib, lib.home, problem.harmonics, problem.duration)
     return lambda a: float(np.exp(cost.value_gradient(inside(fine, a))[0]))
 
 
-def _pinocchio_condition(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
+def _pinocchio_condition(lib: Library, problem: DesignSettings) -> Callable[[Array], float]:
     pin, model, ids, _, order = pinocchio_in_order(lib)
     data = model.createData()
     kept = parameter_order(ids)[list(lib.base_columns)]
@@ -129,7 +129,7 @@ def _pinocchio_condition(lib: Library, problem: SearchProblem) -> Callable[[Arra
 
     def condition(a: Array) -> float:
         motion = np.einsum("jm,tmd->dtj", a, basis)
-        motion[0] += problem.home
+        motion[0] += lib.home
         rows = [
             pin.computeJointTorqueRegressor(model, data, q[order], dq[order], ddq[order])[:, kept]
             for q, dq, ddq in zip(*motion, strict=True)
@@ -190,7 +190,7 @@ def measure(
     report: Callable[[str], None],
 ) -> Sheet:
     """Run every optimiser from the same random motions, one start after another."""
-    problem = SearchProblem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
+    problem = DesignSettings(duration, harmonics, seed=seed)
     rows, skipped = list[Row](), dict[str, str]()
     for name, label, make in OPTIMISERS:
         try:

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import parent_process
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -40,8 +41,6 @@ from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, Condition
 from runtime.excitation.search.design_settings import (
     DesignKeywords,
     DesignSettings,
-    SearchProblem,
-    problem_of,
     settings_from,
 )
 from runtime.excitation.search.finish import Finished, finished
@@ -50,11 +49,13 @@ from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.search.variations import Task, behind_count, rounds
-from runtime.library import Array, Library, require_library
+from runtime.library import Array, Library, load, require_library
 from runtime.parallel import on_cluster
 
 _here_of_cluster = threading.local()
 """Last search of the thread of a worker, and its key: a library is loaded once per thread."""
+Sent = tuple[Path, str, DesignSettings]
+"""Folder and level of a library, and settings: what a worker makes its search of."""
 Started = tuple[int, float, Array]
 """Number of the task, its target, its coefficients."""
 Rounds = Iterable[list[Task]]
@@ -72,9 +73,7 @@ def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
             yield task.number, *task.done(search)
 
 
-def side_by_side(
-    problem: SearchProblem, rounds: Rounds, processes: int
-) -> Generator[Started, None, None]:
+def side_by_side(sent: Sent, rounds: Rounds, processes: int) -> Generator[Started, None, None]:
     """Do the tasks of every round on several processes, in the order in which they end.
 
     Workers are fresh interpreters (spawn) that ignore Ctrl-C: closing the iterator ends them with
@@ -86,7 +85,7 @@ def side_by_side(
             processes,
             context,
             initializer=_prepare,
-            initargs=(problem,),
+            initargs=(sent,),
         )
     waiting: set[Future[Started]] = set()
     try:
@@ -113,11 +112,11 @@ def side_by_side(
             pool.shutdown(cancel_futures=True)
 
 
-def _prepare(problem: SearchProblem) -> None:
+def _prepare(sent: Sent) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(limits=1, user_api="blas")
-    _here[:] = [Search.of(problem)]
+    _here[:] = [_search_of(sent)]
 
 
 def _end_with_parent() -> None:
@@ -195,26 +194,18 @@ def _without_interrupts() -> Iterator[None]:
             handler(received[0], None)
 
 
-def on_workers(
-    problem: SearchProblem, rounds: Rounds, scheduler: str
-) -> Generator[Started, None, None]:
-    """Do the tasks of every round on a dask cluster, in the order in which they end."""
-    # On a worker the working directory is another one.
-    sent = replace(problem, folder=problem.folder.resolve())
-    return on_cluster(_start_on_cluster, sent, rounds, scheduler, "a start of the search")
+def _search_of(sent: Sent) -> Search:
+    folder, level, settings = sent
+    return Search(load(folder, level), settings)
 
 
-def _start_on_cluster(problem: SearchProblem, key: str, task: Task) -> Started:
-    """Do one task, on a worker."""
-    return task.number, *task.done(_search_on_cluster(problem, key))
-
-
-def _search_on_cluster(problem: SearchProblem, key: str) -> Search:
+def _start_on_cluster(sent: Sent, key: str, task: Task) -> Started:
+    """Do one task, on a worker of a dask cluster."""
     known: tuple[str, Search] | None = getattr(_here_of_cluster, "search", None)
     if known is None or known[0] != key:
         threadpool_limits(limits=1, user_api="blas")
-        known = _here_of_cluster.search = key, Search.of(problem)
-    return known[1]
+        known = _here_of_cluster.search = key, _search_of(sent)
+    return task.number, *task.done(known[1])
 
 
 NEARLY = 0.01
@@ -267,7 +258,7 @@ def design(
         raise IdentificationError(f"expected a budget above 0 s, got {budget:g}; give more seconds")
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
-    search = Search(lib, problem_of(lib, settings))
+    search = Search(lib, settings)
     search.require_rank()
     ended: Ended = {}
     tasks = rounds(settings.criterion, settings.starts, ended)
@@ -325,11 +316,13 @@ def excite(
 def _started(
     search: Search, tasks: Rounds, processes: int, scheduler: str | None
 ) -> Generator[Started, None, None]:
-    if scheduler is not None:
-        return on_workers(search.problem, tasks, scheduler)
-    if processes == 1:
+    if processes == 1 and scheduler is None:
         return in_turn(search, tasks)
-    return side_by_side(search.problem, tasks, processes)
+    # On a worker the working directory may be another one.
+    sent = search.lib.folder.resolve(), search.lib.level, search.settings
+    if scheduler is not None:
+        return on_cluster(_start_on_cluster, sent, tasks, scheduler, "a start of the search")
+    return side_by_side(sent, tasks, processes)
 
 
 def _best(lib: Library, search: Search, ended: Ended) -> Finished:
@@ -348,7 +341,7 @@ def _design(
 ) -> Design:
     """The finished motion beside the condition numbers of all searches."""
     basis = settings.basis
-    shape = (lib, search.problem.home, basis.size(settings.harmonics))
+    shape = (lib, search.home, basis.size(settings.harmonics))
     # Repairs may lengthen the motion: the starts keep the duration that they were searched with.
     durations = settings.duration, best.trajectory.duration
     starts_cost, cost = (ConditionCost(*shape, duration, basis) for duration in durations)

@@ -1,9 +1,8 @@
-"""The options of a design: one frozen record, and what a search gets of it, sent to processes."""
+"""The options of a design: one frozen record, which is sent to processes too."""
 
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
@@ -13,9 +12,7 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import BASES, COSINE
 from runtime.excitation.search.information import Information
-from runtime.library import Array, Library
-
-__all__ = ["SearchProblem"]
+from runtime.library import Array
 
 LONGEST = 3600.0
 """Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""
@@ -105,44 +102,3 @@ def settings_from(settings: DesignSettings | None, keywords: Mapping[str, Any]) 
             hint = f"did you mean '{near[0]}'?" if near else f"choose from {', '.join(known)}"
             raise IdentificationError(f"a design has no option '{word}'; {hint}")
     return replace(settings or DesignSettings(), **keywords)
-
-
-@dataclass(frozen=True, slots=True)
-class SearchProblem:
-    """Settings of a search, small enough to be sent to another process.
-
-    Attributes:
-        folder: of the robot.
-        level: of its library.
-        home: (n,) rad or m.
-        harmonics: M.
-        duration: t_f, s.
-        seed: of all starts.
-        basis: of the motion.
-        criterion: one of `CRITERIA`.
-        information: of the unknowns; None is all base parameters by their regressor alone.
-        safety: limits beyond those of joints; None as in the document.
-        margin: share of every limit that may be used.
-    """
-
-    folder: Path
-    level: str
-    home: Array
-    harmonics: int
-    duration: float
-    seed: int
-    basis: Basis = COSINE
-    criterion: str = "cond"
-    information: Information | None = None
-    safety: Safety | None = None
-    margin: float = 1.0
-
-
-def problem_of(lib: Library, settings: DesignSettings) -> SearchProblem:
-    """The problem of a design."""
-    rest = lib.home if settings.home is None else np.asarray(settings.home, dtype=float)
-    return SearchProblem(
-        *(lib.folder, lib.level, rest, settings.harmonics, settings.duration, settings.seed),
-        *(settings.basis, settings.criterion, settings.information, settings.safety),
-        margin=settings.margin,
-    )

@@ -54,7 +54,7 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
 
     Args:
         lib: library of the robot.
-        search: problem and limits.
+        search: settings and limits.
         a: coefficients of the motion, (n, M) [rad, m].
 
     Returns:
@@ -63,23 +63,23 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
     Raises:
         IdentificationError: no smaller and no slower motion keeps the limits.
     """
-    problem = search.problem
-    fine = _limits(lib, search, problem.duration)
+    designed = search.settings.duration
+    fine = _limits(lib, search, designed)
     a = inside(fine, a)
     if not search.constraints:
-        return _with_use(search, fine, a, problem.duration)
+        return _with_use(search, fine, a, designed)
     rows = search.limit_rows(STEP)
     # First a smaller motion of the same duration, then the same path in more time.
     for scale in SCALES:
         if rows.worst(scale * a) <= -STRICT:
-            return _with_use(search, fine, scale * a, problem.duration)
+            return _with_use(search, fine, scale * a, designed)
     for slower in SLOWER:
-        duration = np.ceil(1e3 * slower * problem.duration) / 1e3
+        duration = np.ceil(1e3 * slower * designed) / 1e3
         if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
             return _with_use(search, _limits(lib, search, duration), a, duration)
     for scale in SMALL:
         if rows.worst(scale * a) <= -STRICT:
-            return _with_use(search, fine, scale * a, problem.duration)
+            return _with_use(search, fine, scale * a, designed)
     raise IdentificationError(
         f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
         "neither a smaller nor a slower motion of the same shape keeps them; try more starts"
@@ -87,18 +87,16 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
 
 
 def _limits(lib: Library, search: Search, duration: float) -> Limits:
-    problem, basis = search.problem, search.basis
-    size = basis.size(problem.harmonics)
-    share = problem.margin
-    return Limits(lib, problem.home, size, duration, step=STEP, basis=basis, share=share)
+    basis, share = search.basis, search.settings.margin
+    size = basis.size(search.settings.harmonics)
+    return Limits(lib, search.home, size, duration, step=STEP, basis=basis, share=share)
 
 
 def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
-    margin = search.problem.margin
+    margin = search.settings.margin
     use = {kind: margin * float(values.max()) for kind, values in fine.use(a).items()}
     by_constraint = search.limit_rows(STEP, duration=duration, share=1.0).by_constraint(a)
     for constraint, values in zip(search.constraints, by_constraint, strict=True):
         largest = use_of(constraint, float(values.max()))
         use[constraint.kind] = max(largest, use.get(constraint.kind, largest))
-    home = search.problem.home
-    return Finished(Trajectory(home, a, duration, search.basis), use)
+    return Finished(Trajectory(search.home, a, duration, search.basis), use)

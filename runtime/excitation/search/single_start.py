@@ -23,11 +23,11 @@ from runtime.excitation.limits.limit_rows import LIMIT_STEP, LimitRows, Limits, 
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.criteria import criterion_of
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.measures import Measure, rank, too_many
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
-from runtime.library import Array, Library, load
+from runtime.library import Array, Library
 
 __all__ = ["Search"]
 
@@ -185,19 +185,21 @@ class Search:
     A start depends on its number and the seed alone, a variation also on its parents.
     """
 
-    def __init__(self, lib: Library, problem: SearchProblem) -> None:
-        self.problem = problem
-        self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
-        self.criterion = criterion_of(problem.criterion, problem.information is not None)
-        self.goal = self.criterion.goal(lib, problem.home, problem.information)
-        shape = self._grid = (lib, problem.home, size, problem.duration)
-        self.cost = ConditionCost(*shape, self.basis, problem.information)
+    def __init__(self, lib: Library, settings: DesignSettings) -> None:
+        self.lib, self.settings = lib, settings
+        home = lib.home if settings.home is None else settings.home
+        self.home = np.asarray(home, dtype=float)
+        self.basis, size = settings.basis, settings.basis.size(settings.harmonics)
+        self.criterion = criterion_of(settings.criterion, settings.information is not None)
+        self.goal = self.criterion.goal(lib, self.home, settings.information)
+        shape = self._grid = (lib, self.home, size, settings.duration)
+        self.cost = ConditionCost(*shape, self.basis, settings.information)
         self._condition = ConditionCost(*shape, self.basis)
         self._tolerance = TOLERANCE if self.criterion.is_kinked else SMOOTH_TOLERANCE
-        self.limits = Limits(*shape, basis=self.basis, share=problem.margin)
-        self.constraints = constraints(lib, problem.home, problem.safety)
-        require_rest(self.constraints, problem.home)
-        self._seed, self._shape = problem.seed, (lib.n_joints, size)
+        self.limits = Limits(*shape, basis=self.basis, share=settings.margin)
+        self.constraints = constraints(lib, self.home, settings.safety)
+        require_rest(self.constraints, self.home)
+        self._seed, self._shape = settings.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
         # Scaled so that a point x of size one reaches a bound.
@@ -206,11 +208,6 @@ class Search:
         self._coordinates = Coordinates(self._spread, self._shape)
         self._correlations = Correlations(self._coordinates, self.cost)
         self._coarse = self.limit_rows(LIMIT_STEP)
-
-    @classmethod
-    def of(cls, problem: SearchProblem) -> "Search":
-        """Search with the library of the problem's folder, which is loaded here."""
-        return cls(load(problem.folder, problem.level), problem)
 
     def start(self, number: int, best: float = np.inf) -> tuple[float, Array]:
         """Descent from a random motion, within the limits of its grid.
@@ -350,7 +347,7 @@ class Search:
     def refined(self, a: Array) -> Array:
         """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""
         step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
-        fine = Limits(*self._grid, step=step, basis=self.basis, share=self.problem.margin)
+        fine = Limits(*self._grid, step=step, basis=self.basis, share=self.settings.margin)
         matrix, bound = fine.inequalities()
         x = self._coordinates.points(inside(fine, a)[None])[0]
         rows = LinearRows(matrix @ self._spread, bound)
@@ -374,8 +371,8 @@ class Search:
         Args:
             step: largest time between two points of the grid [s].
             tightened: share of each limit that stays unused besides.
-            duration: duration of the motion [s]; by default that of the problem.
-            share: share of the limits that may be used; by default that of the problem.
+            duration: duration of the motion [s]; by default that of the settings.
+            share: share of the limits that may be used; by default that of the settings.
 
         Returns:
             Limits of the Cartesian motion and of collisions on the grid.
@@ -384,7 +381,7 @@ class Search:
         end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
         phi = self.basis.at(lib, size, t, end)
-        used = self.problem.margin if share is None else share
+        used = self.settings.margin if share is None else share
         return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened, used)
 
     def _elastic(self, rows: LimitRows) -> ElasticLimits | None:

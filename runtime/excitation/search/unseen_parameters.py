@@ -14,7 +14,7 @@ from scipy.linalg import qr
 
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
-from runtime.excitation.search.design_settings import MOST_HARMONICS, DesignSettings, problem_of
+from runtime.excitation.search.design_settings import MOST_HARMONICS, DesignSettings
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import rank
 from runtime.excitation.search.single_start import Search
@@ -42,7 +42,7 @@ def without_unseen(
     more = min(2 * settings.harmonics, MOST_HARMONICS)
     if _shows_all(lib, replace(settings, harmonics=more)):
         return same
-    search = Search(lib, problem_of(lib, settings))
+    search = Search(lib, settings)
     left = unseen(_motions(lib, search, MOTIONS), lib, planned.friction)
     if not left:
         return same
@@ -84,7 +84,7 @@ def _shows_all(lib: Library, settings: DesignSettings) -> bool:
 
     The first Gram matrix is that of the search, the second that of the printed criteria.
     """
-    search = Search(lib, problem_of(lib, settings))
+    search = Search(lib, settings)
     gram = search.cost.correlations(search.guess(0)[None])[0]
     if rank(gram) < len(gram):
         return False
@@ -95,10 +95,8 @@ def _shows_all(lib: Library, settings: DesignSettings) -> bool:
 
 def _motions(lib: Library, search: Search, count: int) -> tuple[tuple[Array, Array, Array], ...]:
     """Random motions within the limits of the joints, q, dq, ddq each."""
-    problem = search.problem
-    t = np.linspace(0.0, problem.duration, COST_SAMPLES)
+    duration = search.settings.duration
+    t = np.linspace(0.0, duration, COST_SAMPLES)
     guesses = (search.guess(number) for number in range(count))
-    motions = (
-        Trajectory(problem.home, a, problem.duration, problem.basis).at(lib, t) for a in guesses
-    )
+    motions = (Trajectory(search.home, a, duration, search.basis).at(lib, t) for a in guesses)
     return tuple((q, dq, ddq) for q, dq, ddq, _ in motions)

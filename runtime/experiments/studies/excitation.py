@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import COST_SAMPLES, ConditionCost
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View, motion
@@ -43,10 +43,8 @@ def _prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> Excitati
     """Set up the search in document mode."""
     del needed
     document_robot(lib)  # refuses other robots
-    problem = SearchProblem(
-        lib.folder, lib.level, lib.home, config.harmonics, config.duration, config.seed
-    )
-    return ExcitationSetup(lib, config, Search(lib, problem))
+    settings = DesignSettings(config.duration, config.harmonics, seed=config.seed)
+    return ExcitationSetup(lib, config, Search(lib, settings))
 
 
 def _run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from runtime.excitation import Trajectory
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
@@ -78,9 +78,7 @@ def _prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
     """Design from one start in document mode."""
     harmonics = like.coefficients.shape[1]
-    search = Search(
-        lib, SearchProblem(lib.folder, lib.level, lib.home, harmonics, like.duration, seed)
-    )
+    search = Search(lib, DesignSettings(like.duration, harmonics, seed=seed))
     return repaired(lib, search, search.refined(search.start(0)[1])).trajectory
 
 

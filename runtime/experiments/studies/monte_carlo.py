@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import (
@@ -36,14 +36,13 @@ from runtime.experiments.trials import (
     curves,
     document_robot,
     run_cases,
-    scorer_of,
+    setup_along,
     setup_of,
     sinusoidal,
     torque_rms,
 )
 from runtime.library import Array, Library
 from runtime.recording import Recording
-from runtime.simulation import Plant, ideal
 
 
 def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> dict[str, Array]:
@@ -353,18 +352,11 @@ def _finish(setup: tuple[Library, DesignsConfig], rows: list[Row]) -> StudyOutco
 
 def _setup(lib: Library, config: DesignsConfig, seed: int) -> MonteCarloSetup:
     """Samples of the best three motions of a design: training, validation, test."""
-    problem = SearchProblem(
-        lib.folder, lib.level, lib.home, config.harmonics, config.duration, seed
-    )
-    search = Search(lib, problem)
+    search = Search(lib, DesignSettings(config.duration, config.harmonics, seed=seed))
     ended: list[tuple[float, Array]] = [search.start(k) for k in range(config.starts)]
     best = sorted(ended, key=lambda each: each[0])[: len(ROLES)]
     motions = [repaired(lib, search, search.refined(a)).trajectory for _, a in best]
-    pi, of_trials = document_robot(lib), MonteCarloConfig(config.cases, config.seed)
-    runs = [samples_of(ideal(lib, m, Plant(pi), of_trials.rate_hz), lib) for m in motions]
-    scorer = scorer_of(lib, runs[2], pi, of_trials.configurations)
-    train = {"designed": runs[0]}
-    return MonteCarloSetup(lib, of_trials, lib.lam_from_pi(pi), train, runs[1], scorer)
+    return setup_along(lib, MonteCarloConfig(config.cases, config.seed), motions)
 
 
 def _means(rows: list[Row]) -> Row:

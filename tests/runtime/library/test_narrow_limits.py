@@ -1,6 +1,6 @@
 """Searches with a small share of the limits."""
 
-from runtime.excitation.search.design_settings import DesignSettings, problem_of
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.unseen_parameters import without_unseen
@@ -15,7 +15,7 @@ def test_a_search_in_narrow_limits_ends_inside(wrist: Library) -> None:
     plain = DesignSettings(margin=0.03, starts=1, duration=4.0, criterion="cond")
     settings, _, left = without_unseen(wrist, plain, information(wrist))
     assert left
-    search = Search(wrist, problem_of(wrist, settings))
+    search = Search(wrist, settings)
     a = search.refined(search.start(0)[1])
     motion = search.limit_rows(2e-3, share=1.0)
     used = 1.0 + max(float(values.max()) for values in motion.by_constraint(a))

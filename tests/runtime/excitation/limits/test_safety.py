@@ -18,7 +18,7 @@ from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
 from runtime.excitation.proof.certificate import DISTANCES, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.design import Design, design
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.single_start import Search
 from runtime.library import Library, ProxyFacts
 from tests.oracle import pinocchio_model
@@ -214,10 +214,7 @@ def test_no_room_is_explained(lib: Library) -> None:
     """Property: a box around the tip of 20 nm leaves nothing; the sentence names what stops it."""
     p = lib.tip_motion(lib.home, np.zeros(7))[0].ravel()
     ends = np.stack([p - 1e-8, p + 1e-8], axis=1).ravel()
-    problem = SearchProblem(
-        *(lib.folder, lib.level, lib.home, 2, 4.0, 0), safety=Safety(box=tuple(ends))
-    )
-    search = Search(lib, problem)
+    search = Search(lib, DesignSettings(4.0, 2, safety=Safety(box=tuple(ends))))
     with pytest.raises(IdentificationError, match=r"no room for a motion.*tip box \(. m..\) and"):
         search._shrunk(search._random(0), 0.0)
 

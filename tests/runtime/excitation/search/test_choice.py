@@ -7,7 +7,7 @@ import pytest
 
 from runtime.excitation.search.criteria import LAST_SHARE, LAST_SMOOTH
 from runtime.excitation.search.design import NEARLY, in_order
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
@@ -58,8 +58,7 @@ def test_a_start_that_is_better_in_everything_comes_first() -> None:
 def test_quantities_of_a_goal(double: Library, criterion: str) -> None:
     """Property: mixed is the weighted sum of what it balances; others have their target alone."""
     known = information(double, 0.05, 100.0)
-    shape = (double.folder, double.level, double.home, 3, 4.0, 0)
-    search = Search(double, SearchProblem(*shape, criterion=criterion, information=known))
+    search = Search(double, DesignSettings(4.0, 3, criterion=criterion, information=known))
     a = search.guess(1)
     logs = search.balanced(a)
     weights = [0.8, 0.2, 0.8] if criterion == "mixed" else [1.0]
@@ -75,8 +74,7 @@ def test_the_last_descent_weighs_cond_more(
 ) -> None:
     """Oracle: errors and a Schatten norm from eigenvalues; only `refined` minimises it."""
     known = information(double, 0.05, 100.0)
-    shape = (double.folder, double.level, double.home, 3, 4.0, 0)
-    search = Search(double, SearchProblem(*shape, criterion="mixed", information=known))
+    search = Search(double, DesignSettings(4.0, 3, criterion="mixed", information=known))
     assert search.goal.last is not None
     assert search.goal.errors is not None
     rows = np.random.default_rng(2).normal(size=(60, len(double.base_columns)))

@@ -13,7 +13,7 @@ from runtime.excitation.motion.trajectory import basis_of
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.design import design
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION, even_columns, information
 from runtime.excitation.search.measures import Measure, log_variance, log_volume, weighted
 from runtime.excitation.search.prediction import SAMPLES, covariance_of, predict
@@ -192,9 +192,7 @@ def test_a_search_that_counts_friction_lowers_the_error_with_friction(
     alone = information(lib, friction=())
     shape = {"duration": 5.0, "harmonics": 3, "criterion": "v", "basis": basis}
     optimum = design(lib, starts=1, information=alone, **shape).trajectory
-    problem = SearchProblem(
-        *(lib.folder, lib.level, lib.home, 3, 5.0, 0, basis, "v", information(lib))
-    )
+    problem = DesignSettings(**shape, information=information(lib))
     further = replace(optimum, coefficients=Search(lib, problem).refined(optimum.coefficients))
     errors = [predict(lib, each, alone).scores[-1].torque_error for each in (optimum, further)]
     # Measured 0.87 (cosine) and 0.79 (fourier); rounding is 1e-8.

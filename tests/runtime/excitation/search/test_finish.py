@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.finish import SLOWER, repaired
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
@@ -66,8 +66,7 @@ def finish(
     double: Library, monkeypatch: pytest.MonkeyPatch, excess: float, timed: bool
 ) -> tuple[Any, Array]:
     """A motion that exceeds a limit by a factor, repaired, and its coefficients before."""
-    shape = (double.folder, double.level, double.home, 3, SECONDS, 0)
-    search = Search(double, SearchProblem(*shape, criterion="cond"))
+    search = Search(double, DesignSettings(SECONDS, 3, criterion="cond"))
     a = 1e-3 * np.random.default_rng(0).normal(size=(2, search.guess(0).shape[1]))
     size = float(np.abs(a).max()) * (1 + 1e-3) / excess
 

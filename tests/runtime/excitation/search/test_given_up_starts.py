@@ -10,7 +10,7 @@ import pytest
 from runtime.cli.designed_motion import search_notes
 from runtime.excitation.search import single_start
 from runtime.excitation.search.design import design
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
 from runtime.excitation.search.sqp import TOLERANCE
@@ -32,12 +32,9 @@ from runtime.library import Library
 SMALL = {"duration": 4.0, "harmonics": 3, "criterion": "mixed"}
 
 
-def problem(lib: Library, criterion: str = "mixed") -> SearchProblem:
-    return SearchProblem(
-        *(lib.folder, lib.level, lib.home, SMALL["harmonics"], SMALL["duration"], 0),
-        criterion=criterion,
-        information=information(lib, 0.05, 100.0),
-    )
+def problem(lib: Library, criterion: str = "mixed") -> DesignSettings:
+    known = information(lib, 0.05, 100.0)
+    return DesignSettings(**SMALL | {"criterion": criterion, "information": known})
 
 
 def counted_steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design import Sent
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.library import load
 from tests.conftest import REPOSITORY
 from tests.runtime.processes import QUIET
@@ -38,10 +39,10 @@ class Sleep:
         return 0.0, np.zeros(1)
 
 
-def small_problem() -> SearchProblem:
+def small_problem() -> Sent:
     """A problem that a worker is quick to prepare."""
     lib = load(REPOSITORY / "generated/fr3")
-    return SearchProblem(lib.folder, lib.level, lib.home, harmonics=1, duration=1.0, seed=0)
+    return lib.folder, lib.level, DesignSettings(1.0, 1)
 
 
 def test_ctrl_c_ends_the_workers_however_often_it_comes(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.excitation.search.design import Design, design
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.single_start import Search
 from runtime.excitation.search.variations import FEWEST_STARTS, PARENTS, ROUNDS, rounds
 from runtime.library import Library
@@ -90,10 +90,7 @@ def test_rounds() -> None:
 
 def test_variations_of_a_start(lib: Library) -> None:
     """Property: within the limits of the grid; back at a parent, given up, or polished."""
-    problem = SearchProblem(
-        lib.folder, lib.level, lib.home, SMALL["harmonics"], SMALL["duration"], seed=0
-    )
-    search = Search(lib, problem)
+    search = Search(lib, DesignSettings(SMALL["duration"], SMALL["harmonics"]))
     parents = tuple(search.start(number)[1] for number in range(2))
     known = {search.value(a) for a in parents}
     kinds = set()

@@ -8,7 +8,7 @@ import pytest
 from runtime.excitation.search import single_start
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.criteria import RELATIVE, SHARE, sizes
-from runtime.excitation.search.design_settings import SearchProblem
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import FAR_NOISE, Search, varied_far
 from runtime.excitation.search.sqp import Descended
@@ -18,10 +18,8 @@ from runtime.library import Array, Library
 JOINTS, SIZE = 5, 4
 
 
-def problem(lib: Library, criterion: str = "mixed") -> SearchProblem:
-    known = information(lib, 0.05, 100.0)
-    shape = (lib.folder, lib.level, lib.home, 3, 4.0, 0)
-    return SearchProblem(*shape, criterion=criterion, information=known)
+def problem(lib: Library, criterion: str = "mixed") -> DesignSettings:
+    return DesignSettings(4.0, 3, criterion=criterion, information=information(lib, 0.05, 100.0))
 
 
 def far(number: int) -> tuple[Array, Array]:
@@ -82,7 +80,7 @@ def test_a_joint_beyond_its_limits_leaves_the_others(
 def test_ends_of_mixed_are_compared_by_cond_itself(double: Library) -> None:
     """Oracle: v, a and the cond that is printed, from their definitions."""
     search = Search(double, problem(double))
-    a, known = search.guess(3), search.problem.information
+    a, known = search.guess(3), search.settings.information
     assert known is not None
     cost = ConditionCost(double, double.home, 3, 4.0, information=known)
     covariance: list[Array] = []

@@ -149,7 +149,8 @@ def identify(
         ]
     bare = first.settings(chosen, None if several else first.preparation)
     columns = METHODS[method].default_columns
-    if columns and chosen.friction is None and chosen.coulomb_speed is None:
+    stated = chosen.friction is not None or chosen.coulomb_speed is not None
+    if columns and not stated and not first.is_at_rest:
         bare = replace(bare, friction=Friction(columns))
 
     def fit(each: Settings) -> Identification:

@@ -59,7 +59,7 @@ def half(folder):
     raise child.RuntimeFault("refused")
 doors.DOORS["csv"] = doors.Door("log.csv", furnish, read)
 child.drawn = lambda data, file, key, first, count: [b"%d" % (first + k) for k in range(count)]
-child.SECONDS, child.PATIENCE, child.RESIDENT = 0.5, 2.0, 10**8
+child.SECONDS, child.PATIENCE, child.RESIDENT = 1.0, 3.0, 10**8
 child.main()
 """
 OUTCOMES = (

@@ -5,10 +5,10 @@ derivatives stay inside one segment.
 """
 
 import itertools
-from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import i0
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording
@@ -284,9 +284,6 @@ SHAPE = 6.0
 """Parameter of the Kaiser window: the power of noise up to 0.8 of the Nyquist frequency is kept to
 0.1 %."""
 
-_WINDOW = [(SHAPE / 2) ** (2 * k) / factorial(k) ** 2 for k in range(19, -1, -1)]
-"""Kaiser's I₀(SHAPE √u) = Σ (SHAPE² u / 4)ᵏ / k!², to rounding for u up to 1."""
-
 
 def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Signals at other times, by a windowed sinc over the rows around them.
@@ -296,14 +293,9 @@ def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray
     row = np.interp(at, t, np.arange(len(t), dtype=float))
     first = np.floor(row).astype(np.int64)
     offsets = np.arange(1 - HALF, HALF + 1)
-    # sin π(x − k) = (−1)ᵏ sin πx: the sine of a row cancels in its normalised weights.
-    distance = np.maximum(row - first, 1e-20)[:, None] - offsets
+    distance = (row - first)[:, None] - offsets
     inside = np.clip(1.0 - (distance / HALF) ** 2, 0.0, None)
-    weights = np.zeros_like(inside)
-    for coefficient in _WINDOW:
-        weights *= inside
-        weights += coefficient
-    weights *= np.where(offsets % 2, -1.0, 1.0) / distance
+    weights = np.sinc(distance) * i0(SHAPE * np.sqrt(inside))
     weights /= weights.sum(axis=1, keepdims=True)
     rows = np.clip(first[:, None] + offsets, 0, len(t) - 1)
     return np.asarray(np.einsum("mk,mkn->mn", weights, values[rows]))

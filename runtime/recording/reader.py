@@ -205,10 +205,12 @@ def locate(path: str | Path) -> Path:
     """The existing path, or the place of the known data set of that name."""
     if not isinstance(path, str | PathLike):
         raise RecordingError(f"expected the path or name of a log, got {path!r:.60}")
-    place = Path(path)
-    if place.is_file() or place.is_dir():
-        return place
-    if place.exists():
+    place, is_there = Path(path), False
+    with suppress(OSError):  # a name that is too long
+        if place.is_file() or place.is_dir():
+            return place
+        is_there = place.exists()
+    if is_there:
         raise RecordingError(
             f"'{path}' is a pipe or a device, expected a file or a folder; write the log to a file"
         )

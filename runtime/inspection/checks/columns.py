@@ -321,7 +321,7 @@ def meaning(title: str) -> Meaning:
     """Read one title; its words are separated by case, digits and punctuation."""
     spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", title)
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
-    digits = re.findall(r"\d+", title)
+    digits = re.findall(r"\d{1,9}(?!\d)", title)
     kind = next((k for k, known in KINDS.items() if set(words) & set(known)), "")
     if not kind and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", title)):
         kind = KIND_OF_UNIT.get(re.sub(r"[\s.*·⋅]", "", stated[1].lower()), "")

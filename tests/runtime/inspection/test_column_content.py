@@ -138,6 +138,11 @@ def test_a_unit_in_brackets_names_the_signal(title: str, kind: str, unit: str) -
     assert (read.kind, read.unit) == (kind, unit)
 
 
+def test_a_title_of_5000_digits_is_read() -> None:
+    """Property: Python converts no text of more than 4300 digits."""
+    assert meaning("q" + "1" * 5000).kind == "position"
+
+
 def test_titles_that_are_not_understood_are_read_by_content(signals, tmp_path) -> None:
     """Property: the recipe names the columns, and the finding lists them."""
     names = ["a", *(f"{word}{j}" for word in ("foo", "bar", "baz") for j in range(7))]

@@ -92,6 +92,12 @@ def test_missing_file_folder_without_recipe_and_bad_target(tmp_path):
         write_recording(Recording(t=t, q=q), tmp_path / "file" / "x.csv")
 
 
+def test_a_name_that_no_file_can_have_is_refused():
+    """Property: the system refuses to look for it; the sentence is that of a missing file."""
+    with pytest.raises(RecordingError, match="there is no file or folder '"):
+        read_recording("n" * 300)
+
+
 def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     """Property: a write that fails half-way leaves the old file and no other behind."""
     t, q, _ = motion()

@@ -83,6 +83,12 @@ def test_what_is_missing_is_one_sentence(tmp_path):
         with pytest.raises(RecordingError, match=words):
             read_recording(place, recipe_from_table(table))
     frames = place / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(frames)
+    place_of = table.schema.get_field_index("episode_index")
+    nothing = pa.array([[]] * len(table), pa.list_(pa.int64()))
+    pq.write_table(table.set_column(place_of, "episode_index", nothing), frames)
+    with pytest.raises(RecordingError, match="episode_index is expected to be one number per row"):
+        read_recording(place, recipe_from_table(RECIPE))
     frames.unlink()
     frames.mkdir()
     with pytest.raises(RecordingError, match=r"cannot be read \(not a regular file"):

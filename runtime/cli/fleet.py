@@ -25,9 +25,8 @@ from runtime.monitoring.fleet.fleet_prior import (
     prior_text,
     write_prior,
 )
-from runtime.monitoring.fleet.gather import gather, remove_parts, statistics_files
+from runtime.monitoring.fleet.gather import Unit, gather, remove_parts, statistics_files
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
-from runtime.monitoring.fleet.unit import Unit
 
 SHOWN = 20
 """Units that are printed, those that differ most first."""

@@ -1,16 +1,18 @@
-"""What `symgen identify` writes and prints of a result."""
+"""What `symgen identify` writes and prints of a result, and the table of its drives."""
 
 import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from runtime.cli.drive import delay_lines, drive_table
 from runtime.cli.identify_settings import IdentifySettings
+from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, say, show
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.optimizers import Status
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import spring_lines
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
@@ -140,3 +142,36 @@ def _exported(result: Identification, folder: Path) -> str:
 
     path = folder / "identified.urdf"
     return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
+
+
+def drive_table(record: ResultRecord) -> Table | None:
+    """Drives of result.json, value ± standard deviation; None where none was estimated."""
+    drives = record.drive or ()
+    names = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
+    kept = [name for name in names if any(getattr(each, name) is not None for each in drives)]
+    if not kept:
+        return None
+    rows = tuple(
+        (each.joint, *(_cell(getattr(each, x), getattr(each.sigma, x)) for x in kept))
+        for each in drives
+    )
+    head = ("joint", *(name.replace("_", " ") for name in kept))
+    return Table(head, rows, title="Drives: value ± standard deviation, SI units")
+
+
+def delay_lines(record: ResultRecord) -> Iterator[str]:
+    """Delays of the torque, joints of unknown bias, and springs."""
+    drives = record.drive or ()
+    for delay in record.delays if drives else ():
+        yield f"delay of the torque: {_cell(delay.value, delay.sigma, 1e3)} ms"
+    unknown = [each.joint for each in drives if each.encoder_bias_verdict.startswith("not ident")]
+    if unknown:
+        yield f"encoder bias: not identifiable from this motion at {', '.join(unknown)}"
+    yield from spring_lines(record.friction)
+
+
+def _cell(value: Any, sigma: Any, factor: float = 1.0) -> str:
+    if value is None:
+        return "–"
+    spread = "" if sigma is None else f" ± {factor * sigma:.2g}"
+    return f"{factor * value:.4g}{spread}"

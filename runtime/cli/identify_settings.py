@@ -13,7 +13,7 @@ from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.estimators.type_prior import KnownFriction
+from runtime.estimators.prior_file import KnownFriction
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import NAMES, Settings
 from runtime.library import Library

@@ -34,7 +34,6 @@ from runtime.monitoring.calibration import (
     rate_interval,
     verified,
 )
-from runtime.monitoring.contacts import wrench_at
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import read_held_out
@@ -47,6 +46,7 @@ from runtime.monitoring.observation import (
     prepared_for,
     signals_of,
 )
+from runtime.monitoring.observer import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
 from runtime.outputs.report.log_figure import draw_external_torque

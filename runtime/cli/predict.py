@@ -30,10 +30,13 @@ from runtime.estimators.regression.posterior import DETERMINED
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.identification.expected_accuracy.expected import ARM_ERROR, Expected, base_names, facts
-from runtime.identification.expected_accuracy.growth import (
+from runtime.identification.expected_accuracy.expected import (
+    ARM_ERROR,
     SECONDS,
+    Expected,
     GainOfRecording,
+    base_names,
+    facts,
     gained,
     growth,
     verdict,

@@ -35,6 +35,7 @@ from runtime.estimators.convex.entropic_prior import (
     com_sigma,
     spread_of,
 )
+from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
@@ -50,7 +51,6 @@ from runtime.estimators.regression.samples import (
     residuals,
     weights_from,
 )
-from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
 ROUND = 1 / 3

@@ -25,35 +25,22 @@ from runtime.recording.row_marks import Marks
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeLog:
-    """Figures over all rows of a streamed log, of which a result holds only windows.
+    """Figures over all rows of a streamed log, of which a result holds only windows."""
 
-    Attributes:
-        samples: prepared rows of every part, by its name.
-        spans: first and last instant of every part [s], by its name.
-        before: torque error of the first guess on the whole test part.
-        after: torque error of the result on the whole test part.
-        with_friction: torque error of the URDF with fitted friction on the whole test part; None
-            without friction.
-    """
-
-    samples: dict[str, int]
-    spans: dict[str, tuple[float, float]]
-    before: metrics.TorqueError
-    after: metrics.TorqueError
+    samples: dict[str, int]  # prepared rows of every part, by its name
+    spans: dict[str, tuple[float, float]]  # first and last instant of every part [s], by its name
+    before: metrics.TorqueError  # torque error of the first guess on the whole test part
+    after: metrics.TorqueError  # torque error of the result on the whole test part
+    # torque error of the URDF with fitted friction on the whole test part; None without friction
     with_friction: metrics.TorqueError | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainedModel:
-    """A fit to the training part, where the result is a fit to all rows.
+    """A fit to the training part, where the result is a fit to all rows."""
 
-    Attributes:
-        pi: standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link].
-        phi: friction coefficients, (n, k).
-    """
-
-    pi: Array
-    phi: Array
+    pi: Array  # standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link]
+    phi: Array  # friction coefficients, (n, k)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -280,17 +280,11 @@ WHOLE_ONLY = ("validation", "test", "inputs", "robust")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamedPart:
-    """One part of a streamed log.
+    """One part of a streamed log."""
 
-    Attributes:
-        blocks: blocks of its rows, or of those of the training part, which include it.
-        span: first and last instant of its prepared rows [s].
-        first: first instant that is taken of the blocks [s].
-    """
-
-    blocks: Blocks
-    span: tuple[float, float]
-    first: float = -np.inf
+    blocks: Blocks  # blocks of its rows, or of those of the training part, which include it
+    span: tuple[float, float]  # first and last instant of its prepared rows [s]
+    first: float = -np.inf  # first instant that is taken of the blocks [s]
 
     def recordings(self) -> Iterator[Recording]:
         """Prepared rows, one block at a time in the order of time."""

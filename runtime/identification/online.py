@@ -21,10 +21,10 @@ from runtime.estimators.convex.newton import ConvexProblem, convex_problem
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics, from_triangle
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.expected_accuracy.expected import Knowledge
-from runtime.identification.expected_accuracy.growth import (
+from runtime.identification.expected_accuracy.expected import (
     SECONDS,
     GainOfRecording,
+    Knowledge,
     gained_by_same_motion,
     verdict,
 )

@@ -47,25 +47,16 @@ _ANY_HZ = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedLog:
-    """A log with its preparation, split and friction columns.
+    """A log with its preparation, split and friction columns."""
 
-    Attributes:
-        recording: the log, or its first rows where it is streamed.
-        preparation: filter, decimation and form of the equations; None for those of the recipe.
-        split: training, validation and test parts; None for those of the recipe.
-        friction: friction columns; None for those of the recipe.
-        notes: sentences about what was chosen automatically.
-        streamed: the log in its file; None where it is in memory.
-        is_at_rest: whether the rows are poses at rest, without motion.
-    """
-
-    recording: Recording
+    recording: Recording  # the log, or its first rows where it is streamed
+    # filter, decimation and form of the equations; None for those of the recipe
     preparation: Preparation | None
-    split: Split | None
-    friction: Friction | None
-    notes: tuple[str, ...] = ()
-    streamed: StreamedRecording | None = None
-    is_at_rest: bool = False
+    split: Split | None  # training, validation and test parts; None for those of the recipe
+    friction: Friction | None  # friction columns; None for those of the recipe
+    notes: tuple[str, ...] = ()  # sentences about what was chosen automatically
+    streamed: StreamedRecording | None = None  # the log in its file; None where it is in memory
+    is_at_rest: bool = False  # whether the rows are poses at rest, without motion
 
     def settings(self, settings: Settings, preparation: Preparation | None) -> Settings:
         """Settings of a fit of this log, with nothing left to choose."""

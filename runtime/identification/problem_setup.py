@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.estimators.prior_file import friction_prior_of
+from runtime.estimators.prior_file import KnownFriction, friction_prior_of
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.estimators.type_prior import KnownFriction
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
 from runtime.identification.progress import SILENT, Progress

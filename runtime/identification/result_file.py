@@ -17,10 +17,14 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import result_record as schema
-from runtime.identification.friction_intervals import friction_intervals, friction_sigma
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.model_identity import model_part, require_model
-from runtime.identification.posterior_file import posterior_of_result, write_posterior
+from runtime.identification.posterior_file import (
+    friction_intervals,
+    friction_sigma,
+    posterior_of_result,
+    write_posterior,
+)
 from runtime.identification.predictions_file import of_further_logs, write_predictions
 from runtime.identification.result_warnings import doubts_of, warnings_of
 from runtime.identification.saved_result import (

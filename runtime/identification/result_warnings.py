@@ -10,8 +10,8 @@ from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
-from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import friction_sigma
 from runtime.library import Array
 from runtime.recording import Recording
 from runtime.recording.preprocessing import is_filtered

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
-from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
-from runtime.estimators.type_prior import KnownFriction
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.friction import default_terms
 

@@ -20,9 +20,9 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
+from runtime.estimators.prior_file import KnownFriction
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
-from runtime.estimators.type_prior import KnownFriction
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.known import read_payload_facts
@@ -52,18 +52,12 @@ PAUSE = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedLog:
-    """One log as read.
+    """One log as read."""
 
-    Attributes:
-        name: name in a report; unique among the logs.
-        recording: as read.
-        preparation: steps of its preparation; None is that of its recipe.
-        carried: π of a known payload, added to that of the links, (10 n,); None for none.
-    """
-
-    name: str
-    recording: Recording
-    preparation: Preparation | None = None
+    name: str  # name in a report; unique among the logs
+    recording: Recording  # as read
+    preparation: Preparation | None = None  # steps of its preparation; None is that of its recipe
+    # π of a known payload, added to that of the links, (10 n,); None for none
     carried: Array | None = None
 
 

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.monitoring.contacts import Contact, contacts_of
 from runtime.monitoring.false_alarms import AlarmRate, levels, rate_by_stretches
 from runtime.monitoring.model import CHUNK, NO_SIGNALS, SLOW, MonitoredModel
 from runtime.monitoring.model import Signals as FurtherSignals
@@ -38,8 +37,10 @@ from runtime.monitoring.noise import (
     noise_of_observer,
 )
 from runtime.monitoring.observer import (
+    Contact,
     ObserverSettings,
     averaged,
+    contacts_of,
     external_torque,
     external_torques,
     observer_settings,

@@ -27,8 +27,8 @@ from runtime.identification.statistics_file import (
 )
 from runtime.library import Array, Library
 from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, prior_text, write_prior
+from runtime.monitoring.fleet.gather import unit_of
 from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
-from runtime.monitoring.fleet.unit import unit_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.recording.settings import EVERYTHING

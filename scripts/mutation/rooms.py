@@ -65,7 +65,7 @@ ROOMS = {
     "priors": Room(
         (
             "runtime/estimators/prior_file.py",
-            "runtime/estimators/type_prior.py",
+            "runtime/estimators/prior_file.py",
             "runtime/estimators/convex/*prior*.py",
             "runtime/estimators/convex/map_estimate.py",
         ),

@@ -59,15 +59,10 @@ OLS over-fits."""
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Recommended method with the reasons.
+    """Recommended method with the reasons."""
 
-    Attributes:
-        take: name of the method; None where no result should be used.
-        sentences: reasons and remarks.
-    """
-
-    take: str | None
-    sentences: tuple[str, ...]
+    take: str | None  # name of the method; None where no result should be used
+    sentences: tuple[str, ...]  # reasons and remarks
 
 
 def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:

@@ -96,19 +96,12 @@ class Figures:
 
 @dataclass(frozen=True, slots=True)
 class MethodRow:
-    """Outcome of one method.
+    """Outcome of one method."""
 
-    Attributes:
-        method: name in `METHODS`.
-        outcome: "ran", "not run" or "failed".
-        status: how the method ended, or why it did not run.
-        figures: None unless it ran.
-    """
-
-    method: str
-    outcome: str
-    status: str
-    figures: Figures | None = None
+    method: str  # name in `METHODS`
+    outcome: str  # "ran", "not run" or "failed"
+    status: str  # how the method ended, or why it did not run
+    figures: Figures | None = None  # None unless it ran
 
 
 def row_facts(row: MethodRow) -> dict[str, Any]:
@@ -360,17 +353,11 @@ def _figures(
 
 @dataclass(frozen=True, slots=True)
 class _Misfit:
-    """Sums of squared torques and residuals of a model on one part.
+    """Sums of squared torques and residuals of a model on one part."""
 
-    Attributes:
-        power: Σ (τ − τ̂)² per joint, (n,).
-        total: Σ τ² per joint, (n,).
-        squares: Σ_j (τ_j − τ̂_j)² of every sample, (N,).
-    """
-
-    power: Array
-    total: Array
-    squares: Array
+    power: Array  # Σ (τ − τ̂)² per joint, (n,)
+    total: Array  # Σ τ² per joint, (n,)
+    squares: Array  # Σ_j (τ_j − τ̂_j)² of every sample, (N,)
 
     @property
     def count(self) -> int:

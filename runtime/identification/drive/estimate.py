@@ -57,25 +57,15 @@ MOST_SIGMA = 0.02
 
 @dataclass(frozen=True, slots=True)
 class DriveProblem:
-    """A log whose delay of the torque and encoder biases are unknown.
+    """A log whose delay of the torque and encoder biases are unknown."""
 
-    Attributes:
-        recording: log as read.
-        lib: library of the robot.
-        settings: of the identification.
-        request: what is estimated beside the parameters.
-        preparation: of the rows; its delay is replaced.
-        given: delay where it is not estimated, (1,) or (n,) [s].
-        progress: shown the iterations.
-    """
-
-    recording: Recording
-    lib: Library
-    settings: Settings
-    request: DriveRequest
-    preparation: Preparation
-    given: Array
-    progress: Progress = SILENT
+    recording: Recording  # log as read
+    lib: Library  # library of the robot
+    settings: Settings  # of the identification
+    request: DriveRequest  # what is estimated beside the parameters
+    preparation: Preparation  # of the rows; its delay is replaced
+    given: Array  # delay where it is not estimated, (1,) or (n,) [s]
+    progress: Progress = SILENT  # shown the iterations
 
     def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""

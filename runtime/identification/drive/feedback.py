@@ -72,21 +72,13 @@ prior decides there, and c would be large and depend on the weights of the joint
 
 @dataclass(frozen=True, slots=True)
 class LinearisedDrive:
-    """Newton step and standard deviations; of x = (d, b), those of both that are unknown.
+    """Newton step and standard deviations; of x = (d, b), those of both that are unknown."""
 
-    Attributes:
-        step: of x, (m,) [s, then rad, m].
-        sigma: of x, (m,).
-        phi_sigma: of φ by noise alone, (n, k); NaN where a coefficient is not determined.
-        pi_moved: what a root of the covariance of x moves π, (10 n, m).
-        phi_moved: the same of φ, (n k, m).
-    """
-
-    step: Array
-    sigma: Array
-    phi_sigma: Array
-    pi_moved: Array
-    phi_moved: Array
+    step: Array  # of x, (m,) [s, then rad, m]
+    sigma: Array  # of x, (m,)
+    phi_sigma: Array  # of φ by noise alone, (n, k); NaN where a coefficient is not determined
+    pi_moved: Array  # what a root of the covariance of x moves π, (10 n, m)
+    phi_moved: Array  # the same of φ, (n k, m)
 
 
 def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:

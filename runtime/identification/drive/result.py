@@ -35,34 +35,21 @@ def places_of(columns: tuple[str, ...]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class DriveRequest:
-    """Quantities of the drives that are estimated beside the parameters.
+    """Quantities of the drives that are estimated beside the parameters."""
 
-    Attributes:
-        delay: whether a delay is estimated.
-        per_joint: one delay per joint instead of one for the log.
-        bias: whether the encoder biases are estimated.
-    """
-
-    delay: bool = False
-    per_joint: bool = False
-    bias: bool = False
+    delay: bool = False  # whether a delay is estimated
+    per_joint: bool = False  # one delay per joint instead of one for the log
+    bias: bool = False  # whether the encoder biases are estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveFit:
-    """Drives of a robot with standard deviations; NaN where a value is not determined.
+    """Drives of a robot with standard deviations; NaN where a value is not determined."""
 
-    Attributes:
-        delay: d, (1,) for the log or (n,) per joint [s]; empty where it was not estimated.
-        delay_sigma: of the same shape [s].
-        bias: b of q_true = q + b, (n,) [rad, m]; NaN where it was not estimated.
-        bias_sigma: (n,) [rad, m].
-    """
-
-    delay: Array
-    delay_sigma: Array
-    bias: Array
-    bias_sigma: Array
+    delay: Array  # d, (1,) for the log or (n,) per joint [s]; empty where it was not estimated
+    delay_sigma: Array  # of the same shape [s]
+    bias: Array  # b of q_true = q + b, (n,) [rad, m]; NaN where it was not estimated
+    bias_sigma: Array  # (n,) [rad, m]
 
     @classmethod
     def unknown(cls, joints: int) -> "DriveFit":

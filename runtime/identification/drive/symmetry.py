@@ -34,8 +34,8 @@ from runtime.estimators.convex.constraints import ConstraintRow
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.drive.result import places_of
-from runtime.identification.friction_intervals import friction_covariance
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import friction_covariance
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_record import MirroredPair
 from runtime.identification.settings import Settings

@@ -34,24 +34,16 @@ repeat a path within 1 %."""
 
 @dataclass(frozen=True, slots=True)
 class MotionSamples:
-    """Samples of a motion, equally spaced in time.
+    """Samples of a motion, equally spaced in time."""
 
-    Attributes:
-        name: name of the file.
-        samples: prepared samples; τ is 0 where none was measured.
-        terms: requested friction columns.
-        columns: names of the friction columns of the samples; a recording may contain others.
-        rate: rate of the samples, Hz.
-        measured: True when τ is a measured torque.
-        replaces_power: True when the recipe states rows of power, and these are of momentum.
-    """
-
-    name: str
-    samples: Samples
-    terms: Friction
+    name: str  # name of the file
+    samples: Samples  # prepared samples; τ is 0 where none was measured
+    terms: Friction  # requested friction columns
+    # names of the friction columns of the samples; a recording may contain others
     columns: tuple[str, ...]
-    rate: float
-    measured: bool
+    rate: float  # rate of the samples, Hz
+    measured: bool  # True when τ is a measured torque
+    # True when the recipe states rows of power, and these are of momentum
     replaces_power: bool = False
 
     @property
@@ -87,23 +79,14 @@ class MotionSamples:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of a log, from the residuals of its most probable model.
+    """Noise of a log, from the residuals of its most probable model."""
 
-    Attributes:
-        sigma: s_j, (n,) N·m or N.
-        inflation: N / N_eff of correlated residuals, those of the way out and back included.
-        pi: parameters of the model, (10 n,).
-        error: distance of the model from the data with hardly any prior, (10 n,).
-        rest: residuals, (N, n) [N·m, N].
-        repeated: rows that count as one because a motion out and back repeats model error.
-    """
-
-    sigma: Array
-    inflation: float
-    pi: Array
-    error: Array
-    rest: Array
-    repeated: float
+    sigma: Array  # s_j, (n,) N·m or N
+    inflation: float  # N / N_eff of correlated residuals, those of the way out and back included
+    pi: Array  # parameters of the model, (10 n,)
+    error: Array  # distance of the model from the data with hardly any prior, (10 n,)
+    rest: Array  # residuals, (N, n) [N·m, N]
+    repeated: float  # rows that count as one because a motion out and back repeats model error
 
 
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:

@@ -236,19 +236,12 @@ def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> Uncertai
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowErrors:
-    """RMS of the right side of k rows, and of their errors, (k,) each.
+    """RMS of the right side of k rows, and of their errors, (k,) each."""
 
-    Attributes:
-        names: of the rows.
-        size: RMS of the measured forces and torques.
-        before: RMS errors of the URDF.
-        after: RMS errors of the result, its friction, delay and errors of sensors included.
-    """
-
-    names: tuple[str, ...]
-    size: Array
-    before: Array
-    after: Array
+    names: tuple[str, ...]  # of the rows
+    size: Array  # RMS of the measured forces and torques
+    before: Array  # RMS errors of the URDF
+    after: Array  # RMS errors of the result, its friction, delay and errors of sensors included
 
 
 def free_base_errors(

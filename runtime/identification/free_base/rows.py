@@ -143,19 +143,13 @@ def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Arra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drives:
-    """What lies between commanded torques and those at the links.
+    """What lies between commanded torques and those at the links."""
 
-    Attributes:
-        terms: friction columns of the joints.
-        covariance: (6 + n, 6 + n) of the noise of the rows [N², …]; None before it is known.
-        delay_s: by which the commands act later [s].
-        is_delay_unknown: whether the delay has a column.
-    """
-
-    terms: Friction
+    terms: Friction  # friction columns of the joints
+    # (6 + n, 6 + n) of the noise of the rows [N², …]; None before it is known
     covariance: Array | None = None
-    delay_s: float = 0.0
-    is_delay_unknown: bool = False
+    delay_s: float = 0.0  # by which the commands act later [s]
+    is_delay_unknown: bool = False  # whether the delay has a column
 
     def names(self, joints: tuple[str, ...]) -> tuple[str, ...]:
         """Names of the coefficients, joint by joint, the delay last."""
@@ -176,24 +170,16 @@ class Drives:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseRows:
-    """Equations of some instants.
+    """Equations of some instants."""
 
-    Attributes:
-        samples: rows Y_b and their right side; m rows per instant.
-        basis: (N, k, m) N of the k chosen rows; identity where every wrench was measured.
-        names: of the k chosen rows.
-        known: (N, k) right side before the multiplication; contact wrenches that were measured
-            and torques, over `root`.
-        root: (k, k) L, what the rows were divided by.
-        offsets: (N, m, o) N_o, columns of constant offsets of σ that the intervals contain.
-    """
-
-    samples: Samples
-    basis: Array
-    names: tuple[str, ...]
+    samples: Samples  # rows Y_b and their right side; m rows per instant
+    basis: Array  # (N, k, m) N of the k chosen rows; identity where every wrench was measured
+    names: tuple[str, ...]  # of the k chosen rows
+    # (N, k) right side before the multiplication; contact wrenches that were measured and torques,
+    # over `root`
     known: Array
-    root: Array
-    offsets: Array
+    root: Array  # (k, k) L, what the rows were divided by
+    offsets: Array  # (N, m, o) N_o, columns of constant offsets of σ that the intervals contain
 
     def over_rows(self, values: Array) -> Array:
         """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""

@@ -70,19 +70,12 @@ def _congruence(bodies: Bodies, rotation: Array, translation: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One body in one frame.
+    """One body in one frame."""
 
-    Attributes:
-        mass: mass, kg.
-        com: centre of mass, (3,) m.
-        inertia: about the centre of mass, axes of the frame, (3, 3) kg·m².
-        covariance: of (mass, com, xx, yy, zz, xy, xz, yz), (10, 10).
-    """
-
-    mass: float
-    com: Array
-    inertia: Array
-    covariance: Array
+    mass: float  # mass, kg
+    com: Array  # centre of mass, (3,) m
+    inertia: Array  # about the centre of mass, axes of the frame, (3, 3) kg·m²
+    covariance: Array  # of (mass, com, xx, yy, zz, xy, xz, yz), (10, 10)
 
     @property
     def values(self) -> Array:

@@ -100,15 +100,10 @@ def empty_residual(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PostureDeviation:
-    """Errors that repeat with the position of a joint.
+    """Errors that repeat with the position of a joint."""
 
-    Attributes:
-        joint: its name.
-        factors: of the standard deviations of π, (10,), at least 1.
-    """
-
-    joint: str
-    factors: Array
+    joint: str  # its name
+    factors: Array  # of the standard deviations of π, (10,), at least 1
 
     @property
     def sentence(self) -> str:

@@ -26,8 +26,8 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
+from runtime.monitoring.fleet.gather import Unit, common_columns
 from runtime.monitoring.fleet.hierarchy import LEAST_UNITS, FleetFit
-from runtime.monitoring.fleet.unit import Unit, common_columns
 from runtime.recording.settings import WIDTHS, widths_of
 
 GRID = 80

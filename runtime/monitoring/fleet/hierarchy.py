@@ -39,7 +39,7 @@ from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
-from runtime.monitoring.fleet.unit import Unit
+from runtime.monitoring.fleet.gather import Unit
 
 LEAST_UNITS = 3
 """Smallest number of units: with two, a spread and an outlier cannot be distinguished."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.common.files import replacing
 from runtime.errors import RecordingError
-from runtime.identification.expected_accuracy.growth import Growth
+from runtime.identification.expected_accuracy.expected import Growth
 from runtime.monitoring.observation import Observation
 from runtime.outputs.report.canvas import (
     BLUE,

@@ -8,7 +8,7 @@ import pytest
 
 import runtime
 from runtime import Recording, write_recording
-from runtime.identification.friction_intervals import determined, spring_lines
+from runtime.identification.posterior_file import determined, spring_lines
 from runtime.identification.result_file import record_of
 from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log

@@ -13,7 +13,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.monitoring.fleet.unit import unit_of
+from runtime.monitoring.fleet.gather import unit_of
 from runtime.simulation import Plant, ideal
 from runtime.simulation.virtual_robot import perturbed
 from tests.runtime.monitoring.virtual_units import SPREAD, UNITS, Fleet, statistics_about

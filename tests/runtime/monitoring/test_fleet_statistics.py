@@ -20,8 +20,7 @@ from runtime.identification.statistics_file import (
 )
 from runtime.library import Library
 from runtime.monitoring.fleet import gather as room
-from runtime.monitoring.fleet.gather import gather, statistics_files
-from runtime.monitoring.fleet.unit import Unit, unit_of
+from runtime.monitoring.fleet.gather import Unit, gather, statistics_files, unit_of
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.virtual_units import (
     TERMS,

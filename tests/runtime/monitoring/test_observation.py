@@ -9,7 +9,6 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.library import Library
-from runtime.monitoring.contacts import contacts_of, wrench_at
 from runtime.monitoring.false_alarms import AlarmRate
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import ObserverNoise, _fast, noise_of_observer, read_held_out
@@ -20,7 +19,7 @@ from runtime.monitoring.observation import (
     signals_of,
     slow_speeds,
 )
-from runtime.monitoring.observer import ObserverSettings
+from runtime.monitoring.observer import ObserverSettings, contacts_of, wrench_at
 from runtime.monitoring.session import usual_torque
 from runtime.recording import Friction, Preparation
 from tests.oracle import pinocchio_model

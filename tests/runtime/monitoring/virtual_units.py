@@ -9,7 +9,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Library
-from runtime.monitoring.fleet.unit import Unit
+from runtime.monitoring.fleet.gather import Unit
 from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare
 

@@ -16,10 +16,10 @@ from runtime.estimators.convex.entropic_prior import (
     prior_of,
 )
 from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
+from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples
-from runtime.estimators.type_prior import prior_about
 from tests.runtime.estimators.convex.paths import follow
 
 NOISE = 0.05

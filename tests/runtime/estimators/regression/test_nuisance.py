@@ -6,9 +6,8 @@ import pytest
 from runtime.estimators.regression import model_error
 from runtime.estimators.regression.nuisance import SHAPES, common_size
 from runtime.excitation import Trajectory
-from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import posterior_of_result
+from runtime.identification.posterior_file import friction_sigma, posterior_of_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction

@@ -14,8 +14,8 @@ from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import bias_columns
 from runtime.identification.drive.result import DriveRequest
-from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

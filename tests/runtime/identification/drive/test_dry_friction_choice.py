@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.identification.friction_intervals import friction_sigma
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
+from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of

@@ -10,7 +10,7 @@ from runtime.identification.drive import estimate, feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response
 from runtime.identification.drive.result import DriveRequest
-from runtime.identification.friction_intervals import friction_sigma
+from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.recording import Preparation, read_recording

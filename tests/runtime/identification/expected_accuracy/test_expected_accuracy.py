@@ -12,8 +12,7 @@ from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows
-from runtime.identification.expected_accuracy.expected import ARM_ERROR, Knowledge, expected
-from runtime.identification.expected_accuracy.growth import gained
+from runtime.identification.expected_accuracy.expected import ARM_ERROR, Knowledge, expected, gained
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,

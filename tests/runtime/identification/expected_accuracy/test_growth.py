@@ -8,8 +8,14 @@ import pytest
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import FRICTION
-from runtime.identification.expected_accuracy.expected import Knowledge, expected
-from runtime.identification.expected_accuracy.growth import GainOfRecording, gained, growth, verdict
+from runtime.identification.expected_accuracy.expected import (
+    GainOfRecording,
+    Knowledge,
+    expected,
+    gained,
+    growth,
+    verdict,
+)
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.identification.friction_intervals import friction_sigma
+from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.single_log import identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, friction, read_recording

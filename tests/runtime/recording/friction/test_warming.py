@@ -8,7 +8,7 @@ import pytest
 
 from runtime import Observer, write_recording
 from runtime.errors import RecordingError
-from runtime.identification.friction_intervals import friction_sigma
+from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.model import model_of

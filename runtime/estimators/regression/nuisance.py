@@ -15,18 +15,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.regression.omitted_columns import FreeFit
-from runtime.estimators.regression.posterior import ROUNDING
+from runtime.estimators.regression.posterior import ROUNDING, least_squares
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.recording.friction import dahl_state
+from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED
 
 SLOW = 0.06
-"""Speed at which friction peaks [rad/s, m/s]."""
+"""Speed at which friction that grows with the load has nearly its whole size [rad/s, m/s]."""
 KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
-friction (load, root of the speed, peak at low speed)."""
+friction (load, bend over the speed, peak at low speed)."""
 MOST = 0.02
-"""Largest λ over the range of the joint: a root of the speed hardly differs from viscous and dry
-friction, or q from sin q where a joint moves little, and would leave all of them open."""
+"""Largest λ over the range of the joint: q hardly differs from sin q where a joint moves little,
+and would leave both of them open."""
 SHAPES = len(KINDS)
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
@@ -37,15 +39,23 @@ SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
 
 
 def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
-    """Shapes N of the joints, of size 1, (N, n, SHAPES): each has rows of its joint alone."""
+    """Shapes N of the joints, of size 1, (N, n, SHAPES): each has rows of its joint alone.
+
+    A peak at low speed is over the Dahl state ζ of the path, since reversals within the presliding
+    stroke have none. The viscous coefficient of friction that bends is the slope of its best
+    line over ζ, dq and 1: the root of the speed is what that line leaves of it. The whole root is
+    nearly the same at low speeds, and would take a peak there for a bend at every speed.
+    """
     q, dq = samples.q, samples.dq
     still = np.zeros_like(q)
     load = np.abs(lib.inverse_dynamics(q, still, still, pi))
-    sign = np.tanh(dq / SLOW)
+    zeta, root = dahl_state(q, DAHL_STROKE), np.sign(dq) * np.sqrt(np.abs(dq))
+    for j in range(q.shape[1]):
+        line = np.column_stack([zeta[:, j], dq[:, j], np.ones(len(q))])
+        root[:, j] = least_squares(line, root[:, j])[1]
     each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
-    each += [load / np.maximum(load.max(axis=0), 1e-12) * sign]
-    each += [np.sign(dq) * np.sqrt(np.abs(dq)), sign * np.exp(-((dq / SLOW) ** 2))]
-    return np.stack(each, axis=2)
+    each += [load / np.maximum(load.max(axis=0), 1e-12) * np.tanh(dq / SLOW), root]
+    return np.stack([*each, zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))], axis=2)
 
 
 def torque_ranges(lib: Library, tau: Array) -> Array:

@@ -1,6 +1,8 @@
 """What `symgen identify` writes and prints of a result, and the table of its drives."""
 
 import re
+import shlex
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +10,7 @@ from typing import Any
 
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.common.tables import Table
-from runtime.common.terminal import VERBOSE, command_line, say, show
+from runtime.common.terminal import VERBOSE, command_line, program, say, show
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.optimizers import Status
 from runtime.identification.identified import Identification
@@ -38,31 +40,41 @@ def finish(result: Identification, folder: Path, given: IdentifySettings, inspec
     """
     record = write_result(result, folder, command_line())
     files = _written(result, folder, given)
-    for line in (*_summary(result, record, inspect), *files):
+    for line in (*_summary(result, record, inspect, given.robot), *files):
         say(line)
     if VERBOSE.get():
         _print_details(result, record)
 
 
-def command_after(doubt: str, inspect: str) -> str:
-    """Command that follows a doubt: identify with another option, or inspect; "" without one."""
-    if option := re.search(r"--(?:delay|friction|cutoff) auto", doubt):
-        again = f"{command_line()} {option[0]}"
-        return again if "--overwrite" in again else f"{again} --overwrite"
-    return (
-        inspect
-        if re.search(r"\binspect\b|(in|of) a recipe", doubt) and inspect not in doubt
-        else ""
-    )
+def command_after(doubt: str, inspect: str, record: ResultRecord, robot: str) -> str:
+    """Command that follows a doubt, as it is typed; "" without one."""
+    columns = () if record.friction is None else record.friction.columns
+    again = command_line() + (" " if "--overwrite" in sys.argv else " --overwrite ")
+    built = f"python -m symgen build --robot {shlex.quote(robot)} --name {record.robot}_tilted "
+    commands = {  # after a space follows what was found
+        r"--(?:delay|friction|cutoff) auto|--settings encoder_bias=true": again,
+        r"columns of --friction": f"{again}--friction {','.join((*columns, 'offset'))}",
+        r"\buse map\b": f"{again}--method map",
+        r"--gravity=\S+": built,
+        r"\bruntime gains\b": inspect.replace(" inspect ", " gains ", 1),
+        r"\brecord\b": f"{program()} excite --robot {shlex.quote(robot)}",
+        r"\binspect\b|(in|of) a recipe": "" if inspect in doubt else inspect,
+    }
+    for pattern, command in commands.items():
+        if match := re.search(pattern, doubt):
+            return command + match[0] if command.endswith(" ") else command
+    return ""
 
 
-def _summary(result: Identification, record: ResultRecord, inspect: str) -> Iterator[str]:
+def _summary(
+    result: Identification, record: ResultRecord, inspect: str, robot: str
+) -> Iterator[str]:
     """What a result comes to: at most one doubt, errors, share of friction, bodies, one advice."""
     known, shares = result.uncertainty, record.torque_error_percent
     if record.doubts:
         doubt = record.doubts[0].replace("python -m runtime inspect LOG", inspect)
         yield f"{'note' if doubt.endswith(FOLLOWS) else 'warning'}: {doubt}"
-        if command := command_after(doubt, inspect):
+        if command := command_after(doubt, inspect, record, robot):
             yield f"run: {command}"
     if result.status in UNFINISHED:
         yield f"status: {result.status}"

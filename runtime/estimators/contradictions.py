@@ -142,10 +142,11 @@ def remedy_of(lib: Library, cause: Cause) -> str:
         gravity = ",".join(f"{x:.3f}" for x in lib.gravity + cause.vector)
         return f"measure its angles, or build the robot with --gravity={gravity}"
     return {
-        GAIN: f"check the torque constant of {name}, or calibrate it with a known load by: "
-        "python -m runtime gains --help",
+        GAIN: f"check the torque constant of {name}, or estimate the gains of all joints by "
+        "python -m runtime gains",
         DELAY: "correct it with --delay auto",
-        ZERO: f"calibrate the zero of {name}, or state it as offset under [position] of a recipe",
+        ZERO: f"calibrate the zero of {name}, or estimate it by identify --settings "
+        "encoder_bias=true",
         OFFSET: "add offset to the columns of --friction",
     }[cause.kind]
 

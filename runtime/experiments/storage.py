@@ -21,7 +21,6 @@ from filelock import FileLock, Timeout
 from runtime.common.files import json_of, replacing, sha256_of
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
-from runtime.identification.result_file import versions
 from runtime.library import Array, Library
 from runtime.recording.formats.parquet_format import rows_of
 
@@ -226,7 +225,7 @@ def write_outcome(
         "robot": lib.name,
         "joints": list(lib.joint_names),
         "model_hash": lib.manifest.model_hash,
-        "versions": versions() | lib.manifest.versions,
+        "versions": lib.versions,
         "command": command,
         "files": {name: sha256_of(folder / name) for name in (TRIALS, SERIES)},
         "cases": dict(study.cases),

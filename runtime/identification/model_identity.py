@@ -5,6 +5,7 @@ placements. Another gravity, other inertials or a newer generator leave π valid
 fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
@@ -15,6 +16,8 @@ from runtime.errors import RecordingError
 from runtime.identification.result_record import JointPlace, ModelPart, ResultRecord
 from runtime.library import Library
 
+FRAMES, BODIES, PRIOR = "frames", "bodies", "prior"
+"""Kinds of differences: π of one model means nothing, other bodies, or the same in the other."""
 ALIKE = 1e-6
 """Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
 
@@ -39,43 +42,52 @@ def require_model(
             f"'{folder}' identified {record.robot}, whose joints differ from those of "
             f"'{lib.name}'; name its robot with --robot"
         )
-    then, now = record.model, model_part(lib)
-    if then is None or then.model_hash == now.model_hash:
+    if record.model is None:
         return ()
-    if len(then.joints) != len(now.joints):
+    joints = [f"'{name}'" for name in lib.all_joint_names]
+    notes = differences(record.model, model_part(lib), (str(folder), lib.name), joints)
+    refused = {FRAMES, BODIES} if same_bodies else {FRAMES}
+    if fault := next((sentence for kind, sentence in notes if kind in refused), None):
         raise RecordingError(
-            f"'{folder}' was identified with a model of {len(then.joints)} joints, '{lib.name}' "
-            f"has {len(now.joints)}; name the library that it was identified with by --robot"
+            f"{fault}; name the library that it was identified with by --robot, or identify again"
         )
-    places = zip(lib.all_joint_names, then.joints, now.joints, strict=True)
-    if moved := next((name for name, old, new in places if not same_place(old, new)), None):
-        raise RecordingError(
-            f"'{folder}' was identified with a model whose joint '{moved}' sits or turns "
-            f"differently than that of '{lib.name}', so that its parameters belong to other "
-            "frames; name the library that it was identified with by --robot, or identify again"
+    return tuple(sentence for _, sentence in notes)
+
+
+def differences(
+    one: ModelPart, two: ModelPart, names: tuple[str, str], joints: Iterable[str]
+) -> list[tuple[str, str]]:
+    """Kind of every difference of two models, and a sentence; other frames hide what follows."""
+    if one.model_hash == two.model_hash:
+        return []
+    first, second = f"'{names[0]}' was identified with", f"'{names[1]}'"
+    count, other = len(one.joints), len(two.joints)
+    if count != other:
+        return [(FRAMES, f"{first} a model of {count} joints, {second} has {other}")]
+    places = zip(joints, one.joints, two.joints, strict=True)
+    if moved := next((name for name, a, b in places if not same_place(a, b)), None):
+        sentence = (
+            f"{first} a model whose joint {moved} sits or turns differently than that of {second}, "
+            "so that its parameters belong to other frames"
         )
-    if others := set(then.lumped) ^ set(now.lumped):
-        other = ", ".join(sorted(others))
-        difference = (
-            f"'{folder}' was identified with other fixed links counted into moving ones than "
-            f"'{lib.name}' has ({other})"
+        return [(FRAMES, sentence)]
+    notes = []
+    if others := ", ".join(sorted(set(one.lumped) ^ set(two.lumped))):
+        sentence = (
+            f"{first} other fixed links counted into moving ones than {second} has ({others}): "
+            "its masses belong to other bodies"
         )
-        if same_bodies:
-            raise RecordingError(
-                f"{difference}; name the library that it was identified with by --robot"
-            )
-        return (f"{difference}: its masses belong to other bodies",)
-    if not np.abs(np.subtract(then.gravity, now.gravity)).max() <= ALIKE:
-        old, new = (",".join(f"{x:g}" for x in g) for g in (then.gravity, now.gravity))
-        return (
-            f"'{folder}' was identified with gravity {old}, and '{lib.name}' has {new}: right "
-            "if the arm was mounted again in between",
-        )
-    return (
-        f"'{folder}' was identified with another build of this arm (model {then.model_hash[:12]}, "
-        f"here {now.model_hash[:12]}): the joints are the same, inertials, limits or the generator "
-        "are not",
+        notes.append((BODIES, sentence))
+    if not np.abs(np.subtract(one.gravity, two.gravity)).max() <= ALIKE:
+        old, new = (",".join(f"{x:g}" for x in each.gravity) for each in (one, two))
+        sentence = f"{first} gravity {old}, and {second} has {new}: right if the arm was mounted"
+        notes.append((PRIOR, f"{sentence} again in between"))
+    build = (
+        f"{first} another build of this arm (model {one.model_hash[:12]}, {second} has "
+        f"{two.model_hash[:12]}): the joints are the same, inertials, limits or the generator are "
+        "not"
     )
+    return notes or [(PRIOR, build)]
 
 
 def same_place(a: JointPlace, b: JointPlace) -> bool:

@@ -1,11 +1,10 @@
 """Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all."""
 
 import json
-import sys
 from dataclasses import asdict, replace
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,44 +15,37 @@ from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
+from runtime.identification import posterior_file, predictions_file
 from runtime.identification import result_record as schema
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.model_identity import model_part, require_model
-from runtime.identification.posterior_file import (
-    friction_intervals,
-    friction_sigma,
-    posterior_of_result,
-    write_posterior,
-)
-from runtime.identification.predictions_file import of_further_logs, write_predictions
 from runtime.identification.result_warnings import doubts_of, warnings_of
-from runtime.identification.saved_result import (
-    LARGEST_VALUE,
-    SavedResult,
-    read_result,
-    saved_from,
-)
+from runtime.identification.saved_result import LARGEST_VALUE, SavedResult, read_result, saved_from
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation
-from runtime.recording.recipes.recipe import NUMBERS
-
-__all__ = ["versions"]
+from runtime.recording.settings import WIDTHS
 
 AnyResult = SavedResult | Identification | str | PathLike[str]
 """What functions on results take; a path is read by `read_result`."""
-GAINS = tuple[schema.CurrentGain, ...]
 
 
 def record_of(result: Identification, command: str) -> schema.ResultRecord:
     """Record of an identification."""
-    lib, drive, gains = result.lib, result.drive, result.train.gains
-    trace, fit = result.trace, result.trained
+    lib, law, trace = result.lib, result.train.law, result.trace
+    gains = late = drives = trained = None
+    if (estimated := result.train.gains) is not None:
+        gains = tuple(schema.CurrentGain(**each) for each in estimated.facts())
+    if (drive := result.drive) is not None:
+        late, sigma = drive.delay_parts(), posterior_file.friction_sigma(result)
+        drives = drive.parts(lib.joint_names, result.usual_phi, sigma, result.friction.columns)
+    if (fit := result.trained) is not None:
+        values = schema.plain(replace(result, phi=fit.phi).usual_phi)
+        trained = schema.TrainedPart(pi=schema.plain(fit.pi), friction_values=values)
     before, after = torque_errors(result)
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
     warnings = warnings_of(result, before, after)
     percent, rms = schema.error_parts(before, after, friction_error(result))
-    columns = result.friction.columns
     return schema.ResultRecord(
         format=schema.FORMAT,
         method=result.method,
@@ -65,13 +57,11 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         units=tuple(file_units(lib.manifest)),
         recording=_recording(result),
         torque_source=result.train.torque_source,
-        control_law=_law(result),
-        current_gains=None if gains is None else msgspec.convert(gains.facts(), GAINS),
-        delay_s=None if drive is None else drive.delay_parts(),
+        control_law=None if law is None else schema.ControlLaw(law=law.law, **law.numbers),
+        current_gains=gains,
+        delay_s=late,
         symmetric=result.symmetric or None,
-        drive=None
-        if drive is None
-        else drive.parts(lib.joint_names, result.usual_phi, friction_sigma(result), columns),
+        drive=drives,
         torque_error_percent=percent,
         torque_rms=rms,
         links=schema.link_parts(lib, result.pi, result.relative_eigenvalues),
@@ -88,23 +78,12 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         warnings=tuple(warnings),
         doubts=tuple(doubts_of(result, warnings)),
         pi=schema.plain(result.pi),
-        lam=None if result.lam is None else schema.plain(result.lam),
+        lam=schema.plain(result.lam),
         beta=schema.plain(result.beta),
         condition_number=train.condition(),
-        trained=None
-        if fit is None
-        else schema.TrainedPart(
-            pi=schema.plain(fit.pi),
-            friction_values=schema.plain(replace(result, phi=fit.phi).usual_phi),
-        ),
+        trained=trained,
         sessions=result.agreement,
-        provenance=schema.ProvenancePart(
-            command=command,
-            versions=versions() | lib.manifest.versions,
-            files=dict(result.train.source),
-            model_hash=lib.manifest.model_hash,
-            seed=result.seed,
-        ),
+        provenance=provenance_of(lib, command, dict(result.train.source), result.seed),
     )
 
 
@@ -113,40 +92,39 @@ def opened(
 ) -> tuple[SavedResult, Library, tuple[str, ...]]:
     """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
-        place = f"the result of {result.lib.name}"
-        fitted = result.row_marks, of_further_logs(result)
-        saved = saved_from(record_of(result, ""), place, fitted, with_learned=True)
-        lib = result.lib if lib is None else lib
-    elif isinstance(result, str | PathLike):
-        saved, place = read_result(result, with_learned=True), str(result)
+        place, lib = f"the result of {result.lib.name}", result.lib if lib is None else lib
+        record, recipe = record_of(result, ""), predictions_file.of_further_logs(result)
+        saved = saved_from(record, place, True, result.row_marks, recipe)
     elif isinstance(result, SavedResult):
         saved, place = result, f"the result of {result.record.robot}"
     else:
-        raise IdentificationError(
-            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
-            f"got {result!r:.60}"
-        )
+        saved, place = read_result(result, with_learned=True), str(result)
     lib = load(saved.record.robot) if lib is None else lib
     require_library(lib)
     return saved, lib, require_model(saved.record, lib, place, same_bodies)
 
 
-def write_record(record: schema.ResultRecord, folder: Path) -> None:
-    """Write result.json into a folder, as a whole or not at all."""
+def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
+    """Write the files of an identification into a folder."""
+    require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
+    record, rows = record_of(result, command), predictions_file.predictions_of(result)
+    return write_files(record, folder, posterior_file.posterior_of_result(result), rows)
+
+
+def write_files(
+    record: schema.ResultRecord,
+    folder: Path,
+    posterior: posterior_file.SavedPosterior | None,
+    rows: dict[str, Any],
+) -> schema.ResultRecord:
+    """Write posterior.npz where there is one, predictions.npz and result.json into a folder."""
+    if posterior is not None:
+        posterior_file.write_posterior(folder, posterior)
+    predictions_file.write_predictions(folder, rows)
     facts = msgspec.to_builtins(record)
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with replacing(folder / "result.json") as file:
         file.write(text.encode())
-
-
-def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
-    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder."""
-    require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
-    record = record_of(result, command)
-    if (posterior := posterior_of_result(result)) is not None:
-        write_posterior(folder, posterior)
-    write_predictions(result, folder / "predictions.npz")
-    write_record(record, folder)
     return record
 
 
@@ -161,12 +139,14 @@ def require_size(values: Array) -> None:
         )
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that compute a result."""
-    python = ".".join(map(str, sys.version_info[:3]))
-    return {"python": python} | {
-        name: str(import_module(name).__version__) for name in ("numpy", "scipy", "clarabel")
-    }
+def provenance_of(
+    lib: Library, command: str, files: dict[str, str], seed: int | None
+) -> schema.ProvenancePart:
+    """How to compute a result again, with the versions of what computed it."""
+    model, used = lib.manifest.model_hash, lib.versions
+    return schema.ProvenancePart(
+        command=command, versions=used, files=files, model_hash=model, seed=seed
+    )
 
 
 def _recording(result: Identification) -> schema.RecordingPart:
@@ -196,8 +176,7 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
     if u is None:
         return None
     test = samples_of(result.test, lib)
-    step = max(1, len(test) // BAND_SAMPLES)
-    band = u.band_of(lib, test.rows(slice(None, None, step)))
+    band = u.band_of(lib, test.rows(slice(None, None, max(1, len(test) // BAND_SAMPLES))))
     return schema.UncertaintyPart(
         advice=u.advice(),
         n_eff=u.n_eff,
@@ -222,27 +201,15 @@ def _friction(result: Identification) -> schema.FrictionPart | None:
     """Columns, coefficients and intervals; None where none was fitted."""
     if not result.phi.size:
         return None
-    names, terms, motors = result.friction.columns, result.friction, result.train.motors
-    if not result.log_names:
-        names = result.train.column_names or names
-    sigma, interval = friction_intervals(result)
+    terms, motors = result.friction, result.train.motors
+    names = () if result.log_names else result.train.column_names
+    sigma, interval = posterior_file.friction_intervals(result)
     return schema.FrictionPart(
-        columns=tuple(names),
+        columns=tuple(names or terms.columns),
         values=schema.plain(result.usual_phi),
-        coulomb_speed=terms.coulomb_speed,
-        stribeck_speed=terms.stribeck_speed,
-        dahl_stroke=terms.dahl_stroke,
+        **{key: getattr(terms, key) for key in WIDTHS},
         gear=terms.gear if motors is None else schema.plain(motors),
         sigma=sigma,
         interval_95=interval,
         net=None if result.learned is None else result.learned.facts(),
     )
-
-
-def _law(result: Identification) -> schema.ControlLaw | None:
-    """Numbers of the control law; a gain that varies over the log has none."""
-    law = result.train.law
-    if law is None:
-        return None
-    known = {key: None if isinstance(x := getattr(law, key), str) else x for key in NUMBERS}
-    return schema.ControlLaw(law=law.law, **known)

@@ -1,14 +1,14 @@
 """The record of result.json: its fields are the keys, with their types; schema, writer and reader.
 
 n joints, L links, k friction columns, n_b base parameters. Torques are in N·m, forces in N. A file
-of format 1 or 2 becomes one of the present format in `migrated`, from the tables `RENAMED` (a key
-that has another name now) and `OLDER` (what stands for a key that the file lacks).
+of format 1 or 2 becomes one of the present format in `migrated`, from the table `RENAMED` (a key
+that has another name now) and the third note on a type (what stands for a key that the file lacks).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Annotated as Of
-from typing import Any, get_args, get_type_hints
+from typing import Any, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -21,35 +21,14 @@ FORMAT = 3
 """Number of the present format; a change that an older reader would misread raises it."""
 
 RENAMED = {
-    "sessions.leave_one_out[].own_offset_overall": "log_offset_overall",
-    "sessions.leave_one_out[].alone_overall": "single_log_overall",
-    "sessions.repeatability.beta_promised": "beta_sigma_expected",
-    "symmetric[].rise": "exchanged_error_ratio",
-    "uncertainty.white": "white_lag_share",
-    "uncertainty.gain_limits": "detectable_gain_error",
+    "own_offset_overall": "log_offset_overall",
+    "alone_overall": "single_log_overall",
+    "beta_promised": "beta_sigma_expected",
+    "rise": "exchanged_error_ratio",
+    "white": "white_lag_share",
+    "gain_limits": "detectable_gain_error",
 }
 """Key of formats 1 and 2 → its name in format 3."""
-OLDER: dict[str, Any] = {
-    key: value
-    for value, keys in (
-        ({}, "recording recording.samples recording.preparation"),
-        ({}, "provenance provenance.versions provenance.files"),
-        (None, "model control_law current_gains delay_s symmetric drive gap_to_convex_optimum"),
-        (None, "uncertainty loss convex_optimum friction convergence iterations seconds lam"),
-        (None, "condition_number trained sessions recording.duration convergence.validation"),
-        (None, "uncertainty.weakest_direction sessions.offsets sessions.delay_s provenance.seed"),
-        ("", "status recording.split provenance.command provenance.model_hash"),
-        ((), "weights warnings pi beta recording.history uncertainty.pi_sigma"),
-        ((), "uncertainty.beta_sigma uncertainty.posterior_over_prior uncertainty.beta_verdicts"),
-        ((), "uncertainty.detectable_gain_error sessions.train_samples"),
-        ("unnamed recording", "recording.name"),
-        ("measured", "torque_source"),
-        ("fixed", "base"),
-        (0, "uncertainty.excited"),
-    )
-    for key in keys.split()
-}
-"""Key → value that stands for "not recorded" in a file of format 1 or 2 without it."""
 
 Numbers = tuple[float, ...]
 Gaps = tuple[float | None, ...]
@@ -65,10 +44,25 @@ class Part(Record, frozen=True, forbid_unknown_fields=False):
 
     @classmethod
     @cache
-    def meanings(cls) -> dict[str, str]:
-        """Meaning, shape and unit of every key."""
+    def keys(cls) -> dict[str, tuple[str, list[Any], type["Part"] | None]]:
+        """Meaning of every key, what stands for it in older files, and the kind of its tables."""
         hints = get_type_hints(cls, include_extras=True)
-        return {name: get_args(hints[name])[1] for name in cls.__struct_fields__}
+        kinds = {name: get_args(hints[name]) for name in cls.__struct_fields__}
+        return {name: (x[1], [*x[2:]], next(_parts(x[0]), None)) for name, x in kinds.items()}
+
+    @classmethod
+    def from_columns(cls, **columns: Iterable[Any]) -> tuple[Self, ...]:
+        """One table per entry of columns of equal length."""
+        values = (plain(x) if isinstance(x, np.ndarray) else x for x in columns.values())
+        return tuple(cls(**dict(zip(columns, x, strict=True))) for x in zip(*values, strict=True))
+
+
+def _parts(hint: Any) -> Iterator[type[Part]]:
+    """Tables that a type names."""
+    if isinstance(hint, type) and issubclass(hint, Part):
+        yield hint
+    for each in () if get_origin(hint) is dict else get_args(hint):
+        yield from _parts(each)
 
 
 class JointPlace(Part, frozen=True):
@@ -93,12 +87,12 @@ class ModelPart(Part, frozen=True):
 class RecordingPart(Part, frozen=True):
     """The data."""
 
-    name: Of[str | None, "name of the recording"]
-    duration: Of[float | None, "of all parts [s]"]
-    samples: Of[dict[str, int], "number per part: train, validation, test"]
-    history: Of[Texts, "sentences on every step of the preparation"]
-    preparation: Of[dict[str, Any], "settings of the preparation that are not the default"]
-    split: Of[str, "instants of the parts, a phrase [s]"]
+    name: Of[str | None, "name of the recording", "unnamed recording"]
+    duration: Of[float | None, "of all parts [s]", None]
+    samples: Of[dict[str, int], "number per part: train, validation, test", {}]
+    history: Of[Texts, "sentences on every step of the preparation", ()]
+    preparation: Of[dict[str, Any], "settings of the preparation that are not the default", {}]
+    split: Of[str, "instants of the parts, a phrase [s]", ""]
 
 
 class ControlLaw(Part, frozen=True):
@@ -206,18 +200,18 @@ class UncertaintyPart(Part, frozen=True):
     advice: Of[str, "what to record next, a sentence"]
     n_eff: Of[float, "effective sample size of the residuals"]
     inflation: Of[float, "samples per independent sample, N / N_eff"]
-    excited: Of[int, "base parameters that the motion excites"]
-    weakest_direction: Of[Any, "weakest over strongest excited direction"]
+    excited: Of[int, "base parameters that the motion excites", 0]
+    weakest_direction: Of[Any, "weakest over strongest excited direction", None]
     boundary: Of[bool, "whether a link is close to a plate or a rod"]
     links: Of[tuple[LinkUncertainty, ...], "one table per moving link, (L,)"]
-    pi_sigma: Of[Numbers, "standard deviations of π, (10 L,) or empty [SI]"]
-    posterior_over_prior: Of[Numbers, "posterior over prior variance of π, (10 L,) or empty"]
-    beta_sigma: Of[Numbers, "standard deviations of β, (n_b,) or empty [SI]"]
-    beta_verdicts: Of[Texts, "identified or prior-dominated, per entry of β, (n_b,) or empty"]
+    pi_sigma: Of[Numbers, "standard deviations of π, (10 L,) or empty [SI]", ()]
+    posterior_over_prior: Of[Numbers, "posterior over prior variance of π, (10 L,) or empty", ()]
+    beta_sigma: Of[Numbers, "standard deviations of β, (n_b,) or empty [SI]", ()]
+    beta_verdicts: Of[Texts, "identified or prior-dominated, per entry of β, (n_b,) or empty", ()]
     noise: Of[Numbers, "residual RMS per joint, (n,); of a free base empty"]
     model_band: Of[Numbers, "σ of the model's torque, (n,); of a free base empty"]
     white_lag_share: Of[Numbers, "share of lags within the bounds of white noise, (n,); likewise"]
-    detectable_gain_error: Of[Gaps, "error of a gain shown in 95 of 100 such logs, (n,) or empty"]
+    detectable_gain_error: Of[Gaps, "gain error shown in 95 of 100 such logs, (n,) or empty", ()]
     gain_sigma: Of[float, "relative σ of the torque gains that all σ contain"] = 0.0
 
 
@@ -240,7 +234,7 @@ class ConvergencePart(Part, frozen=True):
 
     iteration: Of[tuple[int, ...], "numbers of the iterations, (m,)"]
     training: Of[Gaps, "L on the training part, (m,)"]
-    validation: Of[Gaps | None, "L on the validation part, (m,)"]
+    validation: Of[Gaps | None, "L on the validation part, (m,)", None]
 
 
 class TrainedPart(Part, frozen=True):
@@ -277,9 +271,9 @@ class SessionsPart(Part, frozen=True):
 
     names: Of[Texts, "names of the logs, (logs,)"]
     payload_kg: Of[Numbers, "known payload of every log, (logs,) [kg]"]
-    train_samples: Of[tuple[int, ...], "training rows of every log, (logs,) or empty"]
-    offsets: Of[Rows | None, "torque offsets of every log, (logs, n)"]
-    delay_s: Of[tuple[Delay, ...] | None, "delay of every log, (logs,) [s]"]
+    train_samples: Of[tuple[int, ...], "training rows of every log, (logs,) or empty", ()]
+    offsets: Of[Rows | None, "torque offsets of every log, (logs, n)", None]
+    delay_s: Of[tuple[Delay, ...] | None, "delay of every log, (logs,) [s]", None]
     leave_one_out: Of[tuple[LeftOutPart, ...], "errors of the fit to all other logs, (logs,)"]
     repeatability: Of[RepeatabilityPart, "spread of the fits to single logs"]
 
@@ -287,11 +281,11 @@ class SessionsPart(Part, frozen=True):
 class ProvenancePart(Part, frozen=True):
     """How to compute the result again."""
 
-    command: Of[str, "command line"]
-    versions: Of[dict[str, str], "of what computed the result"]
-    files: Of[dict[str, str], "SHA-256 of the raw files, by name"]
-    model_hash: Of[str, "SHA-256 of the model"]
-    seed: Of[int | None, "of mini-batches and nets"]
+    command: Of[str, "command line", ""]
+    versions: Of[dict[str, str], "of what computed the result", {}]
+    files: Of[dict[str, str], "SHA-256 of the raw files, by name", {}]
+    model_hash: Of[str, "SHA-256 of the model", ""]
+    seed: Of[int | None, "of mini-batches and nets", None]
 
 
 class Coefficient(Part, frozen=True):
@@ -324,39 +318,41 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     format: Of[int, "number of the format"]
     method: Of[str, "name of the method"]
     robot: Of[str, "name of the robot"]
-    base: Of[str, "fixed, or free of a robot that walks"]
-    model: Of[ModelPart | None, "model that the parameters belong to"]
-    status: Of[str | None, "how the method ended, a sentence"]
+    base: Of[str, "fixed, or free of a robot that walks", "fixed"]
+    model: Of[ModelPart | None, "model that the parameters belong to", None]
+    status: Of[str | None, "how the method ended, a sentence", ""]
     joints: Of[Texts, "names of the joints, (n,)"]
     units: Of[Texts, "unit of the torque of every joint, N*m or N, (n,)"]
-    recording: Of[RecordingPart, "the data"]
-    torque_source: Of[str, "measured, commanded (by a control law) or current (times a gain)"]
-    control_law: Of[ControlLaw | None, "of a commanded torque; null for a measured one"]
-    current_gains: Of[tuple[CurrentGain, ...] | None, "of motor currents, where estimated, (n,)"]
-    delay_s: Of[Delay | tuple[Delay, ...] | None, "of the torque, one or per joint, (n,) [s]"]
-    symmetric: Of[tuple[MirroredPair, ...] | None, "mirrored pairs and quantities, or null"]
-    drive: Of[tuple[DrivePart, ...] | None, "where torque is commanded or delayed, (n,)"]
+    recording: Of[RecordingPart, "the data", {}]
+    torque_source: Of[
+        str, "measured, commanded (a control law) or current (times a gain)", "measured"
+    ]
+    control_law: Of[ControlLaw | None, "of a commanded torque; null for a measured one", None]
+    current_gains: Of[tuple[CurrentGain, ...] | None, "of currents, where estimated, (n,)", None]
+    delay_s: Of[Delay | tuple[Delay, ...] | None, "of the torque, one or per joint, (n,) [s]", None]
+    symmetric: Of[tuple[MirroredPair, ...] | None, "mirrored pairs and quantities, or null", None]
+    drive: Of[tuple[DrivePart, ...] | None, "where torque is commanded or delayed, (n,)", None]
     torque_error_percent: Of[ErrorPercent, "relative errors on the test part [%]"]
     torque_rms: Of[ErrorRms, "errors on the test part"]
     links: Of[tuple[LinkPart, ...], "one table per moving link, (L,)"]
     consistent: Of[bool, "whether every link is physically consistent"]
-    gap_to_convex_optimum: Of[float | None, "(L − L*)/L*; null when not computed"]
-    uncertainty: Of[UncertaintyPart | None, "posterior of the parameters; null when not computed"]
-    loss: Of[float | None, "L on the training part"]
-    convex_optimum: Of[float | None, "L*, smallest loss of a consistent model"]
-    weights: Of[Numbers, "diagonal of W in the loss, (n,) or empty"]
-    friction: Of[FrictionPart | None, "friction model; null without one"]
-    convergence: Of[ConvergencePart | None, "losses over the iterations; null for closed forms"]
-    iterations: Of[int | None, "of the method"]
-    seconds: Of[float | None, "time of the method alone [s]"]
-    warnings: Of[Texts, "notes on the limits of the result, sentences"]
-    pi: Of[Numbers, "standard parameters π: m, m·c, I per link [kg, kg·m, kg·m²]"]
-    lam: Of[Numbers | None, "λ of π, as long; null where π is not consistent"]
-    beta: Of[Numbers, "base parameters β = K π, (n_b,) or empty [SI]"]
-    condition_number: Of[float | None, "of the normalised regressor; null when singular"]
-    trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit"]
-    sessions: Of[SessionsPart | None, "comparison of several logs; null for one"]
-    provenance: Of[ProvenancePart, "how to compute the result again"]
+    gap_to_convex_optimum: Of[float | None, "(L − L*)/L*; null when not computed", None]
+    uncertainty: Of[UncertaintyPart | None, "posterior of the parameters, where computed", None]
+    loss: Of[float | None, "L on the training part", None]
+    convex_optimum: Of[float | None, "L*, smallest loss of a consistent model", None]
+    weights: Of[Numbers, "diagonal of W in the loss, (n,) or empty", ()]
+    friction: Of[FrictionPart | None, "friction model; null without one", None]
+    convergence: Of[ConvergencePart | None, "losses over iterations; null for closed forms", None]
+    iterations: Of[int | None, "of the method", None]
+    seconds: Of[float | None, "time of the method alone [s]", None]
+    warnings: Of[Texts, "notes on the limits of the result, sentences", ()]
+    pi: Of[Numbers, "standard parameters π: m, m·c, I per link [kg, kg·m, kg·m²]", ()]
+    lam: Of[Numbers | None, "λ of π, as long; null where π is not consistent", None]
+    beta: Of[Numbers, "base parameters β = K π, (n_b,) or empty [SI]", ()]
+    condition_number: Of[float | None, "of the normalised regressor; null when singular", None]
+    trained: Of[TrainedPart | None, "fit to the training part; null where π is that fit", None]
+    sessions: Of[SessionsPart | None, "comparison of several logs; null for one", None]
+    provenance: Of[ProvenancePart, "how to compute the result again", {}]
     doubts: Of[Texts, "reasons not to use the result as it is, the strongest first"] = ()
     rows: Of[str, "free base: rows that were fitted, base, joints or all"] = ""
     error_rows: Of[Texts, "rows whose errors are stated, if not the joints, (r,) or empty"] = ()
@@ -382,34 +378,26 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
 
 
 def error_parts(
-    before: TorqueError,
-    after: TorqueError,
-    with_friction: TorqueError | None = None,
+    before: TorqueError, after: TorqueError, with_friction: TorqueError | None = None
 ) -> tuple[ErrorPercent, ErrorRms]:
     """Errors of two models, and of the first with friction: [%], null if not finite; RMS."""
-    errors = {"before": before, "after": after}
-    if with_friction is not None:
-        errors["urdf_friction"] = with_friction
+    three = {"before": before, "after": after, "urdf_friction": with_friction}
+    errors = {name: each for name, each in three.items() if each is not None}
     overall: dict[str, Any] = {f"{name}_overall": each.overall for name, each in errors.items()}
-    return (
-        ErrorPercent(**{name: plain(e.percent) for name, e in errors.items()}, **overall),
-        ErrorRms(**{name: plain(e.rms) for name, e in errors.items()}),
-    )
+    percent = {name: plain(each.percent) for name, each in errors.items()} | overall
+    return ErrorPercent(**percent), ErrorRms(**{n: plain(e.rms) for n, e in errors.items()})
 
 
 def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, ...]:
     """Masses and centres of mass before and after, and consistency."""
-    bodies = zip(lib.link_names, links(pi), links(lib.pi0), eigenvalues, strict=True)
-    return tuple(
-        LinkPart(
-            name=name,
-            mass=float(mass(now)),
-            mass_before=float(mass(then)),
-            com=tuple(centre_of_mass(now).tolist()),
-            com_before=tuple(centre_of_mass(then).tolist()),
-            min_relative_eigenvalue=float(eigenvalue),
-        )
-        for name, now, then, eigenvalue in bodies
+    now, then = links(pi), links(lib.pi0)
+    return LinkPart.from_columns(
+        name=lib.link_names,
+        mass=mass(now),
+        mass_before=mass(then),
+        com=centre_of_mass(now),
+        com_before=centre_of_mass(then),
+        min_relative_eigenvalue=eigenvalues,
     )
 
 
@@ -417,13 +405,10 @@ def link_uncertainties(
     sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
 ) -> tuple[LinkUncertainty, ...]:
     """σ of mass and centre of mass, and verdicts on π, of every link."""
-    return tuple(
-        LinkUncertainty(
-            mass_sigma=float(sigma[first]),
-            com_sigma=None if each is None else tuple(np.asarray(each).tolist()),
-            verdicts=tuple(verdicts[first : first + N_PARAMETERS]),
-        )
-        for first, each in zip(range(0, len(sigma), N_PARAMETERS), com, strict=True)
+    return LinkUncertainty.from_columns(
+        mass_sigma=sigma[::N_PARAMETERS],
+        com_sigma=[None if each is None else plain(each) for each in com],
+        verdicts=[*zip(*[iter(verdicts)] * N_PARAMETERS, strict=True)],
     )
 
 
@@ -431,4 +416,4 @@ def plain(values: Any) -> Any:
     """A number or array as numbers and tuples, None where it is not finite."""
     if isinstance(values, np.ndarray | tuple | list):
         return tuple(map(plain, values))
-    return float(values) if np.isfinite(values) else None
+    return None if values is None or not np.isfinite(values) else float(values)

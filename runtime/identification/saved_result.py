@@ -1,8 +1,7 @@
 """Reader of result.json for commands that compute with an identified model."""
 
-import copy
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, prod
 from os import PathLike
@@ -19,8 +18,8 @@ from runtime.common.user_builds import NAME
 from runtime.errors import RecordingError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Learned
-from runtime.identification.predictions_file import fitted_rows
-from runtime.identification.result_record import FORMAT, OLDER, RENAMED, Part, ResultRecord
+from runtime.identification.predictions_file import LARGEST_ACCEPTED, fitted_rows
+from runtime.identification.result_record import FORMAT, RENAMED, Part, ResultRecord
 from runtime.identification.result_tables import parameter_columns, result_tables
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -33,12 +32,11 @@ from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
 from runtime.recording.unit_conversion import scaled
 
-LARGEST_ACCEPTED = 1e100
-"""Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
 LARGEST_VALUE = 1e9
 """Bound of π and φ in SI units; larger values and NaN are refused."""
 _SHAPE = re.compile(r"\((?P<sides>[\w ]+,[\w ,]*)\)(?P<empty>;| or empty)?")
 """Shape of a list in the meaning of its key."""
+_REST = re.compile(r"^: |; (correct it|add it|write it flat)$")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +109,6 @@ class SavedResult(Framed):
 
 def read_record(path: Path) -> ResultRecord:
     """Read a result.json of any format; lists have the lengths that belong together."""
-    again = "identify again, or give the folder that identify wrote"
     try:
         facts = json_of(path)
         if not isinstance(facts, dict):
@@ -128,15 +125,12 @@ def read_record(path: Path) -> ResultRecord:
         for link in record.links:
             if not all(map(isfinite, (link.mass, link.mass_before, *link.com_before))):
                 raise ValueError(f"mass and com_before of {link.name} expect finite numbers")
-    except OSError as error:
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or re.sub(_REST, "", str(error)).strip()
+        fault = f"cannot read '{path}'" if isinstance(error, OSError) else f"'{path}' is damaged"
         raise RecordingError(
-            f"cannot read '{path}' ({error.strerror or error}), so that it holds no valid "
-            f"result.json; {again}"
-        ) from None
-    except ValueError as error:
-        reason = re.sub(r"^: |; (correct it|add it|write it flat)$", "", str(error)).strip()
-        raise RecordingError(
-            f"'{path}' is damaged and holds no valid result.json ({reason}); {again}"
+            f"{fault} ({reason}), so that it holds no valid result.json; identify again, "
+            "or give the folder that identify wrote"
         ) from None
     return record
 
@@ -152,61 +146,54 @@ def migrated(facts: dict[str, Any], path: Path | str = "result.json") -> dict[st
             f"format {FORMAT}, which states its model; identify again with this version"
         )
     if number > FORMAT:
-        versions = next((t for t, _ in _places(facts, "provenance.versions.symgen")), {})
-        writer = f" (written by symgen {versions['symgen']})" if "symgen" in versions else ""
+        known = re.search(r"'symgen': '([\w.+-]*)'", str(facts.get("provenance")))
+        writer = f" (written by symgen {known[1]})" if known else ""
         raise RecordingError(
             f"'{path}' has the format {number}{writer}, expected {FORMAT} or less; update symgen, "
             "or identify again with this version"
         )
     if number == FORMAT:
         return facts
-    now = copy.deepcopy(facts)
-    for key, name in RENAMED.items():
-        for table, old in _places(now, key):
-            if old in table:
-                table[name] = table.pop(old)
+    now = _renewed(facts, ResultRecord) | {"format": FORMAT}
     if isinstance(now.get("joints"), list) and not now.get("units"):
         now["units"] = [""] * len(now["joints"])
-    for key, value in OLDER.items():
-        for table, name in _places(now, key):
-            if table.get(name) is None:
-                table[name] = copy.deepcopy(value)
-    now["format"] = FORMAT
     return now
 
 
-def _places(facts: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], str]]:
-    """Tables that have or could have a key, each with its last name."""
-    *parents, name = key.split(".")
-    tables: list[Any] = [facts]
-    for parent in parents:
-        values = [each.get(parent.removesuffix("[]")) for each in tables if isinstance(each, dict)]
-        if parent.endswith("[]"):
-            values = [each for value in values if isinstance(value, list) for each in value]
-        tables = values
-    yield from ((table, name) for table in tables if isinstance(table, dict))
+def _renewed(value: Any, kind: type[Part]) -> Any:
+    """A table or list of tables of formats 1 and 2 with names and keys of the present one."""
+    if isinstance(value, list):
+        return [_renewed(each, kind) for each in value]
+    if not isinstance(value, dict):
+        return value
+    now = {RENAMED.get(key, key): each for key, each in value.items()}
+    for key, (_, older, table) in kind.keys().items():
+        if older and now.get(key) is None:
+            now[key] = older[0]
+        if table is not None and key in now:
+            now[key] = _renewed(now[key], table)
+    return now
 
 
 def _require_shapes(part: Part, sizes: Mapping[str, int], place: str = "") -> None:
     """Refuse lists that lack the shape in the meaning of their key: (n, k), (10 L,) or empty."""
     here = dict(sizes)  # other letters are one number within a table
-    for name, meaning in part.meanings().items():
+    for name, (meaning, *_) in part.keys().items():
         value, shape = getattr(part, name), _SHAPE.search(meaning)
-        inner = list(enumerate(value)) if isinstance(value, tuple) else []
-        if shape and isinstance(value, tuple) and (value or shape["empty"] is None):
+        many = value if isinstance(value, tuple) else None
+        if shape and many is not None and (many or shape["empty"] is None):
             sides = [side.split() for side in shape["sides"].split(",") if side]
-            widths = {len(row) for row in value} if len(sides) > 1 else set()
-            got = (len(value), *(widths if len(widths) < 2 else {-1}))  # −1: rows differ
+            got = (*np.array(many, dtype=object).shape, -1)[: len(sides)]  # −1: rows differ
             expected = tuple(
                 prod(int(x) if x.isdigit() else here.setdefault(x, size) for x in side)
                 for side, size in zip(sides, got, strict=False)
             )
             if got != expected:
                 raise ValueError(f"{place}{name} expects the shape {expected}, got {got}")
-        parts = {f"{name}[{k}].": each for k, each in inner} or {f"{name}.": value}
-        for index, each in parts.items():
+        for k, each in enumerate((value,) if many is None else many):
             if isinstance(each, Part):
-                _require_shapes(each, sizes, place + index)
+                index = "" if many is None else f"[{k}]"
+                _require_shapes(each, sizes, f"{place}{name}{index}.")
 
 
 def read_result(folder: str | PathLike[str], with_learned: bool = False) -> SavedResult:
@@ -224,19 +211,16 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
             path.
     """
     if not isinstance(folder, str | PathLike):
-        raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
+        raise RecordingError(
+            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
+            f"got {folder!r:.60}"
+        )
     folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
-    fitted = fitted_rows(file.parent / "predictions.npz")
-    return saved_from(read_record(file), str(file), fitted, with_learned)
+    return saved_from(read_record(file), str(file), with_learned, *fitted_rows(file))
 
 
-def saved_from(
-    record: ResultRecord,
-    file: str,
-    fitted: tuple[Marks | None, Recipe | None],
-    with_learned: bool,
-) -> SavedResult:
+def saved_from(record: ResultRecord, file: str, with_learned: bool, *fitted: Any) -> SavedResult:
     """A record with what commands compute with; marks and recipe of the rows of its log."""
     if not NAME.fullmatch(record.robot):
         raise RecordingError(
@@ -244,32 +228,25 @@ def saved_from(
             f"{record.robot!r:.60}; correct the file, or identify again"
         )
     terms, gains, n = record.friction, record.current_gains, len(record.joints)
-    net = None if terms is None else terms.net
+    net = terms and terms.net
     if net and not with_learned:
         raise RecordingError(
-            f"'{file}': expected a result whose friction is its columns, got one of the method "
-            f"{record.method}, which learned more, as evaluate takes it; identify again by "
-            "another method"
+            f"'{file}': expected a result whose friction is its columns, got one whose method "
+            f"{record.method} learned more, as evaluate takes it; identify again by another method"
         )
-    steps: dict[str, Any] = {
-        key: tuple(x) if isinstance(x, list) else x
-        for key, x in record.recording.preparation.items()
-    }
     try:
+        read = METHODS[record.method].learned if net else None
+        if net and read is None:
+            raise ValueError(f"the method {record.method} learns no friction.net")
         saved = SavedResult(
             record,
-            pi=np.array(record.pi),
-            friction=Friction.from_facts(
-                {"columns": ()} if terms is None else msgspec.to_builtins(terms)
-            ),
-            phi=np.zeros((n, 0)) if terms is None else np.array(terms.values, dtype=float),
-            preparation=Preparation(**steps),
-            learned=_learned(record.method, net) if net else None,
-            gains=CurrentGains.from_facts(msgspec.to_builtins(gains), "the result")
-            if gains
-            else None,
-            row_marks=fitted[0],
-            recipe=fitted[1],
+            np.array(record.pi),
+            Friction.from_facts(msgspec.to_builtins(terms) if terms else {"columns": ()}),
+            np.array(terms.values, dtype=float) if terms else np.zeros((n, 0)),
+            msgspec.convert(record.recording.preparation, Preparation),
+            read(net) if net and read else None,
+            CurrentGains.from_facts(msgspec.to_builtins(gains), "the result") if gains else None,
+            *fitted,
         )
         bodies = n if record.model is None else len(record.model.joints)
         if saved.pi.shape != (N_PARAMETERS * bodies,):
@@ -286,11 +263,3 @@ def saved_from(
             f"'{file}' holds no valid result.json ({error}); give the folder that identify wrote"
         ) from None
     return saved
-
-
-def _learned(method: str, facts: dict[str, Any]) -> Learned:
-    """Friction that a method learned."""
-    read = METHODS[method].learned
-    if read is None:
-        raise ValueError(f"the method {method} learns no friction.net")
-    return read(facts)

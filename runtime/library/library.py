@@ -2,7 +2,9 @@
 
 import os
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from platform import python_version
 
 import numpy as np
 
@@ -116,6 +118,13 @@ class Library(
             return path.read_text(encoding="utf-8")
         except OSError:
             raise LibraryError(f"'{path}' is missing; run: python -m symgen build") from None
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """Versions of Python, of the packages that compute a result, and of the generator."""
+        packages = (import_module(name) for name in ("numpy", "scipy", "clarabel"))
+        used = {each.__name__: str(each.__version__) for each in packages}
+        return {"python": python_version()} | used | self.manifest.versions
 
     @property
     def descends(self) -> bool:

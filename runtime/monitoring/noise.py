@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from runtime.common.files import require_file
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import Samples
+from runtime.identification.predictions_file import read_predictions
 from runtime.library import Array
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings
-from runtime.recording.formats.npz import open_npz
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
 
@@ -90,43 +89,36 @@ class ObserverNoise:
 
 def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
     """Residual on the test part, from predictions.npz of a result."""
-    path = (result if result.is_dir() else result.parent) / "predictions.npz"
-    preparation, joints = model.preparation, len(model.phi)
+    shape = (len(model.phi),)
     try:
-        file = open_npz(require_file(path).read_bytes(), path.name)
-        t = np.array(file["t"], dtype=float)
-        rest = np.array(file["measured"], dtype=float) - np.array(file["after"], dtype=float)
-        dq = np.array(file["dq"], dtype=float)
-        numbers = np.isfinite(rest).all() and np.isfinite(dq).all() and (np.diff(t) > 0).all()
-        if not (rest.shape == dq.shape == (len(t), joints)) or not numbers or len(t) < 2:
-            raise ValueError
-    except (OSError, RecordingError, ValueError, KeyError, TypeError):
+        rows = read_predictions(result, measured=shape, after=shape, dq=shape)
+        if not (np.diff(rows["t"]) > 0).all():
+            raise RecordingError("t does not rise")
+    except RecordingError as error:
         raise IdentificationError(
-            f"expected '{path}' with the torque of {joints} joints, which the thresholds are "
-            "computed from; identify again with this version and a regressor of torque"
+            f"the thresholds are computed from torques over the test part ({error}); identify "
+            "again with this version and a regressor of torque"
         ) from None
+    preparation, t, dq = model.preparation, rows["t"], rows["dq"]
     cutoff = {
         "butterworth": preparation.cutoff_hz,
         "average": preparation.window_s and AVERAGE_CUTOFF / preparation.window_s,
         "savitzky-golay": preparation.window_s and preparation.order / (2 * preparation.window_s),
     }.get(preparation.filter)
     usable = ~near(t, model.is_slow(dq) | _is_unknown(t, dq, model), REVERSAL_S, REVERSAL_S)
-    return HeldOutResidual(t, rest, usable, min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ)
+    limit = min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ
+    return HeldOutResidual(t, rows["measured"] - rows["after"], usable, limit)
 
 
 def read_test_rows(result: Path, model: MonitoredModel) -> tuple[Array, Samples] | None:
     """Instants and samples of the test part; None where predictions.npz holds no accelerations."""
-    path = (result if result.is_dir() else result.parent) / "predictions.npz"
-    file = open_npz(require_file(path).read_bytes(), path.name)
-    if not {"q", "ddq", "columns"} <= set(file):
+    n, k = model.phi.shape
+    shapes = dict.fromkeys(("q", "dq", "ddq", "measured"), (n,))
+    try:
+        rows = read_predictions(result, **shapes, columns=(n, k))
+    except RecordingError:
         return None
-    names = ("t", "q", "dq", "ddq", "measured", "columns")
-    t, q, dq, ddq, tau, columns = (np.array(file[name], dtype=float) for name in names)
-    fits = q.shape == dq.shape == ddq.shape == tau.shape == (len(t), len(model.phi))
-    if not (fits and columns.shape == (*q.shape, model.phi.shape[1])):
-        return None
-    if not all(np.isfinite(each).all() for each in (t, q, dq, ddq, tau, columns)):
-        return None
+    t, q, dq, ddq, tau, columns = rows.values()
     return t, Samples(q, dq, ddq, tau, columns, coupling=model.coupling)
 
 

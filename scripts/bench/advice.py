@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.faults import on_a_wall
-from bench.front import Sheet
-from bench.real_logs import LOGS, bare, library_of
+from bench.front import Sheet, tell
+from bench.real_logs import FURTHER, LOGS, bare, library_of
 from runtime.library import load
 from runtime.recording.recipes.recipe_file import recipe_text
 from symgen.cli.console import main
@@ -50,13 +50,16 @@ def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterato
         root = Path(scratch)
         for log, folder, words in _logs(shared, builds or root, root):
             if only is None or only in log:
+                tell(log)
                 with contextlib.chdir(folder):
-                    yield from _followed(log, words)
+                    for row in _followed(log, words):
+                        tell(f"  {'works' if row.works else 'FAILS'}: {row.command}")
+                        yield row
 
 
 def _logs(shared: Path, builds: Path, root: Path) -> Iterator[tuple[str, Path, list[str]]]:
     """Name, folder and words of every log."""
-    for log in LOGS:
+    for log in (*LOGS, *FURTHER):
         folder = root / log.name.replace(" ", "")
         folder.mkdir()
         place = bare(shared / "data" / log.place, folder / "raw")

@@ -20,7 +20,7 @@ from symgen.chain import ChainOptions
 from symgen.chain.dh import robot_from_rows
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
-from tests.robots import CASES, ONE_LEVEL
+from tests.robots import CASES, MORE, ONE_LEVEL
 from tests.runtime.inspection.published_logs import (
     KNOWN_GEARS,
     KNOWN_RATE,
@@ -127,6 +127,14 @@ LOGS = (
 )
 
 
+FURTHER = (
+    PublishedLog("UR10, axis 1", "ur10", "ur_collisions/Axis_1_1.csv.gz"),
+    PublishedLog("UR10, impact", "ur10", "ur_collisions/Drift00_WF_1.csv.gz"),
+    PublishedLog("SO-101", "so101", "so101_sage/multisine.state_motor.csv.gz"),
+)
+"""Logs whose commands `scripts/fault_table --advice` runs, too."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """Warnings and errors of one log."""
@@ -178,11 +186,14 @@ def library_of(robot: str, shared: Path, root: Path) -> Library:
 
 
 def _request(robot: str, shared: Path) -> BuildRequest:
-    if robot in CASES:
-        return CASES[robot].request(robot, shared / "models")
-    if robot == "go2":
-        urdf = EXAMPLES / "go2_description/urdf/go2.urdf"
-        return BuildRequest(robot, urdf.read_text(encoding="utf-8"))
+    if case := CASES.get(robot) or MORE.get(robot):
+        return case.request(robot, shared / "models")
+    own = {
+        "go2": EXAMPLES / "go2_description/urdf/go2.urdf",
+        "so101": shared / "models/so101/so101_new_calib.urdf",
+    }
+    if robot in own:
+        return BuildRequest(robot, own[robot].read_text(encoding="utf-8"))
     if robot == "tiago":
         urdf = (shared / "data/tiago/tiago_48_schunk.urdf").read_text(encoding="utf-8")
         options = ChainOptions(base="torso_fixed_link", locks=dict.fromkeys(TIAGO, 0.0))

@@ -14,12 +14,15 @@ WORDS = {"str": "text", "float": "number", "int": "integer", "bool": "true or fa
 
 def markdown() -> str:
     """Table of all keys, then that of the keys that had another name in formats 1 and 2."""
+    rows = [*keys(ResultRecord)]
     lines = ["| key | type | meaning, shape, unit |", "|---|---|---|"]
-    lines += [f"| `{key}` | {kind} | {meaning} |" for key, kind, meaning in keys(ResultRecord)]
+    lines += [f"| `{key}` | {kind} | {meaning} |" for key, kind, meaning in rows]
     lines += ["", "Files of formats 1 and 2 are read. These keys had other names in them:", ""]
     lines += ["| format 1 and 2 | format 3 |", "|---|---|"]
-    for old, name in RENAMED.items():
-        lines.append(f"| `{old}` | `{'.'.join([*old.split('.')[:-1], name])}` |")
+    older = {name: old for old, name in RENAMED.items()}
+    for table, _, name in (key.rpartition(".") for key, _, _ in rows):
+        if name in older:
+            lines.append(f"| `{table}.{older[name]}` | `{table}.{name}` |")
     return "\n".join(lines) + "\n"
 
 
@@ -28,7 +31,7 @@ def json_schema() -> str:
     schema = msgspec.json.schema(ResultRecord)
     for kind in (ResultRecord, *parts(ResultRecord)):
         table = schema["$defs"][kind.__name__]
-        for name, meaning in kind.meanings().items():
+        for name, (meaning, *_) in kind.keys().items():
             table["properties"][name]["description"] = meaning
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
@@ -36,27 +39,23 @@ def json_schema() -> str:
 
 def keys(kind: type[Part], path: str = "") -> Iterator[tuple[str, str, str]]:
     """Key, type and meaning of every field, those of inner tables after their own."""
-    hints, meanings = get_type_hints(kind), kind.meanings()
+    hints, notes = get_type_hints(kind), kind.keys()
     for field in msgspec.structs.fields(kind):
-        name, of, meaning = f"{path}{field.name}", hints[field.name], meanings[field.name]
+        name, of = f"{path}{field.name}", hints[field.name]
         is_optional = field.default is not msgspec.NODEFAULT
         words = dict.fromkeys(word(each) for each in members(of))
+        meaning, _, inner = notes[field.name]
         yield name, " or ".join(words) + (", optional" if is_optional else ""), meaning
-        for each in members(of):
-            inner = get_args(each)[0] if get_origin(each) is tuple else each
-            if isinstance(inner, type) and issubclass(inner, Part):
-                yield from keys(inner, f"{name}{'[]' if inner is not each else ''}.")
-                break
+        if inner is not None:
+            yield from keys(inner, f"{name}{'' if inner in members(of) else '[]'}.")
 
 
 def parts(kind: type[Part]) -> Iterator[type[Part]]:
     """Tables inside a table."""
-    for hint in get_type_hints(kind).values():
-        for each in members(hint):
-            inner = get_args(each)[0] if get_origin(each) is tuple else each
-            if isinstance(inner, type) and issubclass(inner, Part):
-                yield inner
-                yield from parts(inner)
+    for *_, inner in kind.keys().values():
+        if inner is not None:
+            yield inner
+            yield from parts(inner)
 
 
 def members(hint: Any) -> tuple[Any, ...]:

@@ -2,7 +2,7 @@
 
 import difflib
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,7 +56,8 @@ class BuildSettings(Choices):
         str,
         data_option(
             autocompletion=completing(bundled_robots()),
-            help="Name of a bundled robot, see `symgen list`.",
+            help="Name of a bundled robot, see `symgen list`, or of a built one, to change it "
+            "under a new --name.",
         ),
     ] = "fr3"
     urdf: Annotated[
@@ -217,7 +218,7 @@ def build_command(given: BuildSettings) -> None:
                 "--mechanism, --config and the settings project, masses, densities, arg, package "
                 "and model belong to your own robot; give its --urdf too"
             )
-        request = bundled_request(given.robot)
+        request = built_request(given.robot, given.out)
         if options != ChainOptions() or name:
             request = changed_request(request, name, options)
     else:
@@ -308,15 +309,28 @@ def levels_of(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ..
 
 
 def changed_request(bundled: BuildRequest, name: str | None, options: ChainOptions) -> BuildRequest:
-    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
+    """A known robot that is cut, locked or mounted otherwise, with what is left of its limits."""
     if name is None or name in bundled_robots():
         raise BuildError(
             f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
             f"such as {bundled.name}_changed"
         )
-    whole, chain = read_chain(bundled.urdf), read_chain(bundled.urdf, options)
+    usual = ChainOptions()
+    given = {each.name: getattr(options, each.name) for each in fields(options)}
+    changes = {key: x for key, x in given.items() if x != getattr(usual, key)}
+    options = replace(bundled.options, **changes)
+    whole, chain = read_chain(bundled.urdf, bundled.options), read_chain(bundled.urdf, options)
     config = reduced_config(bundled.config, whole, chain)
     return replace(bundled, name=name, options=options, config=config)
+
+
+def built_request(robot: str, out: Path) -> BuildRequest:
+    """Request of a bundled robot, or of one that was built into a folder."""
+    places = (Path(robot), out / robot)
+    built = next((place for place in places if (place / "manifest.json").is_file()), None)
+    if built is None or robot in bundled_robots():
+        return bundled_request(robot)
+    return request_from_folder(built.resolve())
 
 
 def request_from_urdf(

@@ -37,7 +37,6 @@ from runtime.identification.comparison.run import (
     row_facts,
 )
 from runtime.identification.problem_setup import PARTS
-from runtime.identification.result_file import versions
 from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Recording
@@ -328,7 +327,7 @@ def _facts(
         "provenance": {
             "command": command,
             "options": dict(options),
-            "versions": versions() | lib.manifest.versions,
+            "versions": lib.versions,
             "files": dict(train.source) | ({truth.name: truth.sha256} if truth else {}),
             "model_hash": lib.manifest.model_hash,
             "seed": assembly.problem.seed,

@@ -9,16 +9,15 @@ determines agree by construction.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.special import ndtri
 
 from runtime.common.tables import NOTHING, Table, number, percent
 from runtime.errors import RecordingError
-from runtime.identification.model_identity import ALIKE, same_place
-from runtime.identification.result_record import FrictionPart, ModelPart, ResultRecord
+from runtime.identification.model_identity import FRAMES, differences
+from runtime.identification.result_record import FrictionPart, ResultRecord
 from runtime.identification.saved_result import SavedResult
 from runtime.recording.row_marks import SAME, share_of_rows
 
@@ -80,21 +79,10 @@ def _same_frames(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> li
     one, two = a.model, b.model
     if one is None or two is None:
         return [f"{both}: an old result does not state its model; the frames are taken as equal"]
-    if len(one.joints) != len(two.joints) or not all(map(same_place, one.joints, two.joints)):
-        raise RecordingError(
-            f"{both} are of models whose joints sit or turn differently, so that their parameters "
-            f"belong to other frames; {advice}"
-        )
-    return list(_other_models(one, two))
-
-
-def _other_models(a: ModelPart, b: ModelPart) -> Iterable[str]:
-    if others := sorted(set(a.lumped) ^ set(b.lumped)):
-        yield f"only one of the models counts {', '.join(others)} into moving links"
-    if not np.abs(np.subtract(a.gravity, b.gravity)).max() <= ALIKE:
-        yield "the bases are mounted in different ways: gravity differs"
-    elif a.model_hash != b.model_hash:
-        yield "the models differ in inertials, limits or the generator, hence in their priors"
+    notes = differences(one, two, names, [f"of {each.name}" for each in a.links])
+    if fault := next((sentence for kind, sentence in notes if kind == FRAMES), None):
+        raise RecordingError(f"{fault}; {advice}")
+    return [sentence for _, sentence in notes]
 
 
 def _setup(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> Table:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.common.files import replacing
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import com_sigma
 from runtime.estimators.friction_bounds import OF
@@ -26,12 +25,7 @@ from runtime.identification.free_base.rows import (
     with_contact_states,
 )
 from runtime.identification.model_identity import model_part
-from runtime.identification.posterior_file import write_posterior
-from runtime.identification.result_file import (
-    require_size,
-    versions,
-    write_record,
-)
+from runtime.identification.result_file import provenance_of, require_size, write_files
 from runtime.identification.result_record import (
     FORMAT,
     Coefficient,
@@ -39,7 +33,6 @@ from runtime.identification.result_record import (
     ErrorPercent,
     ErrorRms,
     FrictionPart,
-    ProvenancePart,
     RecordingPart,
     ResultRecord,
     TotalMass,
@@ -116,13 +109,7 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         condition_number=None,
         trained=None,
         sessions=None,
-        provenance=ProvenancePart(
-            command=command,
-            versions=versions() | lib.manifest.versions,
-            files={},
-            model_hash=lib.manifest.model_hash,
-            seed=None,
-        ),
+        provenance=provenance_of(lib, command, {}, None),
         rows=result.rows,
         error_rows=result.row_names,
         error_units=tuple(of_rows.get(name, "") for name in result.row_names),
@@ -146,11 +133,8 @@ def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) 
     first = len(result.sensors)
     statistics = marginal(known.statistics, slice(first, first + columns))
     known = replace(known, statistics=statistics)
-    write_posterior(folder, replace(result.posterior, information=known, phi_nuisance=None))
-    with replacing(folder / "predictions.npz") as file:
-        np.savez(file, **result.predictions)  # type: ignore[arg-type]
-    write_record(record, folder)
-    return record
+    posterior = replace(result.posterior, information=known, phi_nuisance=None)
+    return write_files(record, folder, posterior, result.predictions)
 
 
 def marginal(statistics: Statistics, kept: slice) -> Statistics:

@@ -128,7 +128,7 @@ def _shares(result: ResultRecord) -> Section | None:
 
 
 def _torques(result: Result) -> Section:
-    p = result.prediction
+    p = result
     names, units = result.record.rows_of_errors
     drawn = torques(names, [_unit(unit) for unit in units], p.t, p.measured, p.before, p.after)
     return Section(

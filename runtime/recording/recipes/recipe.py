@@ -200,6 +200,12 @@ class ControlLaw:
         return parts
 
     @property
+    def numbers(self) -> dict[str, float | tuple[float, ...] | None]:
+        """Gains of `NUMBERS`; None for one that varies over the log."""
+        values = {key: getattr(self, key) for key in NUMBERS}
+        return {key: None if isinstance(value, str) else value for key, value in values.items()}
+
+    @property
     def needs_velocity(self) -> bool:
         """Whether kd is anything but zero."""
         return self.kd not in (0.0, ()) and not (isinstance(self.kd, tuple) and not any(self.kd))

@@ -83,7 +83,10 @@ def changed(result: Path, change: Callable[[dict], object]) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda model: None, "identified with another build of this arm (model 000000000000, here"),
+        (
+            lambda model: None,
+            "identified with another build of this arm (model 000000000000, 'fr3' has",
+        ),
         (
             lambda model: model.update(gravity=[9.81, 0.0, 0.0]),
             "was identified with gravity 9.81,0,0, and 'fr3' has 0,0,-9.81",

@@ -1,11 +1,14 @@
 """Limits and proxies of a robot that is cut or locked."""
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from runtime.library import Library
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import app
 from symgen.collision import BASE, Proxy
@@ -13,7 +16,7 @@ from symgen.collision.selection import poses_of_link
 from symgen.errors import BuildError
 from symgen.make import pipeline
 from symgen.make.config import RobotConfig, reduced_config
-from symgen.make.request import BuildRequest, bundled_request
+from symgen.make.request import BuildRequest, bundled_request, request_from_folder
 
 LOCKED = {"fr3_joint3": 0.4, "fr3_joint7": -1.1}
 
@@ -106,6 +109,23 @@ def test_a_bundled_robot_keeps_them(
     assert requested[1].name == "five"
     assert requested[1].config.collision.pairs
     assert requested[1].config.home == bundled.home[:5]  # type: ignore[index]
+
+
+def test_a_built_robot_is_mounted_otherwise(
+    requested: list[BuildRequest], fr3: Library, tmp_path: Path
+) -> None:
+    """Property: by the name or path of its folder; only gravity changes."""
+    arm = tmp_path / "arm"
+    arm.mkdir()
+    shutil.copy(fr3.folder / "manifest.json", arm)
+    shutil.copy(fr3.folder / "fr3.urdf", arm / "arm.urdf")
+    for robot in ("arm", str(arm)):
+        words = ["--robot", robot, "--name", "tilted", "--gravity=1,0,-9.75"]
+        ran = CliRunner().invoke(app, ["build", *words, "--out", str(tmp_path)])
+        assert ran.exception is None
+    before = request_from_folder(arm)
+    options = replace(before.options, gravity=(1.0, 0.0, -9.75))
+    assert requested == [replace(before, name="tilted", options=options)] * 2
 
 
 def test_a_changed_robot_needs_a_name() -> None:
